@@ -1,0 +1,87 @@
+"""Checks of numbers that people give, answered in words that name the quantity."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
+    """Return `value` as a finite float, or raise with the owner, the quantity and what was found."""
+    expected = f"a finite number{' of ' + unit if unit else ''}"
+    if isinstance(value, (bool, str)) or value is None:
+        raise TypeError(f"{owner}: {quantity} is {value!r}, expected {expected}")
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{owner}: {quantity} is {value!r}, expected {expected}") from None
+    if not math.isfinite(result):
+        raise ValueError(f"{owner}: {quantity} is {result}, expected {expected}")
+    return result
+
+
+def positive(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
+    """Return `value` as a positive finite float."""
+    result = number(owner, quantity, value, unit=unit)
+    if result <= 0.0:
+        raise ValueError(f"{owner}: {quantity} is {result:g}, expected more than zero{' ' + unit if unit else ''}")
+    return result
+
+
+def not_negative(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
+    """Return `value` as a finite float of at least zero."""
+    result = number(owner, quantity, value, unit=unit)
+    if result < 0.0:
+        raise ValueError(f"{owner}: {quantity} is {result:g}, expected zero or more{' ' + unit if unit else ''}")
+    return result
+
+
+def frequencies(frequency_hz: ArrayLike) -> NDArray[Any]:
+    """Return frequency lines as a one-dimensional array: ascending, positive, finite; real or complex."""
+    array = np.asarray(frequency_hz)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"frequency_hz has dtype {array.dtype}, expected real or complex numbers in Hz")
+    if array.ndim > 1:
+        raise ValueError(f"frequency_hz has shape {array.shape}, expected one dimension")
+    array = np.atleast_1d(array)
+    array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
+    if array.size == 0:
+        raise ValueError("frequency_hz is empty, expected at least one line")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"frequency_hz[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
+    bad = np.flatnonzero(array.real <= 0.0)
+    if bad.size:
+        raise ValueError(
+            f"frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
+            "(a free structure has no receptance at 0 Hz: leave that line out)"
+        )
+    bad = np.flatnonzero(np.diff(array.real) <= 0.0)
+    if bad.size:
+        first, second = array[bad[0]].real, array[bad[0] + 1].real
+        raise ValueError(
+            f"frequency_hz is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
+            "sort the lines and leave out repeated ones"
+        )
+    return array
+
+
+def thread_count(threads: int | None) -> int:
+    """Return the number of threads: given, or from RECEPTANCE_THREADS, or 0 for all that are allowed."""
+    source = "threads"
+    value: Any = threads
+    if value is None:
+        source, value = "the environment variable RECEPTANCE_THREADS", os.environ.get("RECEPTANCE_THREADS", "0")
+    try:
+        count = int(value)
+    except (TypeError, ValueError):
+        count = -1
+    if count < 0 or isinstance(value, (bool, float)):
+        raise ValueError(f"{source} is {value!r}, expected a whole number (0: all that this process may use)")
+    return count

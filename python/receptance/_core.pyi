@@ -1,0 +1,43 @@
+"""The compiled core: arrays in, arrays out. Use `receptance.Assembly` and `receptance.Part` instead.
+
+Tables are C-contiguous float64, one row an element, nodes as whole numbers:
+segments (n, 14): node a, node b (x larger), length, outer diameter, inner diameter, youngs_modulus, density,
+    poisson_ratio, loss_factor, the same four of the core (density 0: none), shear model (0 Cowper, 1 Hutchinson);
+joints (n, 9): node a, node b, k_y, k_theta, k_ytheta, c_y, c_theta, c_ytheta, loss_factor;
+masses (n, 3): node, mass, inertia; grounds (n, 8): node, then as a joint.
+For motion 1 (axial) and 2 (torsion) a node has one degree of freedom; then k_y, c_y, loss_factor and the first
+inertia column act along it.
+excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
+parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds), row, column.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+class ReceptanceError(Exception): ...
+class SingularInterfaceError(ReceptanceError): ...
+class ResonanceError(ReceptanceError): ...
+
+def receptance(
+    angular_frequency: NDArray[np.complex128],
+    motion: int,
+    segments: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    grounds: NDArray[np.float64],
+    excitations: NDArray[np.float64],
+    responses: NDArray[np.float64],
+    parameters: NDArray[np.float64],
+    threads: int,
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
+def natural_frequencies(
+    upper: float,
+    most: int,
+    motion: int,
+    segments: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    grounds: NDArray[np.float64],
+    parameters: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def instruction_set() -> str: ...

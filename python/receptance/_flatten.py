@@ -1,0 +1,129 @@
+"""From parts, joints and point elements to the core's tables, and from addresses to their entries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.beams import Part
+from receptance.joints import GroundSpring, PointJoint, PointMass
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SEGMENT_FIELDS = ("length", "outer_diameter", "inner_diameter")
+MATERIAL_FIELDS = ("youngs_modulus", "density", "poisson_ratio", "loss_factor")
+SEGMENT_COLUMN = {
+    **{name: 2 + i for i, name in enumerate(SEGMENT_FIELDS)},
+    **{name: 5 + i for i, name in enumerate(MATERIAL_FIELDS)},
+    **{f"core.{name}": 9 + i for i, name in enumerate(MATERIAL_FIELDS)},
+}
+SEGMENTS, JOINTS, MASSES, GROUNDS = range(4)
+
+Entry = tuple[int, int, int, float]
+"""Table, row, column and weight: how fast the entry grows with the parameter."""
+
+
+@dataclass
+class Flat:
+    """The tables, and which entries each address moves."""
+
+    segments: list[list[float]] = field(default_factory=list)
+    joints: list[list[float]] = field(default_factory=list)
+    masses: list[list[float]] = field(default_factory=list)
+    grounds: list[list[float]] = field(default_factory=list)
+    entries: dict[str, list[Entry]] = field(default_factory=dict)
+    nodes: dict[tuple[str, float], int] = field(default_factory=dict)
+    count: int = 1
+
+    def tables(self) -> tuple[NDArray[np.float64], ...]:
+        """Return the four arrays for the core."""
+        pairs = ((self.segments, 14), (self.joints, 9), (self.masses, 3), (self.grounds, 8))
+        return tuple(np.array(rows, dtype=np.float64).reshape(-1, columns) for rows, columns in pairs)
+
+    def new_node(self) -> int:
+        """Number a new node."""
+        self.count += 1
+        return self.count - 1
+
+
+def flatten(
+    chain: Sequence[tuple[str, Part | PointJoint]],
+    attachments: Sequence[tuple[str, PointMass | GroundSpring, str, float]],
+    positions: dict[str, set[float]],
+) -> Flat:
+    """Flatten a chain from the tip on.
+
+    `attachments` come with their own name, the part's name and the position; `positions` are places along each
+    part, besides its ends and the steps between its segments, that need a node of their own.
+    """
+    flat = Flat()
+    node = 0
+    for name, element in chain:
+        if isinstance(element, Part):
+            node = _add_part(flat, name, element, node, sorted(positions.get(name, ())))
+        else:
+            node = _add_joint(flat, name, element, node)
+    for name, attachment, part, position in attachments:
+        _add_attachment(flat, name, attachment, flat.nodes[part, position])
+    return flat
+
+
+def _add_joint(flat: Flat, name: str, joint: PointJoint, node: int) -> int:
+    far = flat.new_node()
+    row = len(flat.joints)
+    flat.joints.append([float(node), float(far), *joint.columns()])
+    for i, quantity in enumerate(joint.columns_of):
+        flat.entries[f"{name}.{quantity}"] = [(JOINTS, row, 2 + i, 1.0)]
+    return far
+
+
+def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, node: int) -> None:
+    table = MASSES if isinstance(attachment, PointMass) else GROUNDS
+    rows = flat.masses if table == MASSES else flat.grounds
+    for i, quantity in enumerate(attachment.columns_of):
+        flat.entries[f"{name}.{quantity}"] = [(table, len(rows), 1 + i, 1.0)]
+    rows.append([float(node), *attachment.columns()])
+
+
+def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[float]) -> int:
+    """Add the segments of a part, split where a position falls inside one."""
+    start = 0.0
+    flat.nodes[name, start] = node
+    rows_of: list[list[int]] = []
+    for segment in part.segments:
+        end = start + segment.length
+        inside = [x for x in positions if start < x < end]
+        cuts = [start, *inside, end]
+        columns = list(segment.columns())
+        rows_of.append([])
+        for left, right in zip(cuts[:-1], cuts[1:], strict=True):
+            far = flat.new_node()
+            rows_of[-1].append(len(flat.segments))
+            # A segment that is not split keeps its length to the last digit.
+            columns[0] = right - left if inside else segment.length
+            flat.segments.append([float(node), float(far), *columns])
+            flat.nodes[name, right] = node = far
+            if right in inside:
+                flat.entries[f"{name}@{right!r}"] = [
+                    (SEGMENTS, len(flat.segments) - 1, 2, 1.0),
+                    (SEGMENTS, len(flat.segments), 2, -1.0),
+                ]
+        start = end
+    for i, segment in enumerate(part.segments):
+        for quantity, column in SEGMENT_COLUMN.items():
+            if quantity.startswith("core.") and segment.core is None:
+                continue
+            entries = [(SEGMENTS, row, column, 1.0) for row in rows_of[i]]
+            if quantity == "length":
+                # Positions are measured from the part's start: the cuts stay where they are, so the last
+                # piece takes the change, and in the segments behind the first piece shrinks as the last grows.
+                entries = [(SEGMENTS, rows_of[i][-1], column, 1.0)]
+                for behind in rows_of[i + 1 :]:
+                    if len(behind) > 1:
+                        entries += [(SEGMENTS, behind[0], column, -1.0), (SEGMENTS, behind[-1], column, 1.0)]
+            flat.entries[f"{name}.segment[{i}].{quantity}"] = entries
+    return node

@@ -1,0 +1,442 @@
+"""Assemblies: parts and joints in a row, with point elements, observed between coordinates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from receptance import _checks, _core
+from receptance._flatten import MATERIAL_FIELDS, Flat, flatten
+from receptance.beams import Part
+from receptance.joints import GroundSpring, PointJoint, PointMass
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Assembly", "Coordinate"]
+
+Attachment = PointMass | GroundSpring
+_KIND = {Part: "part", PointJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
+_SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A place and a direction of motion or load.
+
+    Parameters
+    ----------
+    part : str, optional
+        Name of the part; empty for the first one.
+    position : float or "end", optional
+        Distance in m from the part's tip-side end, or its far end. A position on a step between two segments
+        moves with the step when a length changes; one inside a segment stays where it is.
+    direction : {"y", "theta"}, optional
+        Transverse displacement and force, or slope and moment.
+
+    Examples
+    --------
+    >>> from receptance import Coordinate
+    >>> nose = Coordinate("holder", 0.0)
+    """
+
+    part: str = ""
+    position: float | Literal["end"] = 0.0
+    direction: Literal["y", "theta"] = "y"
+
+    def __post_init__(self) -> None:
+        if self.direction not in ("y", "theta"):
+            raise ValueError(f"Coordinate: direction is {self.direction!r}, expected 'y' or 'theta'")
+
+
+class Assembly:
+    """Parts and joints in a row from the tip to the far end, with masses and ground springs attached.
+
+    Two parts that follow each other are rigidly connected; a `PointJoint` between them makes the connection
+    elastic (Matthias et al. 2016, eqs. 2 to 5). Every number is a parameter with an address: see `parameters`.
+
+    Parameters
+    ----------
+    chain : iterable of Part and PointJoint
+        From the tip on; begins and ends with a part. Unnamed elements are called `part`, `joint`, numbered
+        where there are several.
+    attachments : iterable of PointMass and GroundSpring, optional
+        Point elements; each says on which part and where. Unnamed ones are called `mass` and `ground`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An element that does not belong there, two elements of one name, or a place that no part has.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
+    >>> tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
+    >>> holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+    >>> assembly = Assembly([tool, PointJoint(k_y=6.3e8, k_theta=1.0e5, name="joint"), holder])
+    >>> assembly.receptance(np.linspace(1.0, 8000.0, 1000)).shape
+    (1000,)
+    >>> assembly.natural_frequencies(15e3).round(0)
+    array([ 2623.,  9314., 13343.])
+    """
+
+    def __init__(self, chain: Iterable[Part | PointJoint], attachments: Iterable[Attachment] = ()) -> None:
+        elements = tuple(chain) if not isinstance(chain, (Part, PointJoint)) else (chain,)
+        points = tuple(attachments)
+        for index, element in enumerate(elements):
+            if not isinstance(element, (Part, PointJoint)):
+                raise TypeError(f"Assembly: chain[{index}] is {element!r}, expected a Part or a PointJoint")
+        for index, point in enumerate(points):
+            if not isinstance(point, (PointMass, GroundSpring)):
+                raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
+        if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], Part):
+            raise ValueError("Assembly: the chain must begin and end with a Part")
+        for index in range(1, len(elements)):
+            if isinstance(elements[index - 1], PointJoint) and isinstance(elements[index], PointJoint):
+                raise ValueError(
+                    f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
+                    "springs in series are one PointJoint"
+                )
+        self._elements = dict(zip(_names(elements), elements, strict=True))
+        self._attachments = dict(zip(_names(points), points, strict=True))
+        double = self._elements.keys() & self._attachments.keys()
+        if double:
+            raise ValueError(f"Assembly: the name {sorted(double)[0]!r} is given to two elements")
+        for name, attachment in self._attachments.items():
+            self._place(f"attachment {name!r}", attachment.part, attachment.position)
+
+    @property
+    def elements(self) -> dict[str, Part | PointJoint]:
+        """Parts and joints by name, from the tip on."""
+        return dict(self._elements)
+
+    @property
+    def attachments(self) -> dict[str, Attachment]:
+        """Point elements by name."""
+        return dict(self._attachments)
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Addresses of all parameters of the model.
+
+        `<part>.segment[i].length`, `.outer_diameter`, `.inner_diameter`, `.youngs_modulus`, `.density`,
+        `.poisson_ratio`, `.loss_factor` and `.core.youngs_modulus` and so on; `<joint>.k_y` and its six
+        companions; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on. `segment[*]` stands for all segments
+        of a part together.
+        """
+        return tuple(self._flatten(()).entries)
+
+    def receptance(
+        self,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | Sequence[Coordinate] | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.complex128]:
+        """Receptance between coordinates; by default y over force at the tip.
+
+        Parameters
+        ----------
+        frequency_hz : array_like
+            `(n,)` ascending lines in Hz, real or complex.
+        response, excitation : Coordinate or sequence of Coordinate, optional
+            Where motion is seen and where the load acts.
+        threads : int, optional
+            Threads over frequency lines; by default RECEPTANCE_THREADS or all that this process may use.
+
+        Returns
+        -------
+        ndarray
+            `(n,)` complex for one response and one excitation, else `(n, n_responses, n_excitations)`; in m/N,
+            m/(N m), rad/N or rad/(N m).
+
+        Raises
+        ------
+        ValueError
+            Unusable lines, or a coordinate that the assembly does not have.
+        SingularInterfaceError
+            A joint that some direction of the interface is not held by.
+        ResonanceError
+            A line that meets an undamped resonance exactly.
+        """
+        return self._evaluate(frequency_hz, (), response, excitation, threads)[0]
+
+    def derivatives(
+        self,
+        frequency_hz: ArrayLike,
+        parameters: Sequence[str],
+        *,
+        response: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | Sequence[Coordinate] | None = None,
+        threads: int | None = None,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Receptance and its derivative with respect to parameters, in one call.
+
+        Parameters
+        ----------
+        parameters : sequence of str
+            Addresses, see `parameters`.
+        frequency_hz, response, excitation, threads
+            As in `receptance`.
+
+        Returns
+        -------
+        receptance, derivative : ndarray
+            The receptance and, with one more axis at the end, its derivative per SI unit of each parameter.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, PointJoint, Segment
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> _, slope = pair.derivatives([500.0, 900.0], ["joint.k_y", "tool.segment[0].outer_diameter"])
+        >>> slope.shape
+        (2, 2)
+        """
+        return self._evaluate(frequency_hz, tuple(parameters), response, excitation, threads)
+
+    def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
+        """Undamped natural frequencies up to `upper_hz`, ascending, in Hz; rigid-body modes are left out.
+
+        Loss factors and dashpots are ignored. They are counted (Wittrick and Williams 1971), so none is missed.
+
+        Raises
+        ------
+        ValueError
+            A limit that is not positive.
+        SingularInterfaceError
+            A joint that only a dashpot holds.
+        """
+        return self._modes(upper_hz, ())[0]
+
+    def natural_frequency_derivatives(
+        self, upper_hz: float, parameters: Sequence[str]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Natural frequencies in Hz, `(n_modes,)`, and their derivatives in Hz per SI unit, `(n_modes, n_parameters)`."""
+        return self._modes(upper_hz, tuple(parameters))
+
+    def get(self, address: str) -> float:
+        """Return the value of a parameter; for `segment[*]` the segments must agree."""
+        owner, rest = self._owner(address)
+        if isinstance(owner, Part):
+            values = {float(_get(owner.segments[i], field)) for i, field in self._segment(address, owner, rest)}
+            if len(values) > 1:
+                found = ", ".join(f"{value:g}" for value in sorted(values))
+                raise ValueError(f"{address!r} has different values in the segments: {found}")
+            return values.pop()
+        self._entries(address, self._flatten(()))
+        return float(getattr(owner, rest))
+
+    def replace(self, values: Mapping[str, float]) -> Assembly:
+        """Return a new assembly with other values of some parameters.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> bar.replace({"bar.segment[0].length": 0.2}).get("bar.segment[0].length")
+        0.2
+        """
+        elements: dict[str, Any] = {**self._elements, **self._attachments}
+        changes: dict[str, dict[str, float]] = {}
+        for address, value in values.items():
+            owner, rest = self._owner(address)
+            name = address.split(".", 1)[0]
+            if isinstance(owner, Part):
+                part = elements[name]
+                segments = list(part.segments)
+                for i, field in self._segment(address, part, rest):
+                    segments[i] = _replace_in_segment(segments[i], field, value)
+                elements[name] = Part(segments, name=part.name)
+            else:
+                self._entries(address, self._flatten(()))
+                changes.setdefault(name, {})[rest] = value
+        for name, fields in changes.items():
+            elements[name] = replace(elements[name], **fields)
+        named = {name: _named(element, name) for name, element in elements.items()}
+        return Assembly([named[name] for name in self._elements], [named[name] for name in self._attachments])
+
+    def _evaluate(
+        self,
+        frequency_hz: ArrayLike,
+        addresses: tuple[str, ...],
+        response: Coordinate | Sequence[Coordinate] | None,
+        excitation: Coordinate | Sequence[Coordinate] | None,
+        threads: int | None,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        w = 2.0 * np.pi * _checks.frequencies(frequency_hz).astype(np.complex128)
+        sides = [_coordinates(side) for side in (response, excitation)]
+        flat = self._flatten(tuple(point for side in sides for point in side))
+        points = [self._points(flat, side) for side in sides]
+        rows, matrix = self._weights(flat, addresses)
+        count = _checks.thread_count(threads)
+        h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count)
+        dh = dh @ matrix
+        if all(isinstance(side, Coordinate) or side is None for side in (response, excitation)):
+            return h[:, 0, 0], dh[:, 0, 0]
+        return h, dh
+
+    def _modes(self, upper_hz: float, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
+        flat = self._flatten(())
+        rows, matrix = self._weights(flat, addresses)
+        angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows)
+        return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
+
+    def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
+        positions: dict[str, set[float]] = {}
+        attached = []
+        for point in points:
+            part, x = self._place("coordinate", point.part, point.position)
+            positions.setdefault(part, set()).add(x)
+        for name, attachment in self._attachments.items():
+            part, x = self._place(f"attachment {name!r}", attachment.part, attachment.position)
+            positions.setdefault(part, set()).add(x)
+            attached.append((name, attachment, part, x))
+        return flatten(list(self._elements.items()), attached, positions)
+
+    def _place(self, what: str, part: str, position: float | str) -> tuple[str, float]:
+        """Name of the part and position along it, on the step between segments where it is within rounding."""
+        name = part or next(iter(self._elements))
+        element = self._elements.get(name)
+        if not isinstance(element, Part):
+            known = ", ".join(repr(key) for key, value in self._elements.items() if isinstance(value, Part))
+            raise ValueError(f"{what}: there is no part {name!r}; the parts are {known}")
+        steps = np.cumsum([0.0, *(segment.length for segment in element.segments)])
+        # The running sum must be that of the flattening, term by term.
+        edges = [0.0]
+        for segment in element.segments:
+            edges.append(edges[-1] + segment.length)
+        if position == "end":
+            return name, edges[-1]
+        x = _checks.number(what, "position", position, unit="m")
+        nearest = min(edges, key=lambda edge: abs(edge - x))
+        if abs(nearest - x) <= 1e-9 * steps[-1]:
+            return name, nearest
+        if not 0.0 < x < edges[-1]:
+            raise ValueError(f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}")
+        return name, x
+
+    def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
+        rows = []
+        for point in side:
+            place = self._place("coordinate", point.part, point.position)
+            rows.append([float(flat.nodes[place]), float(point.direction == "theta")])
+        return np.array(rows)
+
+    def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the distinct table entries that the addresses move, and the matrix from them to the addresses."""
+        found: dict[tuple[int, int, int], int] = {}
+        weights = []
+        for column, address in enumerate(addresses):
+            for table, row, field, weight in self._entries(address, flat):
+                weights.append((found.setdefault((table, row, field), len(found)), column, weight))
+        matrix = np.zeros((len(found), len(addresses)))
+        for index, column, weight in weights:
+            matrix[index, column] += weight
+        return np.array(list(found), dtype=np.float64).reshape(-1, 3), matrix
+
+    def _entries(self, address: str, flat: Flat) -> list[tuple[int, int, int, float]]:
+        if address in flat.entries:
+            return flat.entries[address]
+        owner, rest = self._owner(address)
+        if isinstance(owner, Part):
+            name = address.split(".", 1)[0]
+            fields = self._segment(address, owner, rest)
+            return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
+        raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {', '.join(owner.columns_of)}")
+
+    def _owner(self, address: str) -> tuple[Any, str]:
+        name, dot, rest = str(address).partition(".")
+        owner = self._elements.get(name) or self._attachments.get(name)
+        if owner is None or not dot:
+            known = ", ".join([*self._elements, *self._attachments])
+            raise ValueError(f"there is no parameter {address!r}: its first word must be one of {known}")
+        return owner, rest
+
+    def _segment(self, address: str, part: Part, rest: str) -> list[tuple[int, str]]:
+        """Return the (segment, field) pairs of an address."""
+        match = _SEGMENT.fullmatch(rest)
+        count = len(part.segments)
+        if match is None:
+            raise ValueError(f"there is no parameter {address!r}; a part's are like segment[0].length or segment[*].density")
+        which, field = match.groups()
+        indices = range(count) if which == "*" else [int(which)]
+        if indices[0] >= count:
+            raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
+        known = ("length", "outer_diameter", "inner_diameter", *MATERIAL_FIELDS)
+        if field.removeprefix("core.") not in (MATERIAL_FIELDS if field.startswith("core.") else known):
+            raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}, a core the last four")
+        if field.startswith("core."):
+            indices = [i for i in indices if part.segments[i].core is not None]
+            if not indices:
+                raise ValueError(f"there is no parameter {address!r}: the segment has no core")
+        return [(i, field) for i in indices]
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{name}: {type(element).__name__}" for name, element in self._elements.items())
+        more = f"; {', '.join(self._attachments)}" if self._attachments else ""
+        return f"Assembly({names}{more})"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Assembly):
+            return NotImplemented
+        return self._elements == other._elements and self._attachments == other._attachments
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _names(elements: Sequence[Any]) -> list[str]:
+    """Name the unnamed; refuse what is named twice or cannot be part of an address."""
+    kinds = [_KIND[type(element)] for element in elements if not element.name]
+    names: list[str] = []
+    counter: dict[str, int] = {}
+    for element in elements:
+        kind = _KIND[type(element)]
+        index = counter.setdefault(kind, 0)
+        if not element.name:
+            counter[kind] += 1
+        name = element.name or (kind if kinds.count(kind) == 1 else f"{kind}_{index}")
+        if re.fullmatch(r"[^\W\d]\w*", name) is None:
+            raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
+        if name in names:
+            raise ValueError(f"Assembly: the name {name!r} is given to two elements")
+        names.append(name)
+    return names
+
+
+def _named(element: Any, name: str) -> Any:
+    return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
+
+
+def _coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coordinate, ...]:
+    if side is None:
+        return (Coordinate(),)
+    points = (side,) if isinstance(side, Coordinate) else tuple(side)
+    for index, point in enumerate(points):
+        if not isinstance(point, Coordinate):
+            raise TypeError(f"coordinate {index} is {point!r}, expected a Coordinate")
+    if not points:
+        raise ValueError("there is no coordinate, expected at least one")
+    return points
+
+
+def _get(segment: Any, field: str) -> float:
+    if field.startswith("core."):
+        return float(getattr(segment.core, field.removeprefix("core.")))
+    return float(getattr(segment.material if field in MATERIAL_FIELDS else segment, field))
+
+
+def _replace_in_segment(segment: Any, field: str, value: float) -> Any:
+    if field.startswith("core."):
+        return replace(segment, core=replace(segment.core, **{field.removeprefix("core."): value}))
+    if field in MATERIAL_FIELDS:
+        return replace(segment, material=replace(segment.material, **{field: value}))
+    return replace(segment, **{field: value})

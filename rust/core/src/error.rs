@@ -1,0 +1,88 @@
+//! What can be wrong with a model or a request, each variant naming the quantity and its value.
+
+/// Errors of the core.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A number that has no physical meaning where it stands.
+    #[error("{element} {row}: {quantity} is {value}, expected {expected}")]
+    Quantity {
+        /// Kind of element, "segment", "joint", "point mass", "ground spring".
+        element: &'static str,
+        /// Row of the element in its table.
+        row: usize,
+        /// Name of the quantity.
+        quantity: &'static str,
+        /// The value found.
+        value: f64,
+        /// What would have been right.
+        expected: &'static str,
+    },
+    /// A frequency line that cannot be used.
+    #[error("frequency line {line}: angular frequency is {re}{im:+}i rad/s, expected {expected}")]
+    Frequency {
+        /// Index of the line.
+        line: usize,
+        /// Real part found.
+        re: f64,
+        /// Imaginary part found.
+        im: f64,
+        /// What would have been right.
+        expected: &'static str,
+    },
+    /// Elements that do not join to a tree of nodes.
+    #[error("the elements do not form one tree of nodes: {0}")]
+    Topology(String),
+    /// An excitation, response or parameter that the model does not have.
+    #[error("{what} {index} is {value}, expected {expected}")]
+    Index {
+        /// "excitation", "response", "parameter table", "parameter row", "parameter column".
+        what: &'static str,
+        /// Position in the list.
+        index: usize,
+        /// The value found.
+        value: f64,
+        /// What would have been right.
+        expected: String,
+    },
+    /// An interface whose stiffness matrix cannot be inverted.
+    #[error(
+        "joint {row}: the interface is singular at {frequency_hz} Hz (k_y {k_y}, k_theta {k_theta}, \
+         k_ytheta {k_ytheta}): every direction needs some stiffness or damping"
+    )]
+    SingularInterface {
+        /// Row of the joint.
+        row: usize,
+        /// Frequency in Hz.
+        frequency_hz: f64,
+        /// Dynamic stiffness of the translation, real part.
+        k_y: f64,
+        /// Of the rotation.
+        k_theta: f64,
+        /// Of the coupling.
+        k_ytheta: f64,
+    },
+    /// A response that is not finite: an undamped resonance met exactly.
+    #[error(
+        "the receptance is not finite at {frequency_hz} Hz (line {line}): an undamped resonance met exactly"
+    )]
+    Resonance {
+        /// Index of the line.
+        line: usize,
+        /// Frequency in Hz.
+        frequency_hz: f64,
+    },
+    /// Natural frequencies that cannot be separated or counted.
+    #[error("natural frequencies: {0}")]
+    NaturalFrequency(String),
+    /// The threads of a pool could not be started.
+    #[error("could not start {threads} threads: {reason}")]
+    Threads {
+        /// Threads asked for.
+        threads: usize,
+        /// What the system said.
+        reason: String,
+    },
+}
+
+/// Result of the core.
+pub type Result<T> = core::result::Result<T, Error>;

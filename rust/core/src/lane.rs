@@ -1,0 +1,271 @@
+//! Complex numbers over SIMD lanes: one value per frequency line.
+//!
+//! Every kernel is written once over `C<S>`. With `S` a vector instruction set a value holds as many
+//! frequency lines as the registers do; with `pulp::Scalar` it holds one.
+
+use core::ops::{Add, Mul, Neg, Sub};
+use num_complex::Complex64;
+use pulp::Simd;
+
+/// The widest block of lines of any instruction set that pulp dispatches to.
+pub const MAX_LANES: usize = 8;
+
+/// Real numbers, one a lane.
+#[derive(Copy, Clone)]
+pub struct R<S: Simd> {
+    /// The token that proves that the instructions exist here.
+    pub simd: S,
+    /// The lanes.
+    pub v: S::f64s,
+}
+
+/// Complex numbers, one a lane, real and imaginary parts in registers of their own.
+#[derive(Copy, Clone)]
+pub struct C<S: Simd> {
+    /// The token that proves that the instructions exist here.
+    pub simd: S,
+    /// Real parts.
+    pub re: S::f64s,
+    /// Imaginary parts.
+    pub im: S::f64s,
+}
+
+impl<S: Simd> R<S> {
+    /// The same number in every lane.
+    #[inline(always)]
+    pub fn splat(simd: S, value: f64) -> Self {
+        Self {
+            simd,
+            v: simd.splat_f64s(value),
+        }
+    }
+
+    /// Lanes where `self` is greater than `other`.
+    #[inline(always)]
+    pub fn greater(self, other: Self) -> S::m64s {
+        self.simd.greater_than_f64s(self.v, other.v)
+    }
+
+    /// `self` where the mask holds, else `other`.
+    #[inline(always)]
+    pub fn select(mask: S::m64s, yes: Self, no: Self) -> Self {
+        Self {
+            simd: yes.simd,
+            v: yes.simd.select_f64s(mask, yes.v, no.v),
+        }
+    }
+
+    /// The larger of two, lane by lane.
+    #[inline(always)]
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            simd: self.simd,
+            v: self.simd.max_f64s(self.v, other.v),
+        }
+    }
+
+    /// Copies the lanes out.
+    #[inline(always)]
+    pub fn store(self, out: &mut [f64; MAX_LANES]) {
+        self.simd
+            .partial_store_f64s(&mut out[..S::F64_LANES], self.v);
+    }
+}
+
+impl<S: Simd> Mul for R<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self {
+            simd: self.simd,
+            v: self.simd.mul_f64s(self.v, other.v),
+        }
+    }
+}
+
+impl<S: Simd> C<S> {
+    /// The same complex number in every lane.
+    #[inline(always)]
+    pub fn splat(simd: S, value: Complex64) -> Self {
+        Self {
+            simd,
+            re: simd.splat_f64s(value.re),
+            im: simd.splat_f64s(value.im),
+        }
+    }
+
+    /// The same real number in every lane.
+    #[inline(always)]
+    pub fn real(simd: S, value: f64) -> Self {
+        Self {
+            simd,
+            re: simd.splat_f64s(value),
+            im: simd.splat_f64s(0.0),
+        }
+    }
+
+    /// Zero in every lane.
+    #[inline(always)]
+    pub fn zero(simd: S) -> Self {
+        Self::real(simd, 0.0)
+    }
+
+    /// Loads one number a lane; a short slice repeats its last line, so that no lane divides by zero.
+    #[inline(always)]
+    pub fn load(simd: S, values: &[Complex64]) -> Self {
+        let mut re = [0.0; MAX_LANES];
+        let mut im = [0.0; MAX_LANES];
+        if let Some(last) = values.last() {
+            for lane in 0..S::F64_LANES {
+                let value = values.get(lane).unwrap_or(last);
+                re[lane] = value.re;
+                im[lane] = value.im;
+            }
+        }
+        Self {
+            simd,
+            re: simd.partial_load_f64s(&re[..S::F64_LANES]),
+            im: simd.partial_load_f64s(&im[..S::F64_LANES]),
+        }
+    }
+
+    /// Copies the lanes out.
+    #[inline(always)]
+    pub fn store(self, out: &mut [Complex64; MAX_LANES]) {
+        let mut re = [0.0; MAX_LANES];
+        let mut im = [0.0; MAX_LANES];
+        self.simd
+            .partial_store_f64s(&mut re[..S::F64_LANES], self.re);
+        self.simd
+            .partial_store_f64s(&mut im[..S::F64_LANES], self.im);
+        for lane in 0..S::F64_LANES {
+            out[lane] = Complex64::new(re[lane], im[lane]);
+        }
+    }
+
+    /// `self * b + c`.
+    #[inline(always)]
+    pub fn mul_add(self, b: Self, c: Self) -> Self {
+        let s = self.simd;
+        let re = s.mul_add_e_f64s(self.re, b.re, c.re);
+        let im = s.mul_add_e_f64s(self.re, b.im, c.im);
+        Self {
+            simd: s,
+            re: s.mul_add_e_f64s(s.neg_f64s(self.im), b.im, re),
+            im: s.mul_add_e_f64s(self.im, b.re, im),
+        }
+    }
+
+    /// `c - self * b`.
+    #[inline(always)]
+    pub fn neg_mul_add(self, b: Self, c: Self) -> Self {
+        (-self).mul_add(b, c)
+    }
+
+    /// Times a real number that all lanes share.
+    #[inline(always)]
+    pub fn scale(self, factor: f64) -> Self {
+        let s = self.simd;
+        let factor = s.splat_f64s(factor);
+        Self {
+            simd: s,
+            re: s.mul_f64s(self.re, factor),
+            im: s.mul_f64s(self.im, factor),
+        }
+    }
+
+    /// Times the imaginary unit.
+    #[inline(always)]
+    pub fn times_i(self) -> Self {
+        Self {
+            simd: self.simd,
+            re: self.simd.neg_f64s(self.im),
+            im: self.re,
+        }
+    }
+
+    /// Squared modulus.
+    #[inline(always)]
+    pub fn norm_sqr(self) -> R<S> {
+        let s = self.simd;
+        let v = s.mul_add_e_f64s(self.re, self.re, s.mul_f64s(self.im, self.im));
+        R { simd: s, v }
+    }
+
+    /// One over `self`.
+    #[inline(always)]
+    pub fn recip(self) -> Self {
+        let s = self.simd;
+        let inverse = s.div_f64s(s.splat_f64s(1.0), self.norm_sqr().v);
+        Self {
+            simd: s,
+            re: s.mul_f64s(self.re, inverse),
+            im: s.neg_f64s(s.mul_f64s(self.im, inverse)),
+        }
+    }
+
+    /// `yes` where the mask holds, else `no`.
+    #[inline(always)]
+    pub fn select(mask: S::m64s, yes: Self, no: Self) -> Self {
+        let s = yes.simd;
+        Self {
+            simd: s,
+            re: s.select_f64s(mask, yes.re, no.re),
+            im: s.select_f64s(mask, yes.im, no.im),
+        }
+    }
+}
+
+impl<S: Simd> Add for C<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let s = self.simd;
+        Self {
+            simd: s,
+            re: s.add_f64s(self.re, other.re),
+            im: s.add_f64s(self.im, other.im),
+        }
+    }
+}
+
+impl<S: Simd> Sub for C<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let s = self.simd;
+        Self {
+            simd: s,
+            re: s.sub_f64s(self.re, other.re),
+            im: s.sub_f64s(self.im, other.im),
+        }
+    }
+}
+
+impl<S: Simd> Mul for C<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let s = self.simd;
+        let re = s.mul_f64s(self.im, other.im);
+        let im = s.mul_f64s(self.im, other.re);
+        Self {
+            simd: s,
+            re: s.mul_add_e_f64s(self.re, other.re, s.neg_f64s(re)),
+            im: s.mul_add_e_f64s(self.re, other.im, im),
+        }
+    }
+}
+
+impl<S: Simd> Neg for C<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        let s = self.simd;
+        Self {
+            simd: s,
+            re: s.neg_f64s(self.re),
+            im: s.neg_f64s(self.im),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Receptances of assemblies of beams, joints and point elements, with derivatives.
+//!
+//! Pure numerics: tables of numbers in, arrays of numbers out. See `receptance` and `natural_frequencies`.
+
+mod error;
+mod kernel;
+mod lane;
+mod model;
+mod natural;
+mod plane;
+mod response;
+pub mod section;
+mod sensitivity;
+mod series;
+mod small;
+mod sweep;
+mod threads;
+
+pub use error::{Error, Result};
+pub use model::{
+    GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spring, Table, Tables,
+};
+pub use natural::{NaturalFrequencies, natural_frequencies};
+pub use response::{Coordinate, Parameter, Request, Response, instruction_set, receptance};
+pub use threads::with_threads;

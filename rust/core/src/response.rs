@@ -1,0 +1,604 @@
+//! The observed receptance and its derivatives over all frequency lines.
+
+use crate::error::{Error, Result};
+use crate::lane::{C, MAX_LANES};
+use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Spring, Step, Table};
+use crate::section::{self, column};
+use crate::sensitivity;
+use crate::small;
+use crate::sweep::{Blind, Block, Field, Prepared, Record};
+use crate::threads::with_threads;
+use num_complex::Complex64;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Lines that one task takes: a multiple of every block width, so that the blocks, and with them every
+/// bit of the result, do not depend on the number of threads.
+const LINES_PER_TASK: usize = 32 * MAX_LANES;
+
+/// A coordinate: a node and the direction of motion or load there.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Coordinate {
+    /// The node.
+    pub node: usize,
+    /// 0 for y and force, 1 for theta and moment (rods have direction 0 only).
+    pub direction: usize,
+}
+
+/// A parameter: a column of an element's row.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// Kind of element.
+    pub table: Table,
+    /// Its row.
+    pub row: usize,
+    /// The column, counted as in the tables.
+    pub column: usize,
+}
+
+/// What is asked of a model.
+#[derive(Clone, Debug, Default)]
+pub struct Request {
+    /// Where loads act.
+    pub excitations: Vec<Coordinate>,
+    /// Where motion is observed.
+    pub responses: Vec<Coordinate>,
+    /// By what to differentiate.
+    pub parameters: Vec<Parameter>,
+}
+
+/// Receptances and derivatives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// `(n_freq, n_responses, n_excitations)`.
+    pub receptance: Vec<Complex64>,
+    /// `(n_freq, n_responses, n_excitations, n_parameters)`.
+    pub derivative: Vec<Complex64>,
+}
+
+/// A derivative made ready for the kernels.
+pub(crate) enum Gradient<const D: usize> {
+    /// A column of a segment that changes its coefficients.
+    Section {
+        row: usize,
+        kinetic: [f64; D],
+        compliance: [Complex64; D],
+    },
+    /// The length of a segment.
+    Length { row: usize },
+    /// A column of a joint's spring.
+    Joint {
+        row: usize,
+        column: usize,
+        spring: Spring,
+    },
+    /// A column of a point mass.
+    Mass { node: usize, direction: usize },
+    /// A column of a spring to ground.
+    Ground {
+        node: usize,
+        column: usize,
+        spring: Spring,
+    },
+}
+
+/// One load case: a unit load at the root of a plan.
+struct Load {
+    plan: usize,
+    coordinate: Coordinate,
+}
+
+/// Everything that the lines share.
+struct Job<'a, const D: usize> {
+    prepared: Prepared<D>,
+    plans: Vec<(usize, Vec<Step>)>,
+    loads: Vec<Load>,
+    excited: Vec<usize>,
+    observed: Vec<usize>,
+    gradients: Vec<Gradient<D>>,
+    /// Segments whose coefficients or length are differentiated.
+    differentiated: Vec<usize>,
+    request: &'a Request,
+    nodes: usize,
+    /// Whether responses are taken at the root only, without the way back.
+    only_root: bool,
+}
+
+/// Receptance and derivatives of a model at angular frequencies `w` (rad/s, complex where a window is).
+///
+/// # Errors
+/// A line that is not a positive frequency, a coordinate or parameter that the model does not have, a
+/// singular interface, or a resonance without damping met exactly.
+pub fn receptance(
+    model: &Model,
+    w: &[Complex64],
+    request: &Request,
+    threads: usize,
+) -> Result<Response> {
+    check_lines(w)?;
+    check_request(model, request)?;
+    check_interfaces(model, w)?;
+    match model.motion.degrees() {
+        1 => Job::<1>::new(model, request).run(w, threads),
+        _ => Job::<2>::new(model, request).run(w, threads),
+    }
+}
+
+/// Name of the instruction set that the kernels run on here.
+pub fn instruction_set() -> String {
+    format!("{:?}", Arch::new())
+        .split('(')
+        .next()
+        .unwrap_or_default()
+        .to_owned()
+}
+
+fn check_lines(w: &[Complex64]) -> Result<()> {
+    for (line, value) in w.iter().enumerate() {
+        if !(value.re.is_finite() && value.im.is_finite() && value.re > 0.0) {
+            let expected = "a finite value with a positive real part";
+            return Err(Error::Frequency {
+                line,
+                re: value.re,
+                im: value.im,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_request(model: &Model, request: &Request) -> Result<()> {
+    let degrees = model.motion.degrees();
+    for (what, list) in [
+        ("excitation", &request.excitations),
+        ("response", &request.responses),
+    ] {
+        for (index, coordinate) in list.iter().enumerate() {
+            if coordinate.node >= model.nodes {
+                let expected = format!("a node from 0 to {}", model.nodes - 1);
+                return Err(Error::Index {
+                    what,
+                    index,
+                    value: coordinate.node as f64,
+                    expected,
+                });
+            }
+            if coordinate.direction >= degrees {
+                let expected = format!("a direction below {degrees}");
+                return Err(Error::Index {
+                    what,
+                    index,
+                    value: coordinate.direction as f64,
+                    expected,
+                });
+            }
+        }
+    }
+    check_parameters(model, &request.parameters)
+}
+
+/// Checks that the model has the parameters.
+pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
+    for (index, parameter) in parameters.iter().enumerate() {
+        let (rows, columns) = match parameter.table {
+            Table::Segments => (model.segments.len(), column::LENGTH..column::SHEAR_MODEL),
+            Table::Joints => (model.joints.len(), 2..JOINT_COLUMNS),
+            Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
+            Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
+        };
+        if parameter.row >= rows {
+            let expected = format!("a row below {rows}");
+            return Err(Error::Index {
+                what: "parameter row",
+                index,
+                value: parameter.row as f64,
+                expected,
+            });
+        }
+        if !columns.contains(&parameter.column) {
+            let expected = format!("a column from {} to {}", columns.start, columns.end - 1);
+            let value = parameter.column as f64;
+            return Err(Error::Index {
+                what: "parameter column",
+                index,
+                value,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
+    let degrees = model.motion.degrees();
+    for (row, (_, spring)) in model.joints.iter().enumerate() {
+        if spring.statically_regular(degrees) {
+            continue;
+        }
+        for &line in w {
+            let iw = Complex64::I * line;
+            let entry = |i: usize| {
+                Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i]
+            };
+            let (y, theta, both) = (entry(0), entry(1), entry(2));
+            let (size, determinant) = if degrees == 1 {
+                (1.0, y)
+            } else {
+                ((y * theta).norm(), y * theta - both * both)
+            };
+            if determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0 {
+                return Err(Error::SingularInterface {
+                    row,
+                    frequency_hz: line.re / core::f64::consts::TAU,
+                    k_y: y.re,
+                    k_theta: theta.re,
+                    k_ytheta: both.re,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+impl<const D: usize> Gradient<D> {
+    /// Prepares a parameter of a checked model.
+    pub(crate) fn new(model: &Model, parameter: &Parameter) -> Self {
+        let Parameter { table, row, column } = *parameter;
+        match table {
+            Table::Segments if column == section::column::LENGTH => Self::Length { row },
+            Table::Segments => {
+                let (_, change) =
+                    section::derivatives::<D>(&model.segments[row], model.motion, Some(column));
+                Self::Section {
+                    row,
+                    kinetic: change.kinetic,
+                    compliance: change.compliance,
+                }
+            }
+            Table::Joints => Self::Joint {
+                row,
+                column: column - 2,
+                spring: model.joints[row].1,
+            },
+            Table::Masses => Self::Mass {
+                node: model.masses[row].0,
+                direction: column - 1,
+            },
+            Table::Grounds => {
+                let (node, spring) = model.grounds[row];
+                Self::Ground {
+                    node,
+                    column: column - 1,
+                    spring,
+                }
+            }
+        }
+    }
+
+    /// The segment that the parameter belongs to.
+    pub(crate) fn segment(&self) -> Option<usize> {
+        match self {
+            Self::Section { row, .. } | Self::Length { row } => Some(*row),
+            _ => None,
+        }
+    }
+
+    /// dH from the fields of the loads at the measured (`left`) and the excited coordinate (`right`).
+    #[inline(always)]
+    pub(crate) fn evaluate<S: Simd>(
+        &self,
+        block: &Block<S, D>,
+        left: &Field<S, D>,
+        right: &Field<S, D>,
+        sensitivities: &[Option<sensitivity::Sensitivity<S, D>>],
+    ) -> C<S> {
+        let zero = C::zero(block.iw.simd);
+        match self {
+            Self::Section {
+                row,
+                kinetic,
+                compliance,
+            } => match &sensitivities[*row] {
+                Some(found) => sensitivity::by_column(found, kinetic, compliance),
+                None => zero,
+            },
+            Self::Length { row } => sensitivities[*row]
+                .as_ref()
+                .map_or(zero, |found| found.length),
+            Self::Joint {
+                row,
+                column,
+                spring,
+            } => {
+                let compliance = &block.compliances[*row];
+                let left = small::apply(compliance, &left.joints[*row]);
+                let right = small::apply(compliance, &right.joints[*row]);
+                spring_derivative(spring, *column, block.iw, &left, &right)
+            }
+            Self::Mass { node, direction } => {
+                if *direction >= D {
+                    return zero;
+                }
+                block.w2 * (left.nodes[*node][*direction] * right.nodes[*node][*direction])
+            }
+            Self::Ground {
+                node,
+                column,
+                spring,
+            } => spring_derivative(
+                spring,
+                *column,
+                block.iw,
+                &left.nodes[*node],
+                &right.nodes[*node],
+            ),
+        }
+    }
+}
+
+/// -d_left^T (dK/dp) d_right for a column of a spring.
+#[inline(always)]
+fn spring_derivative<S: Simd, const D: usize>(
+    spring: &Spring,
+    column: usize,
+    iw: C<S>,
+    left: &[C<S>; D],
+    right: &[C<S>; D],
+) -> C<S> {
+    let simd = iw.simd;
+    let term = |entry: usize| {
+        if entry >= D && entry < 2 || (entry == 2 && D == 1) {
+            return C::zero(simd);
+        }
+        if entry < 2 {
+            return -(left[entry] * right[entry]);
+        }
+        -left[0].mul_add(right[D - 1], left[D - 1] * right[0])
+    };
+    match column {
+        0..3 => C::splat(simd, Complex64::new(1.0, spring.loss_factor)) * term(column),
+        3..6 => iw * term(column - 3),
+        _ => {
+            let mut sum = C::zero(simd);
+            for entry in 0..3 {
+                sum = sum + term(entry).scale(spring.k[entry]);
+            }
+            sum.times_i()
+        }
+    }
+}
+
+impl<'a, const D: usize> Job<'a, D> {
+    fn new(model: &Model, request: &'a Request) -> Self {
+        let mut job = Self {
+            prepared: Prepared::new(model),
+            plans: Vec::new(),
+            loads: Vec::new(),
+            excited: Vec::new(),
+            observed: Vec::new(),
+            gradients: request
+                .parameters
+                .iter()
+                .map(|p| Gradient::new(model, p))
+                .collect(),
+            differentiated: Vec::new(),
+            request,
+            nodes: model.nodes,
+            only_root: false,
+        };
+        for gradient in &job.gradients {
+            if let Some(row) = gradient
+                .segment()
+                .filter(|row| !job.differentiated.contains(row))
+            {
+                job.differentiated.push(row);
+            }
+        }
+        job.excited = request
+            .excitations
+            .iter()
+            .map(|point| job.load(model, *point))
+            .collect();
+        if !job.gradients.is_empty() {
+            job.observed = request
+                .responses
+                .iter()
+                .map(|point| job.load(model, *point))
+                .collect();
+        }
+        job.only_root = job.gradients.is_empty()
+            && job.plans.len() == 1
+            && request
+                .responses
+                .iter()
+                .all(|point| point.node == job.plans[0].0);
+        job
+    }
+
+    /// The number of the load case at a coordinate, made if it is new.
+    fn load(&mut self, model: &Model, coordinate: Coordinate) -> usize {
+        if let Some(found) = self
+            .loads
+            .iter()
+            .position(|load| load.coordinate == coordinate)
+        {
+            return found;
+        }
+        let plan = match self.plans.iter().position(|plan| plan.0 == coordinate.node) {
+            Some(plan) => plan,
+            None => {
+                self.plans
+                    .push((coordinate.node, model.plan(coordinate.node)));
+                self.plans.len() - 1
+            }
+        };
+        self.loads.push(Load { plan, coordinate });
+        self.loads.len() - 1
+    }
+
+    fn run(&self, w: &[Complex64], threads: usize) -> Result<Response> {
+        let pairs = self.request.responses.len() * self.request.excitations.len();
+        let wide = pairs * self.gradients.len();
+        let mut receptance = vec![Complex64::ZERO; w.len() * pairs];
+        let mut derivative = vec![Complex64::ZERO; w.len() * wide];
+        let arch = Arch::new();
+        with_threads(threads, w.len() / LINES_PER_TASK, || {
+            let lines = w.par_chunks(LINES_PER_TASK);
+            let h = receptance.par_chunks_mut((LINES_PER_TASK * pairs).max(1));
+            // zip ends with the shorter one: without parameters the derivative has no chunks at all.
+            if wide == 0 {
+                let task = |(w, h)| {
+                    arch.dispatch(Lines {
+                        job: self,
+                        w,
+                        h,
+                        dh: &mut [],
+                    })
+                };
+                lines.zip(h).for_each(task);
+            } else {
+                let dh = derivative.par_chunks_mut(LINES_PER_TASK * wide);
+                let task = |((w, h), dh)| {
+                    arch.dispatch(Lines {
+                        job: self,
+                        w,
+                        h,
+                        dh,
+                    })
+                };
+                lines.zip(h).zip(dh).for_each(task);
+            }
+        })?;
+        if let Some(index) = receptance.iter().position(|value| !value.is_finite()) {
+            let line = index / pairs;
+            return Err(Error::Resonance {
+                line,
+                frequency_hz: w[line].re / core::f64::consts::TAU,
+            });
+        }
+        Ok(Response {
+            receptance,
+            derivative,
+        })
+    }
+}
+
+/// The lines of one task.
+struct Lines<'a, const D: usize> {
+    job: &'a Job<'a, D>,
+    w: &'a [Complex64],
+    h: &'a mut [Complex64],
+    dh: &'a mut [Complex64],
+}
+
+impl<const D: usize> WithSimd for Lines<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Lines { job, w, h, dh } = self;
+        let zero = C::zero(simd);
+        let mut block = Block::empty(simd);
+        let mut records: Vec<Record<S, D>> = Vec::new();
+        let segments = job.prepared.segments.len();
+        let mut fields: Vec<Field<S, D>> = job
+            .loads
+            .iter()
+            .map(|_| Field {
+                nodes: vec![[zero; D]; job.nodes],
+                joints: vec![[zero; D]; job.prepared.joints.len()],
+                states: (0..segments).map(|_| Vec::new()).collect(),
+            })
+            .collect();
+        let mut sensitivities: Vec<Option<sensitivity::Sensitivity<S, D>>> =
+            (0..segments).map(|_| None).collect();
+        for (start, lines) in w.chunks(S::F64_LANES).enumerate() {
+            let start = start * S::F64_LANES;
+            job.prepared.block(simd, lines, false, &mut block);
+            for (index, (root, plan)) in job.plans.iter().enumerate() {
+                block.upwards(simd, plan, &mut records, &mut Blind);
+                let Some(top) = records.last() else { continue };
+                let receptance = top.plane.receptance();
+                for (load, field) in job.loads.iter().zip(&mut fields) {
+                    if load.plan != index {
+                        continue;
+                    }
+                    let direction = load.coordinate.direction;
+                    let independent = top.plane.loaded(&receptance, direction.min(D - 1));
+                    if job.only_root {
+                        field.nodes[*root] =
+                            core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
+                    } else {
+                        let with_states = !job.differentiated.is_empty();
+                        block.downwards(plan, &records, independent, with_states, field, *root);
+                        field.nodes[*root] =
+                            core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
+                    }
+                }
+            }
+            job.collect(
+                &block,
+                &fields,
+                &mut sensitivities,
+                lines.len(),
+                start,
+                h,
+                dh,
+            );
+        }
+    }
+}
+
+impl<const D: usize> Job<'_, D> {
+    /// Writes the entries of one block of lines.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
+    fn collect<S: Simd>(
+        &self,
+        block: &Block<S, D>,
+        fields: &[Field<S, D>],
+        sensitivities: &mut [Option<sensitivity::Sensitivity<S, D>>],
+        lines: usize,
+        start: usize,
+        h: &mut [Complex64],
+        dh: &mut [Complex64],
+    ) {
+        let (rows, columns) = (self.request.responses.len(), self.request.excitations.len());
+        let parameters = self.gradients.len();
+        let mut lanes = [Complex64::ZERO; MAX_LANES];
+        for (i, response) in self.request.responses.iter().enumerate() {
+            for (j, &excited) in self.excited.iter().enumerate() {
+                let right = &fields[excited];
+                let pair = i * columns + j;
+                right.nodes[response.node][response.direction.min(D - 1)].store(&mut lanes);
+                for lane in 0..lines {
+                    h[(start + lane) * rows * columns + pair] = lanes[lane];
+                }
+                if parameters == 0 {
+                    continue;
+                }
+                let left = &fields[self.observed[i]];
+                for &row in &self.differentiated {
+                    sensitivities[row] = Some(sensitivity::segment(
+                        &self.prepared.segments[row],
+                        &block.kernels[row],
+                        block.choices[row],
+                        block.w2,
+                        &left.states[row],
+                        &right.states[row],
+                    ));
+                }
+                for (k, gradient) in self.gradients.iter().enumerate() {
+                    gradient
+                        .evaluate(block, left, right, sensitivities)
+                        .store(&mut lanes);
+                    for lane in 0..lines {
+                        let line = (start + lane) * rows * columns + pair;
+                        dh[line * parameters + k] = lanes[lane];
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! Derivatives of a segment's contribution to the response by its five coefficients.
+//!
+//! With s and r the states of the structure under the loads at the excited and at the measured
+//! coordinate, reciprocity gives for any change dA of the equations s' = A s
+//!     dH = -int r^T J dA s dx = int (dm w^2 r_y s_y + ... + dalpha r_V s_V + ...) dx,
+//! J the symplectic form. For a short piece the integral is -r(b)^T J dT s(a) with T = exp(A L) from the
+//! series; for waves it is taken in closed form. The density of the length is constant along a segment.
+
+use crate::kernel::{Choice, Kernel, Segment, Wave, parity};
+use crate::lane::C;
+use crate::series;
+use crate::sweep::State;
+use num_complex::Complex64;
+use pulp::Simd;
+
+/// Derivatives of H by the coefficients of a segment.
+pub struct Sensitivity<S: Simd, const D: usize> {
+    /// By the inertia per length of each displacement.
+    pub kinetic: [C<S>; D],
+    /// By the compliance per length of each internal force.
+    pub compliance: [C<S>; D],
+    /// By the length.
+    pub length: C<S>,
+}
+
+/// Derivatives by the coefficients of one segment from the states of the two loads.
+#[inline(always)]
+pub fn segment<S: Simd, const D: usize>(
+    segment: &Segment<D>,
+    kernel: &Kernel<S, D>,
+    choice: Choice,
+    w2: C<S>,
+    left: &[State<S, D>],
+    right: &[State<S, D>],
+) -> Sensitivity<S, D> {
+    let zero = C::zero(w2.simd);
+    let mut out = Sensitivity {
+        kinetic: [zero; D],
+        compliance: [zero; D],
+        length: zero,
+    };
+    match (kernel, choice) {
+        (Kernel::Waves(wave), _) => waves(segment, wave, left, right, &mut out),
+        (Kernel::Pieces { count, .. }, Choice::Pieces { terms, .. }) => {
+            let l = segment.length / *count as f64;
+            for piece in 0..*count {
+                if D == 1 {
+                    rod_piece(
+                        segment,
+                        l,
+                        terms,
+                        w2,
+                        &left[piece + 1],
+                        &right[piece],
+                        &mut out,
+                    );
+                } else {
+                    bending_piece(
+                        segment,
+                        l,
+                        terms,
+                        w2,
+                        &left[piece + 1],
+                        &right[piece],
+                        &mut out,
+                    );
+                }
+            }
+        }
+        (Kernel::Pieces { .. }, Choice::Waves) => {}
+    }
+    for i in 0..D {
+        out.kinetic[i] = out.kinetic[i] * w2;
+    }
+    if let (Some(left), Some(right)) = (left.last(), right.last()) {
+        out.length = length_density(segment, w2, left, right);
+    }
+    out
+}
+
+/// -r^T J A s: the derivative by the length, the same at every x.
+#[inline(always)]
+fn length_density<S: Simd, const D: usize>(
+    segment: &Segment<D>,
+    w2: C<S>,
+    left: &State<S, D>,
+    right: &State<S, D>,
+) -> C<S> {
+    let simd = w2.simd;
+    let mut sum = C::zero(simd);
+    for i in 0..D {
+        let inertia = w2.scale(segment.per_length.kinetic[i]);
+        sum = inertia.mul_add(left.u[i] * right.u[i], sum);
+        let compliance = C::splat(simd, segment.per_length.compliance[i]);
+        sum = compliance.mul_add(left.n[i] * right.n[i], sum);
+    }
+    if D == 2 {
+        sum = left.u[1].mul_add(right.n[0], sum);
+        sum = left.n[0].mul_add(right.u[1], sum);
+    }
+    sum
+}
+
+/// One piece of a rod: T = [[C, a l S], [-mu l S, C]] with C, S functions of z = -a mu l^2.
+#[inline(always)]
+fn rod_piece<S: Simd, const D: usize>(
+    segment: &Segment<D>,
+    l: f64,
+    terms: usize,
+    w2: C<S>,
+    left: &State<S, D>,
+    right: &State<S, D>,
+    out: &mut Sensitivity<S, D>,
+) {
+    let simd = w2.simd;
+    let [z, _] = segment.symmetric_sums(simd, l, w2);
+    let [c, s] = series::rod(z, terms);
+    let a = C::splat(simd, segment.per_length.compliance[0]);
+    let mu = w2.scale(segment.per_length.kinetic[0]);
+    // r^T J dT s with J = [[0, 1], [-1, 0]] over (u, n).
+    let paired = |uu: C<S>, un: C<S>, nu: C<S>, nn: C<S>| {
+        let du = uu.mul_add(right.u[0], un * right.n[0]);
+        let dn = nu.mul_add(right.u[0], nn * right.n[0]);
+        left.u[0].mul_add(dn, -(left.n[0] * du))
+    };
+    let z_a = mu.scale(-l * l);
+    let cross = s[1] * z_a;
+    let by_a = paired(
+        c[1] * z_a,
+        a.mul_add(cross, s[0]).scale(l),
+        -(mu * cross).scale(l),
+        c[1] * z_a,
+    );
+    let z_mu = a.scale(-l * l);
+    let cross = s[1] * z_mu;
+    let by_mu = paired(
+        c[1] * z_mu,
+        (a * cross).scale(l),
+        -mu.mul_add(cross, s[0]).scale(l),
+        c[1] * z_mu,
+    );
+    out.compliance[0] = out.compliance[0] - by_a;
+    out.kinetic[0] = out.kinetic[0] - by_mu;
+}
+
+/// A vector (y, theta, V, M).
+type Four<S> = [C<S>; 4];
+
+/// A v for s' = A s.
+#[inline(always)]
+fn along<S: Simd>(v: &Four<S>, coefficients: &[C<S>; 4]) -> Four<S> {
+    let [alpha, beta, mu, nu] = *coefficients;
+    [
+        alpha.mul_add(v[2], v[1]),
+        beta * v[3],
+        -(mu * v[0]),
+        -nu.mul_add(v[1], v[2]),
+    ]
+}
+
+/// x^T J y.
+#[inline(always)]
+fn symplectic<S: Simd>(x: &Four<S>, y: &Four<S>) -> C<S> {
+    let sum = x[1].mul_add(y[3], x[0] * y[2]);
+    x[3].neg_mul_add(y[1], x[2].neg_mul_add(y[0], sum))
+}
+
+/// One piece of a beam in bending.
+#[inline(always)]
+fn bending_piece<S: Simd, const D: usize>(
+    segment: &Segment<D>,
+    l: f64,
+    terms: usize,
+    w2: C<S>,
+    left: &State<S, D>,
+    right: &State<S, D>,
+    out: &mut Sensitivity<S, D>,
+) {
+    let simd = w2.simd;
+    let [z1, z2] = segment.symmetric_sums(simd, l, w2);
+    let [e2, e3, e4, e5] = series::sums_with_derivatives(z1, z2, terms);
+    let alpha = C::splat(simd, segment.per_length.compliance[0]);
+    let beta = C::splat(simd, segment.per_length.compliance[D - 1]);
+    let mu = w2.scale(segment.per_length.kinetic[0]);
+    let nu = w2.scale(segment.per_length.kinetic[D - 1]);
+    let coefficients = [alpha, beta, mu, nu];
+    let v0 = [right.u[0], right.u[D - 1], right.n[0], right.n[D - 1]];
+    let v1 = along(&v0, &coefficients);
+    let v2 = along(&v1, &coefficients);
+    let w0 = [left.u[0], left.u[D - 1], left.n[0], left.n[D - 1]];
+    let w1 = along(&w0, &coefficients);
+    let w2_ = along(&w1, &coefficients);
+    // r^T J A^i s, the powers shared between both sides: J A is symmetric.
+    let powers = [
+        symplectic(&w0, &v0),
+        symplectic(&w0, &v1),
+        symplectic(&w0, &v2),
+        -symplectic(&w1, &v2),
+    ];
+    // Derivatives of c_0 .. c_3 by s = z1/l^2 and p = z2/l^4.
+    let (l2, l4) = (l * l, l.powi(4));
+    let by_s = [
+        -(z2 * e4[1]).scale(l2),
+        -(z2 * e5[1]).scale(l * l2),
+        e2[1].scale(l4),
+        e3[1].scale(l * l4),
+    ];
+    let by_p = [
+        -z2.mul_add(e4[2], e4[0]).scale(l4),
+        -z2.mul_add(e5[2], e5[0]).scale(l * l4),
+        e2[2].scale(l2 * l4),
+        e3[2].scale(l * l2 * l4),
+    ];
+    let mut through_s = C::zero(simd);
+    let mut through_p = C::zero(simd);
+    for i in 0..4 {
+        through_s = by_s[i].mul_add(powers[i], through_s);
+        through_p = by_p[i].mul_add(powers[i], through_p);
+    }
+    let one = C::real(simd, 1.0);
+    let c1 = z2.neg_mul_add(e5[0], one).scale(l);
+    let (c2, c3) = (e2[0].scale(l2), e3[0].scale(l * l2));
+    let (a, b) = (alpha * mu, beta * nu);
+    // s = -(alpha mu + beta nu), p = beta mu (alpha nu - 1).
+    let shear = alpha.mul_add(nu, -one);
+    let s_by = [-mu, -nu, -alpha, -beta];
+    let p_by = [b * mu, mu * shear, beta * shear, a * beta];
+    // Order of the state's entries that each coefficient multiplies: alpha V, beta M, mu y, nu theta.
+    let entry = [2, 3, 0, 1];
+    for k in 0..4 {
+        let i = entry[k];
+        let direct = c1 * (w0[i] * v0[i])
+            + c2 * w1[i].neg_mul_add(v0[i], w0[i] * v1[i])
+            + c3 * w2_[i].mul_add(v0[i], w1[i].neg_mul_add(v1[i], w0[i] * v2[i]));
+        let change = direct - s_by[k].mul_add(through_s, p_by[k] * through_p);
+        if k < 2 {
+            out.compliance[k.min(D - 1)] = out.compliance[k.min(D - 1)] + change;
+        } else {
+            out.kinetic[(k - 2).min(D - 1)] = out.kinetic[(k - 2).min(D - 1)] + change;
+        }
+    }
+}
+
+/// A segment crossed by waves: products of exponentials integrate in closed form.
+#[inline(always)]
+fn waves<S: Simd, const D: usize>(
+    segment: &Segment<D>,
+    wave: &Wave<S, D>,
+    left: &[State<S, D>],
+    right: &[State<S, D>],
+    out: &mut Sensitivity<S, D>,
+) {
+    let (Some(left), Some(right)) = (ends(left), ends(right)) else {
+        return;
+    };
+    let simd = wave.lambda[0].simd;
+    let left = amplitudes(wave, &left);
+    let right = amplitudes(wave, &right);
+    let one = C::real(simd, 1.0);
+    for j in 0..D {
+        for k in 0..D {
+            let decays = wave.decay[j].neg_mul_add(wave.decay[k], one);
+            let same = decays * (wave.lambda[j] + wave.lambda[k]).recip();
+            let opposite = if j == k {
+                wave.decay[j].scale(segment.length)
+            } else {
+                (wave.decay[k] - wave.decay[j]) * (wave.lambda[j] - wave.lambda[k]).recip()
+            };
+            let along = left[1][j].mul_add(right[1][k], left[0][j] * right[0][k]) * same;
+            let across = left[1][j].mul_add(right[0][k], left[0][j] * right[1][k]) * opposite;
+            for i in 0..D {
+                let shape = wave.u[i][j] * wave.u[i][k];
+                out.kinetic[i] = shape.mul_add(along + across.scale(parity(i)), out.kinetic[i]);
+                let shape = wave.f[i][j] * wave.f[i][k];
+                out.compliance[i] =
+                    shape.mul_add(along - across.scale(parity(i)), out.compliance[i]);
+            }
+        }
+    }
+}
+
+/// States at both ends.
+#[inline(always)]
+fn ends<S: Simd, const D: usize>(states: &[State<S, D>]) -> Option<[State<S, D>; 2]> {
+    Some([*states.first()?, *states.last()?])
+}
+
+/// Amplitudes of the waves from the left end (at that end) and from the right end (at that one).
+#[inline(always)]
+fn amplitudes<S: Simd, const D: usize>(
+    wave: &Wave<S, D>,
+    ends: &[State<S, D>; 2],
+) -> [[C<S>; D]; 2] {
+    let zero = C::zero(wave.lambda[0].simd);
+    let mut out = [[zero; D]; 2];
+    for j in 0..D {
+        // phi_back^T J phi_away, the only pairing of waves that does not vanish.
+        let mut norm = zero;
+        let (mut from_left, mut from_right) = (zero, zero);
+        for i in 0..D {
+            // Internal force of the wave that runs along x, and of its mirror image.
+            let n = -wave.f[i][j];
+            let (mirror_u, mirror_n) = (wave.u[i][j].scale(parity(i)), n.scale(-parity(i)));
+            norm = norm + mirror_u * n - mirror_n * wave.u[i][j];
+            from_left = from_left + mirror_u * ends[0].n[i] - mirror_n * ends[0].u[i];
+            from_right = from_right + wave.u[i][j] * ends[1].n[i] - n * ends[1].u[i];
+        }
+        let inverse = norm.recip();
+        out[0][j] = from_left * inverse;
+        out[1][j] = -(from_right * inverse);
+    }
+    out
+}
+
+/// Chain rule: the derivative by a column from the change of the coefficients that it causes.
+#[inline(always)]
+pub fn by_column<S: Simd, const D: usize>(
+    sensitivity: &Sensitivity<S, D>,
+    kinetic: &[f64; D],
+    compliance: &[Complex64; D],
+) -> C<S> {
+    let simd = sensitivity.length.simd;
+    let mut sum = C::zero(simd);
+    for i in 0..D {
+        sum = sum + sensitivity.kinetic[i].scale(kinetic[i]);
+        sum = C::splat(simd, compliance[i]).mul_add(sensitivity.compliance[i], sum);
+    }
+    sum
+}

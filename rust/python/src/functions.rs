@@ -1,0 +1,94 @@
+//! The functions of the extension.
+
+use crate::arrays::{contiguous, coordinates, model, parameters};
+use crate::errors::CoreError;
+use num_complex::Complex64;
+use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2,
+};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use receptance_core::{Request, receptance as core_receptance};
+
+fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
+    result.map_err(|error| PyRuntimeError::new_err(format!("internal error: {error}")))
+}
+
+/// Receptance (n_freq, n_responses, n_excitations) and its derivative (..., n_parameters).
+#[pyfunction]
+#[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, excitations, responses,
+                    parameters, threads))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn receptance<'py>(
+    py: Python<'py>,
+    angular_frequency: PyReadonlyArray1<'py, Complex64>,
+    motion: usize,
+    segments: PyReadonlyArray2<'py, f64>,
+    joints: PyReadonlyArray2<'py, f64>,
+    masses: PyReadonlyArray2<'py, f64>,
+    grounds: PyReadonlyArray2<'py, f64>,
+    excitations: PyReadonlyArray2<'py, f64>,
+    responses: PyReadonlyArray2<'py, f64>,
+    parameters: PyReadonlyArray2<'py, f64>,
+    threads: usize,
+) -> PyResult<(
+    Bound<'py, PyArray3<Complex64>>,
+    Bound<'py, PyArray4<Complex64>>,
+)> {
+    let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
+    let model = model(motion, &segments, &joints, &masses, &grounds)?;
+    let request = Request {
+        excitations: coordinates("excitations", &excitations)?,
+        responses: coordinates("responses", &responses)?,
+        parameters: self::parameters(&parameters)?,
+    };
+    let result = py
+        .detach(|| core_receptance(&model, w, &request, threads))
+        .map_err(CoreError::from)?;
+    let (n, p) = (w.len(), request.parameters.len());
+    let (rows, columns) = (request.responses.len(), request.excitations.len());
+    let h = shaped(Array3::from_shape_vec(
+        (n, rows, columns),
+        result.receptance,
+    ))?;
+    let dh = shaped(Array4::from_shape_vec(
+        (n, rows, columns, p),
+        result.derivative,
+    ))?;
+    Ok((h.into_pyarray(py), dh.into_pyarray(py)))
+}
+
+/// Undamped natural angular frequencies up to a limit, and their derivatives (n_modes, n_parameters).
+#[pyfunction]
+#[pyo3(signature = (upper, most, motion, segments, joints, masses, grounds, parameters))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn natural_frequencies<'py>(
+    py: Python<'py>,
+    upper: f64,
+    most: usize,
+    motion: usize,
+    segments: PyReadonlyArray2<'py, f64>,
+    joints: PyReadonlyArray2<'py, f64>,
+    masses: PyReadonlyArray2<'py, f64>,
+    grounds: PyReadonlyArray2<'py, f64>,
+    parameters: PyReadonlyArray2<'py, f64>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    let model = model(motion, &segments, &joints, &masses, &grounds)?;
+    let parameters = self::parameters(&parameters)?;
+    let found = py
+        .detach(|| receptance_core::natural_frequencies(&model, upper, most, &parameters))
+        .map_err(CoreError::from)?;
+    let shape = (found.angular.len(), parameters.len());
+    let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
+    Ok((
+        Array1::from_vec(found.angular).into_pyarray(py),
+        derivative.into_pyarray(py),
+    ))
+}
+
+/// Name of the instruction set that the kernels run on here.
+#[pyfunction]
+pub fn instruction_set() -> String {
+    receptance_core::instruction_set()
+}

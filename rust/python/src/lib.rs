@@ -1,0 +1,16 @@
+//! The extension `receptance._core`: arrays in, arrays out, errors mapped; nothing else.
+
+mod arrays;
+mod errors;
+mod functions;
+
+use pyo3::prelude::*;
+
+/// Receptances of beam and joint assemblies: the compiled core.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
+    #[pymodule_export]
+    use super::functions::{instruction_set, natural_frequencies, receptance};
+}

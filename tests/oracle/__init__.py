@@ -1,0 +1,1 @@
+"""Independent references for the numerical core: 50-digit receptances, finite elements, random models."""
