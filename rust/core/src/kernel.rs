@@ -30,6 +30,11 @@ pub struct Segment<const D: usize> {
     pub per_length: Coefficients<D>,
     /// Length in m.
     pub length: f64,
+    /// Moduli of the products of coefficients in the bound of the wave number: its sum, its product and
+    /// the bending term.
+    bound: [f64; 3],
+    /// Modulus of the last stiffness (bending, or that of the rod).
+    stiffness: f64,
 }
 
 /// (u, f)_near = [[uu, uf], [fu, ff]] (u, f)_far, near being the end of smaller x.
@@ -70,6 +75,8 @@ pub enum Kernel<S: Simd, const D: usize> {
     },
     /// One step by waves.
     Waves(Wave<S, D>),
+    /// Not asked for: the segment lies in a branch that is taken as a whole.
+    Skipped,
 }
 
 /// The choice of a kernel, made for all lanes of a block.
@@ -90,31 +97,37 @@ impl<const D: usize> Segment<D> {
     /// The segment of a row of the segment table.
     pub fn new(row: &[f64], motion: Motion) -> Self {
         let per_length = coefficients::<D>(row, motion);
-        Self {
-            per_length,
-            length: row[crate::section::column::LENGTH],
-        }
+        let size = per_length.compliance.map(|compliance| compliance.norm());
+        let a = size[0] * per_length.kinetic[0];
+        let bound = if D == 1 {
+            [a, 0.0, 0.0]
+        } else {
+            let b = size[D - 1] * per_length.kinetic[D - 1];
+            [a + b, a * b, size[D - 1] * per_length.kinetic[0]]
+        };
+        let length = row[crate::section::column::LENGTH];
+        Self { per_length, length, bound, stiffness: 1.0 / size[D - 1] }
     }
 
-    /// An upper bound of |lambda|^2 at |w|, close to it away from the cut-off.
-    pub fn wave_number_square(&self, w: f64) -> f64 {
-        let w2 = w * w;
-        let a = self.per_length.compliance[0].norm() * self.per_length.kinetic[0] * w2;
+    /// An upper bound of |lambda|^2 at |w|^2 = `w2`, close to it away from the cut-off.
+    pub fn wave_number_square(&self, w2: f64) -> f64 {
+        let sum = self.bound[0] * w2;
         if D == 1 {
-            return a;
+            return sum;
         }
-        let b = self.per_length.compliance[1].norm() * self.per_length.kinetic[1] * w2;
-        let bending = self.per_length.compliance[1].norm() * self.per_length.kinetic[0] * w2;
-        let sum = a + b;
-        0.5 * (sum + (sum * sum + 4.0 * (a * b + bending)).sqrt())
+        0.5 * (sum + (sum * sum + 4.0 * w2 * (self.bound[1] * w2 + self.bound[2])).sqrt())
     }
 
-    /// Impedances that make displacements comparable with loads at |w|.
-    pub fn weights(&self, w: f64) -> [f64; D] {
-        let k = self.wave_number_square(w).sqrt();
-        let mut out = [k / self.per_length.compliance[D - 1].norm(); D];
+    /// |w| over the cut-off frequency.
+    pub fn cut_off_share(&self, w: f64) -> f64 {
+        (self.per_length.compliance[0].norm() * self.per_length.kinetic[D - 1]).sqrt() * w
+    }
+
+    /// Impedances that make displacements comparable with loads where |lambda|^2 is `square`.
+    pub fn weights(&self, square: f64) -> [f64; D] {
+        let mut out = [self.stiffness * square.sqrt(); D];
         if D == 2 {
-            out[0] *= k * k;
+            out[0] *= square;
         }
         out
     }
@@ -140,18 +153,18 @@ impl<const D: usize> Segment<D> {
         out
     }
 
-    /// Chooses the kernel for the lines `w`; `pieces_only` keeps to the series.
-    pub fn choose(&self, w: &[Complex64], pieces_only: bool) -> Choice {
-        let largest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm()));
-        let square = self.wave_number_square(largest) * self.length * self.length;
+    /// Chooses the kernel for the lines `w`, the largest |w|^2 of which is `most`, and the weights for its
+    /// charts; `pieces_only` keeps to the series.
+    pub fn choose(&self, w: &[Complex64], most: f64, pieces_only: bool) -> (Choice, [f64; D]) {
+        let square = self.wave_number_square(most);
+        let weights = self.weights(square);
+        let square = square * self.length * self.length;
         let count = ((square.sqrt() / series::REACH).ceil() as usize).max(1);
         if !pieces_only && count > FEW_PIECES && self.waves_serve(w) {
-            return Choice::Waves;
+            return (Choice::Waves, weights);
         }
-        Choice::Pieces {
-            count,
-            terms: series::terms(square / (count * count) as f64),
-        }
+        let terms = series::terms(square / (count * count) as f64);
+        (Choice::Pieces { count, terms }, weights)
     }
 
     /// Whether the waves are well separated and long enough on every line.
@@ -165,13 +178,7 @@ impl<const D: usize> Segment<D> {
 
     /// Evaluates the kernel.
     #[inline(always)]
-    pub fn kernel<S: Simd>(
-        &self,
-        simd: S,
-        choice: Choice,
-        w: &[Complex64],
-        w2: C<S>,
-    ) -> Kernel<S, D> {
+    pub fn kernel<S: Simd>(&self, simd: S, choice: Choice, w: &[Complex64], w2: C<S>) -> Kernel<S, D> {
         match choice {
             Choice::Pieces { count, terms } => {
                 let transfer = self.transfer(simd, self.length / count as f64, terms, w2);
@@ -199,16 +206,8 @@ impl<const D: usize> Segment<D> {
     fn transfer<S: Simd>(&self, simd: S, l: f64, terms: usize, w2: C<S>) -> Transfer<S, D> {
         let [z1, z2] = self.symmetric_sums(simd, l, w2);
         let zero = small::zeros(simd);
-        let mut out = Transfer {
-            uu: zero,
-            uf: zero,
-            fu: zero,
-            ff: zero,
-        };
-        let compliance = self
-            .per_length
-            .compliance
-            .map(|value| C::splat(simd, value));
+        let mut out = Transfer { uu: zero, uf: zero, fu: zero, ff: zero };
+        let compliance = self.per_length.compliance.map(|value| C::splat(simd, value));
         let inertia = self.per_length.kinetic.map(|value| w2.scale(value));
         if D == 1 {
             let [c, s] = series::rod(z1, terms);
@@ -224,8 +223,8 @@ impl<const D: usize> Segment<D> {
         let c1 = z2.neg_mul_add(e[3], one).scale(l);
         let c2 = e[0].scale(l * l);
         let c3 = e[1].scale(l * l * l);
-        let [alpha, beta] = [compliance[0], compliance[1]];
-        let [mu, nu] = [inertia[0], inertia[1]];
+        let (alpha, beta) = (compliance[0], compliance[D - 1]);
+        let (mu, nu) = (inertia[0], inertia[D - 1]);
         let (a, b) = (alpha * mu, beta * nu);
         let diagonal = [a.neg_mul_add(c2, c0), b.neg_mul_add(c2, c0)];
         let slope = (a + b).neg_mul_add(c3, c1);
@@ -256,16 +255,8 @@ impl<const D: usize> Segment<D> {
             }
         }
         let zero = small::zeros(simd);
-        let mut out = Wave {
-            lambda: [C::zero(simd); D],
-            u: zero,
-            f: zero,
-            decay: [C::zero(simd); D],
-        };
-        let compliance = self
-            .per_length
-            .compliance
-            .map(|value| C::splat(simd, value));
+        let mut out = Wave { lambda: [C::zero(simd); D], u: zero, f: zero, decay: [C::zero(simd); D] };
+        let compliance = self.per_length.compliance.map(|value| C::splat(simd, value));
         for j in 0..D {
             let lambda = C::load(simd, &roots[j][..S::F64_LANES]);
             out.lambda[j] = lambda;

@@ -34,10 +34,7 @@ impl<S: Simd> R<S> {
     /// The same number in every lane.
     #[inline(always)]
     pub fn splat(simd: S, value: f64) -> Self {
-        Self {
-            simd,
-            v: simd.splat_f64s(value),
-        }
+        Self { simd, v: simd.splat_f64s(value) }
     }
 
     /// Lanes where `self` is greater than `other`.
@@ -49,26 +46,19 @@ impl<S: Simd> R<S> {
     /// `self` where the mask holds, else `other`.
     #[inline(always)]
     pub fn select(mask: S::m64s, yes: Self, no: Self) -> Self {
-        Self {
-            simd: yes.simd,
-            v: yes.simd.select_f64s(mask, yes.v, no.v),
-        }
+        Self { simd: yes.simd, v: yes.simd.select_f64s(mask, yes.v, no.v) }
     }
 
     /// The larger of two, lane by lane.
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
-        Self {
-            simd: self.simd,
-            v: self.simd.max_f64s(self.v, other.v),
-        }
+        Self { simd: self.simd, v: self.simd.max_f64s(self.v, other.v) }
     }
 
     /// Copies the lanes out.
     #[inline(always)]
     pub fn store(self, out: &mut [f64; MAX_LANES]) {
-        self.simd
-            .partial_store_f64s(&mut out[..S::F64_LANES], self.v);
+        self.simd.partial_store_f64s(&mut out[..S::F64_LANES], self.v);
     }
 }
 
@@ -76,10 +66,7 @@ impl<S: Simd> Mul for R<S> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Self {
-            simd: self.simd,
-            v: self.simd.mul_f64s(self.v, other.v),
-        }
+        Self { simd: self.simd, v: self.simd.mul_f64s(self.v, other.v) }
     }
 }
 
@@ -87,21 +74,13 @@ impl<S: Simd> C<S> {
     /// The same complex number in every lane.
     #[inline(always)]
     pub fn splat(simd: S, value: Complex64) -> Self {
-        Self {
-            simd,
-            re: simd.splat_f64s(value.re),
-            im: simd.splat_f64s(value.im),
-        }
+        Self { simd, re: simd.splat_f64s(value.re), im: simd.splat_f64s(value.im) }
     }
 
     /// The same real number in every lane.
     #[inline(always)]
     pub fn real(simd: S, value: f64) -> Self {
-        Self {
-            simd,
-            re: simd.splat_f64s(value),
-            im: simd.splat_f64s(0.0),
-        }
+        Self { simd, re: simd.splat_f64s(value), im: simd.splat_f64s(0.0) }
     }
 
     /// Zero in every lane.
@@ -134,10 +113,8 @@ impl<S: Simd> C<S> {
     pub fn store(self, out: &mut [Complex64; MAX_LANES]) {
         let mut re = [0.0; MAX_LANES];
         let mut im = [0.0; MAX_LANES];
-        self.simd
-            .partial_store_f64s(&mut re[..S::F64_LANES], self.re);
-        self.simd
-            .partial_store_f64s(&mut im[..S::F64_LANES], self.im);
+        self.simd.partial_store_f64s(&mut re[..S::F64_LANES], self.re);
+        self.simd.partial_store_f64s(&mut im[..S::F64_LANES], self.im);
         for lane in 0..S::F64_LANES {
             out[lane] = Complex64::new(re[lane], im[lane]);
         }
@@ -156,6 +133,13 @@ impl<S: Simd> C<S> {
         }
     }
 
+    /// `self * b + c` with real b.
+    #[inline(always)]
+    pub fn mul_add_real(self, b: S::f64s, c: Self) -> Self {
+        let s = self.simd;
+        Self { simd: s, re: s.mul_add_e_f64s(self.re, b, c.re), im: s.mul_add_e_f64s(self.im, b, c.im) }
+    }
+
     /// `c - self * b`.
     #[inline(always)]
     pub fn neg_mul_add(self, b: Self, c: Self) -> Self {
@@ -167,21 +151,13 @@ impl<S: Simd> C<S> {
     pub fn scale(self, factor: f64) -> Self {
         let s = self.simd;
         let factor = s.splat_f64s(factor);
-        Self {
-            simd: s,
-            re: s.mul_f64s(self.re, factor),
-            im: s.mul_f64s(self.im, factor),
-        }
+        Self { simd: s, re: s.mul_f64s(self.re, factor), im: s.mul_f64s(self.im, factor) }
     }
 
     /// Times the imaginary unit.
     #[inline(always)]
     pub fn times_i(self) -> Self {
-        Self {
-            simd: self.simd,
-            re: self.simd.neg_f64s(self.im),
-            im: self.re,
-        }
+        Self { simd: self.simd, re: self.simd.neg_f64s(self.im), im: self.re }
     }
 
     /// Squared modulus.
@@ -197,22 +173,14 @@ impl<S: Simd> C<S> {
     pub fn recip(self) -> Self {
         let s = self.simd;
         let inverse = s.div_f64s(s.splat_f64s(1.0), self.norm_sqr().v);
-        Self {
-            simd: s,
-            re: s.mul_f64s(self.re, inverse),
-            im: s.neg_f64s(s.mul_f64s(self.im, inverse)),
-        }
+        Self { simd: s, re: s.mul_f64s(self.re, inverse), im: s.neg_f64s(s.mul_f64s(self.im, inverse)) }
     }
 
     /// `yes` where the mask holds, else `no`.
     #[inline(always)]
     pub fn select(mask: S::m64s, yes: Self, no: Self) -> Self {
         let s = yes.simd;
-        Self {
-            simd: s,
-            re: s.select_f64s(mask, yes.re, no.re),
-            im: s.select_f64s(mask, yes.im, no.im),
-        }
+        Self { simd: s, re: s.select_f64s(mask, yes.re, no.re), im: s.select_f64s(mask, yes.im, no.im) }
     }
 }
 
@@ -221,11 +189,7 @@ impl<S: Simd> Add for C<S> {
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         let s = self.simd;
-        Self {
-            simd: s,
-            re: s.add_f64s(self.re, other.re),
-            im: s.add_f64s(self.im, other.im),
-        }
+        Self { simd: s, re: s.add_f64s(self.re, other.re), im: s.add_f64s(self.im, other.im) }
     }
 }
 
@@ -234,11 +198,7 @@ impl<S: Simd> Sub for C<S> {
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         let s = self.simd;
-        Self {
-            simd: s,
-            re: s.sub_f64s(self.re, other.re),
-            im: s.sub_f64s(self.im, other.im),
-        }
+        Self { simd: s, re: s.sub_f64s(self.re, other.re), im: s.sub_f64s(self.im, other.im) }
     }
 }
 
@@ -262,10 +222,6 @@ impl<S: Simd> Neg for C<S> {
     #[inline(always)]
     fn neg(self) -> Self {
         let s = self.simd;
-        Self {
-            simd: s,
-            re: s.neg_f64s(self.re),
-            im: s.neg_f64s(self.im),
-        }
+        Self { simd: s, re: s.neg_f64s(self.re), im: s.neg_f64s(self.im) }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Pure numerics: tables of numbers in, arrays of numbers out. See `receptance` and `natural_frequencies`.
 
+mod branch;
 mod error;
 mod kernel;
 mod lane;
@@ -17,9 +18,7 @@ mod sweep;
 mod threads;
 
 pub use error::{Error, Result};
-pub use model::{
-    GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spring, Table, Tables,
-};
+pub use model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spring, Table, Tables};
 pub use natural::{NaturalFrequencies, natural_frequencies};
 pub use response::{Coordinate, Parameter, Request, Response, instruction_set, receptance};
 pub use threads::with_threads;

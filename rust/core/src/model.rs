@@ -56,47 +56,24 @@ pub struct Spring {
 impl Spring {
     fn new(columns: &[f64]) -> Self {
         let three = |start: usize| [columns[start], columns[start + 1], columns[start + 2]];
-        Self {
-            k: three(0),
-            c: three(3),
-            loss_factor: columns[6],
-        }
+        Self { k: three(0), c: three(3), loss_factor: columns[6] }
     }
 
     fn check(&self, element: &'static str, row: usize) -> Result<()> {
-        const NAMES: [&str; 7] = [
-            "k_y",
-            "k_theta",
-            "k_ytheta",
-            "c_y",
-            "c_theta",
-            "c_ytheta",
-            "loss_factor",
-        ];
+        const NAMES: [&str; 7] = ["k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor"];
         let fail = |index: usize, value: f64, expected| {
-            Err(Error::Quantity {
-                element,
-                row,
-                quantity: NAMES[index],
-                value,
-                expected,
-            })
+            Err(Error::Quantity { element, row, quantity: NAMES[index], value, expected })
         };
         for (start, values) in [(0, self.k), (3, self.c)] {
             for (i, value) in values.into_iter().enumerate() {
                 if !value.is_finite() || (i < 2 && value < 0.0) {
-                    let expected = if i < 2 {
-                        "zero or a positive finite number"
-                    } else {
-                        "a finite number"
-                    };
+                    let expected = if i < 2 { "zero or a positive finite number" } else { "a finite number" };
                     return fail(start + i, value, expected);
                 }
             }
             // Rounding in the product may not refuse what is exactly on the limit.
             if values[2] * values[2] > values[0] * values[1] * (1.0 + 1e-12) {
-                let expected =
-                    "at most the root of the product of the other two (positive semidefinite)";
+                let expected = "at most the root of the product of the other two (positive semidefinite)";
                 return fail(start + 2, values[2], expected);
             }
         }
@@ -109,11 +86,7 @@ impl Spring {
     /// Whether the static stiffness alone keeps the interface from being singular.
     pub fn statically_regular(&self, degrees: usize) -> bool {
         let [y, theta, both] = self.k;
-        if degrees == 1 {
-            y > 0.0
-        } else {
-            y * theta - both * both > 1e-14 * y * theta
-        }
+        if degrees == 1 { y > 0.0 } else { y * theta - both * both > 1e-14 * y * theta }
     }
 }
 
@@ -150,6 +123,11 @@ pub enum Step {
     },
     /// Two branches meet at a node.
     Join,
+    /// A branch from its free end on, by its series.
+    Branch {
+        /// Its number.
+        index: usize,
+    },
 }
 
 /// An assembly, checked.
@@ -188,13 +166,7 @@ fn node(value: f64, element: &'static str, row: usize) -> Result<usize> {
         return Ok(value as usize);
     }
     let expected = "a node number: 0, 1, 2, ...";
-    Err(Error::Quantity {
-        element,
-        row,
-        quantity: "node",
-        value,
-        expected,
-    })
+    Err(Error::Quantity { element, row, quantity: "node", value, expected })
 }
 
 impl Model {
@@ -205,26 +177,16 @@ impl Model {
     pub fn new(motion: Motion, tables: Tables) -> Result<Self> {
         let mut segments = Vec::new();
         let mut edges = Vec::new();
-        for (row, values) in tables
-            .segments
-            .chunks_exact(section::column::COUNT)
-            .enumerate()
-        {
+        for (row, values) in tables.segments.chunks_exact(section::column::COUNT).enumerate() {
             section::check(values, row)?;
-            edges.push([
-                node(values[0], "segment", row)?,
-                node(values[1], "segment", row)?,
-            ]);
+            edges.push([node(values[0], "segment", row)?, node(values[1], "segment", row)?]);
             let mut copy = [0.0; section::column::COUNT];
             copy.copy_from_slice(values);
             segments.push(copy);
         }
         let mut joints = Vec::new();
         for (row, values) in tables.joints.chunks_exact(JOINT_COLUMNS).enumerate() {
-            let nodes = [
-                node(values[0], "joint", row)?,
-                node(values[1], "joint", row)?,
-            ];
+            let nodes = [node(values[0], "joint", row)?, node(values[1], "joint", row)?];
             let spring = Spring::new(&values[2..]);
             spring.check("joint", row)?;
             edges.push(nodes);
@@ -235,13 +197,7 @@ impl Model {
             for (quantity, value) in [("mass", values[1]), ("inertia", values[2])] {
                 if !(value.is_finite() && value >= 0.0) {
                     let expected = "zero or a positive finite number";
-                    return Err(Error::Quantity {
-                        element: "point mass",
-                        row,
-                        quantity,
-                        value,
-                        expected,
-                    });
+                    return Err(Error::Quantity { element: "point mass", row, quantity, value, expected });
                 }
             }
             masses.push((node(values[0], "point mass", row)?, [values[1], values[2]]));
@@ -256,31 +212,17 @@ impl Model {
             return Err(Error::Topology("there is no segment and no joint".into()));
         }
         let nodes = 1 + edges.iter().flatten().copied().max().unwrap_or(0);
-        let model = Self {
-            motion,
-            nodes,
-            segments,
-            joints,
-            masses,
-            grounds,
-        };
+        let model = Self { motion, nodes, segments, joints, masses, grounds };
         model.check_tree(edges.len())?;
         Ok(model)
     }
 
     fn check_tree(&self, edges: usize) -> Result<()> {
         if edges + 1 != self.nodes {
-            let found = format!(
-                "{edges} two-node elements on {} nodes, expected one fewer",
-                self.nodes
-            );
+            let found = format!("{edges} two-node elements on {} nodes, expected one fewer", self.nodes);
             return Err(Error::Topology(found));
         }
-        let points = self
-            .masses
-            .iter()
-            .map(|m| m.0)
-            .chain(self.grounds.iter().map(|g| g.0));
+        let points = self.masses.iter().map(|m| m.0).chain(self.grounds.iter().map(|g| g.0));
         for point in points {
             if point >= self.nodes {
                 return Err(Error::Topology(format!(
@@ -300,9 +242,7 @@ impl Model {
         }
         if count != self.nodes {
             let lost = seen.iter().position(|seen| !seen).unwrap_or(0);
-            return Err(Error::Topology(format!(
-                "node {lost} is not connected to node 0"
-            )));
+            return Err(Error::Topology(format!("node {lost} is not connected to node 0")));
         }
         Ok(())
     }
@@ -311,48 +251,21 @@ impl Model {
         let mut out = vec![Vec::new(); self.nodes];
         for (row, segment) in self.segments.iter().enumerate() {
             let (a, b) = (segment[0] as usize, segment[1] as usize);
-            out[a].push(Edge {
-                other: b,
-                step: Step::Segment {
-                    row,
-                    forward: true,
-                    far: b,
-                },
-            });
-            out[b].push(Edge {
-                other: a,
-                step: Step::Segment {
-                    row,
-                    forward: false,
-                    far: a,
-                },
-            });
+            out[a].push(Edge { other: b, step: Step::Segment { row, forward: true, far: b } });
+            out[b].push(Edge { other: a, step: Step::Segment { row, forward: false, far: a } });
         }
         for (row, (nodes, _)) in self.joints.iter().enumerate() {
-            out[nodes[0]].push(Edge {
-                other: nodes[1],
-                step: Step::Joint {
-                    row,
-                    forward: true,
-                    far: nodes[1],
-                },
-            });
-            out[nodes[1]].push(Edge {
-                other: nodes[0],
-                step: Step::Joint {
-                    row,
-                    forward: false,
-                    far: nodes[0],
-                },
-            });
+            out[nodes[0]]
+                .push(Edge { other: nodes[1], step: Step::Joint { row, forward: true, far: nodes[1] } });
+            out[nodes[1]]
+                .push(Edge { other: nodes[0], step: Step::Joint { row, forward: false, far: nodes[0] } });
         }
         out
     }
 
     /// Whether a node carries point elements.
     pub fn has_point(&self, node: usize) -> bool {
-        self.masses.iter().any(|mass| mass.0 == node)
-            || self.grounds.iter().any(|ground| ground.0 == node)
+        self.masses.iter().any(|mass| mass.0 == node) || self.grounds.iter().any(|ground| ground.0 == node)
     }
 
     /// The steps of a sweep from all free ends to `root`, each branch before the node where it joins.

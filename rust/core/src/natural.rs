@@ -55,13 +55,7 @@ pub fn natural_frequencies(
     for (row, (_, spring)) in model.joints.iter().enumerate() {
         if !spring.statically_regular(model.motion.degrees()) {
             let [k_y, k_theta, k_ytheta] = spring.k;
-            return Err(Error::SingularInterface {
-                row,
-                frequency_hz: 0.0,
-                k_y,
-                k_theta,
-                k_ytheta,
-            });
+            return Err(Error::SingularInterface { row, frequency_hz: 0.0, k_y, k_theta, k_ytheta });
         }
     }
     match model.motion.degrees() {
@@ -150,13 +144,9 @@ impl<const D: usize> WithSimd for Count<'_, D> {
             for (to, from) in w.iter_mut().zip(lines) {
                 to.re = *from;
             }
-            let mut negatives = Negatives {
-                count: [0; MAX_LANES],
-            };
-            self.search
-                .prepared
-                .block(simd, &w[..lines.len()], true, &mut block);
-            block.upwards(simd, &self.search.plan, &mut records, &mut negatives);
+            let mut negatives = Negatives { count: [0; MAX_LANES] };
+            self.search.prepared.block(simd, &w[..lines.len()], true, &mut block);
+            block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
             if let Some(top) = records.last() {
                 let (u, f) = top.plane.basis();
                 let entry = small::mul(&f, &small::adjugate(&u))[0][0];
@@ -170,11 +160,7 @@ impl<const D: usize> WithSimd for Count<'_, D> {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        Self {
-            prepared: Prepared::new(model),
-            plan: model.plan(0),
-            nodes: model.nodes,
-        }
+        Self { prepared: Prepared::new(model), plan: model.plan(0), nodes: model.nodes }
     }
 
     fn count(&self, w: &[f64]) -> Vec<usize> {
@@ -201,29 +187,21 @@ impl<const D: usize> Search<D> {
         }
         let mut samples = vec![(lowest, rigid), (upper, self.count(&[upper])[0])];
         let last = samples[1].1.min(rigid.saturating_add(most));
-        let angular: Vec<f64> = (rigid + 1..=last)
-            .map(|mode| self.locate(mode, &mut samples))
-            .collect();
-        let gradients: Vec<Gradient<D>> =
-            parameters.iter().map(|p| Gradient::new(model, p)).collect();
+        let angular: Vec<f64> = (rigid + 1..=last).map(|mode| self.locate(mode, &mut samples)).collect();
+        let gradients: Vec<Gradient<D>> = parameters.iter().map(|p| Gradient::new(model, p)).collect();
         let mut derivative = Vec::with_capacity(angular.len() * gradients.len());
         if !gradients.is_empty() {
             for &w in &angular {
                 derivative.extend(self.slopes(model, w, &gradients));
             }
         }
-        Ok(NaturalFrequencies {
-            angular,
-            derivative,
-        })
+        Ok(NaturalFrequencies { angular, derivative })
     }
 
     /// The frequency at which the count reaches `mode`.
     fn locate(&self, mode: usize, samples: &mut Vec<(f64, usize)>) -> f64 {
         loop {
-            let above = samples
-                .partition_point(|sample| sample.1 < mode)
-                .clamp(1, samples.len() - 1);
+            let above = samples.partition_point(|sample| sample.1 < mode).clamp(1, samples.len() - 1);
             let (low, high) = (samples[above - 1].0, samples[above].0);
             if high - low <= WIDTH * high {
                 return 0.5 * (low + high);
@@ -231,11 +209,7 @@ impl<const D: usize> Search<D> {
             let ratio = high / low;
             let points: [f64; MAX_LANES] = core::array::from_fn(|i| {
                 let share = (i + 1) as f64 / (MAX_LANES + 1) as f64;
-                if ratio > 2.0 {
-                    low * ratio.powf(share)
-                } else {
-                    low + share * (high - low)
-                }
+                if ratio > 2.0 { low * ratio.powf(share) } else { low + share * (high - low) }
             });
             let counts = self.count(&points);
             // Rounding at the root itself may disturb the order by one; clamping keeps the samples sorted.
@@ -245,9 +219,7 @@ impl<const D: usize> Search<D> {
                 floor = count.clamp(floor, most);
                 (w, floor)
             });
-            let found: Vec<_> = found
-                .filter(|sample| sample.0 > low && sample.0 < high)
-                .collect();
+            let found: Vec<_> = found.filter(|sample| sample.0 > low && sample.0 < high).collect();
             if found.is_empty() {
                 return 0.5 * (low + high);
             }
@@ -261,9 +233,8 @@ impl<const D: usize> Search<D> {
         let zero = C::zero(simd);
         let mut block = Block::empty(simd);
         let mut records = Vec::new();
-        self.prepared
-            .block(simd, &[Complex64::new(w, 0.0)], false, &mut block);
-        block.upwards(simd, &self.plan, &mut records, &mut Blind);
+        self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, &mut block);
+        block.upwards(simd, &self.plan, &[], &mut records, &mut Blind);
         let Some(top) = records.last() else {
             return Vec::new();
         };
@@ -272,9 +243,7 @@ impl<const D: usize> Search<D> {
         let mut field = Field {
             nodes: vec![[zero; D]; self.nodes],
             joints: vec![[zero; D]; self.prepared.joints.len()],
-            states: (0..self.prepared.segments.len())
-                .map(|_| Vec::new())
-                .collect(),
+            states: (0..self.prepared.segments.len()).map(|_| Vec::new()).collect(),
         };
         block.downwards(&self.plan, &records, mode, true, &mut field, 0);
         let mut by_w = 0.0;
@@ -300,9 +269,8 @@ impl<const D: usize> Search<D> {
                 by_w += 2.0 * w * inertia[i] * u * u;
             }
         }
-        let slope = |gradient: &Gradient<D>| {
-            -gradient.evaluate(&block, &field, &field, &sensitivities).re / by_w
-        };
+        let slope =
+            |gradient: &Gradient<D>| -gradient.evaluate(&block, &field, &field, &sensitivities).re / by_w;
         gradients.iter().map(slope).collect()
     }
 }
@@ -314,28 +282,12 @@ fn null_vector<const D: usize>(f: &Mat<Scalar, D>, weights: &[f64; D]) -> [C<Sca
         return [one; D];
     }
     // Near the mode the rows are parallel; the larger one has the digits.
-    let size = |i: usize| -> f64 {
-        (0..D)
-            .map(|j| f[i][j].re.powi(2) / (weights[i] * weights[j]))
-            .sum()
-    };
-    let row = if size(0) >= size(D - 1) {
-        &f[0]
-    } else {
-        &f[D - 1]
-    };
+    let size = |i: usize| -> f64 { (0..D).map(|j| f[i][j].re.powi(2) / (weights[i] * weights[j])).sum() };
+    let row = if size(0) >= size(D - 1) { &f[0] } else { &f[D - 1] };
     let mut out = [row[D - 1]; D];
     out[D - 1] = -row[0];
-    let length = out
-        .iter()
-        .map(|value| value.re * value.re)
-        .sum::<f64>()
-        .sqrt();
-    if length > 0.0 {
-        out.map(|value| value.scale(1.0 / length))
-    } else {
-        [one; D]
-    }
+    let length = out.iter().map(|value| value.re * value.re).sum::<f64>().sqrt();
+    if length > 0.0 { out.map(|value| value.scale(1.0 / length)) } else { [one; D] }
 }
 
 /// Rigid-body modes: displacements of the whole that no spring to ground resists.
@@ -368,10 +320,7 @@ fn rigid_modes(model: &Model) -> usize {
             break;
         }
     }
-    let span = position
-        .iter()
-        .fold(0.0_f64, |most, x| most.max(x.abs()))
-        .max(f64::MIN_POSITIVE);
+    let span = position.iter().fold(0.0_f64, |most, x| most.max(x.abs())).max(f64::MIN_POSITIVE);
     // Stiffness against a shift and a turn about node 0, the turn measured at the span.
     let (mut shift, mut turn, mut both) = (0.0, 0.0, 0.0);
     for (node, spring) in &model.grounds {

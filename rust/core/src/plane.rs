@@ -35,10 +35,53 @@ impl<S: Simd, const D: usize> Plane<S, D> {
     #[inline(always)]
     pub fn free(simd: S) -> Self {
         let never = R::splat(simd, 0.0).greater(R::splat(simd, 1.0));
-        Self {
-            x: small::zeros(simd),
-            swapped: [never; D],
+        Self { x: small::zeros(simd), swapped: [never; D] }
+    }
+
+    /// The plane of given minors (u0 u1, u0 f0, u0 f1, f0 u1, f0 f1) in its best chart.
+    #[inline(always)]
+    pub fn from_minors(minors: [C<S>; 5], weights: &[f64; D]) -> Self {
+        let [uu, both, uf, fu, ff] = minors;
+        let simd = uu.simd;
+        let minus = -both;
+        // The minor below the fraction bar, and what stands above it in the order x00, x01, x10, x11.
+        let charts = [
+            (uu, [fu, both, both, uf], [false, false]),
+            (fu, [uu, minus, both, ff], [true, false]),
+            (uf, [ff, both, minus, uu], [false, true]),
+            (ff, [uf, minus, minus, fu], [true, true]),
+        ];
+        let mut size = R::splat(simd, -1.0);
+        let mut below = uu;
+        let mut above = charts[0].1;
+        let mut swapped = [simd.splat_false(); D];
+        for (bottom, top, which) in charts {
+            let mut weight = 1.0;
+            for i in 0..D {
+                if !which[i] {
+                    weight *= weights[i];
+                }
+            }
+            let now = bottom.norm_sqr() * R::splat(simd, weight * weight);
+            let better = now.greater(size);
+            size = size.max(now);
+            below = C::select(better, bottom, below);
+            for k in 0..4 {
+                above[k] = C::select(better, top[k], above[k]);
+            }
+            for i in 0..D {
+                let mask = if which[i] { simd.splat_true() } else { simd.splat_false() };
+                swapped[i] = select_mask(simd, better, mask, swapped[i]);
+            }
         }
+        let inverse = below.recip();
+        let mut out = Self { x: small::zeros(simd), swapped };
+        for i in 0..D {
+            for j in 0..D {
+                out.x[i][j] = above[2 * i + j] * inverse;
+            }
+        }
+        out
     }
 
     /// Columns that span the plane, as (u rows, f rows); the coordinates are the independent variables.
@@ -91,10 +134,7 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         let swapped = self.swapped[i];
         let pivot = self.x[i][i];
         // u_i = a ind_i + sum p_k ind_k and f_i = b ind_i + sum r_k ind_k after the addition.
-        let (mut a, mut b) = (
-            C::select(swapped, pivot, one),
-            C::select(swapped, one, pivot),
-        );
+        let (mut a, mut b) = (C::select(swapped, pivot, one), C::select(swapped, one, pivot));
         let (mut p, mut r) = (self.x[i], self.x[i]);
         let zero = C::zero(simd);
         for k in 0..D {
@@ -115,9 +155,7 @@ impl<S: Simd, const D: usize> Plane<S, D> {
                 }
             }
         }
-        let after = b
-            .norm_sqr()
-            .greater(a.norm_sqr() * R::splat(simd, weight * weight));
+        let after = b.norm_sqr().greater(a.norm_sqr() * R::splat(simd, weight * weight));
         self.exchange(i, [a, b], [&p, &r], after)
     }
 
@@ -193,40 +231,23 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         let simd = self.x[0][0].simd;
         let one = C::real(simd, 1.0);
         let zero = C::zero(simd);
-        let mut out = Self {
-            x: self.x,
-            swapped: target,
-        };
+        let mut out = Self { x: self.x, swapped: target };
         let mut back = small::identity(simd);
         let whole = small::inverse(&self.x);
         let changed: [S::m64s; D] = core::array::from_fn(|i| {
             let (now, then) = (self.swapped[i], target[i]);
-            simd.or_m64s(
-                simd.and_m64s(now, simd.not_m64s(then)),
-                simd.and_m64s(then, simd.not_m64s(now)),
-            )
+            simd.or_m64s(simd.and_m64s(now, simd.not_m64s(then)), simd.and_m64s(then, simd.not_m64s(now)))
         });
         for i in 0..D {
             let swapped = self.swapped[i];
             let pivot = self.x[i][i];
-            let ab = [
-                C::select(swapped, pivot, one),
-                C::select(swapped, one, pivot),
-            ];
+            let ab = [C::select(swapped, pivot, one), C::select(swapped, one, pivot)];
             let p = self.x[i].map(|entry| C::select(swapped, entry, zero));
             let r = self.x[i].map(|entry| C::select(swapped, zero, entry));
             let (single, step) = self.exchange(i, ab, [&p, &r], simd.not_m64s(swapped));
             let other = changed[D - 1 - i];
-            let only = if D == 1 {
-                changed[0]
-            } else {
-                simd.and_m64s(changed[i], simd.not_m64s(other))
-            };
-            let both = if D == 1 {
-                simd.splat_false()
-            } else {
-                simd.and_m64s(changed[i], other)
-            };
+            let only = if D == 1 { changed[0] } else { simd.and_m64s(changed[i], simd.not_m64s(other)) };
+            let both = if D == 1 { simd.splat_false() } else { simd.and_m64s(changed[i], other) };
             for row in 0..D {
                 for column in 0..D {
                     let entry = C::select(only, single.x[row][column], out.x[row][column]);
@@ -256,11 +277,7 @@ impl<S: Simd, const D: usize> Plane<S, D> {
 
 /// Which degrees of freedom to take f as independent of: the largest minor of (u, f), and that minor.
 #[inline(always)]
-fn choose<S: Simd, const D: usize>(
-    u: &Mat<S, D>,
-    f: &Mat<S, D>,
-    weights: &[f64; D],
-) -> ([S::m64s; D], C<S>) {
+fn choose<S: Simd, const D: usize>(u: &Mat<S, D>, f: &Mat<S, D>, weights: &[f64; D]) -> ([S::m64s; D], C<S>) {
     let simd = u[0][0].simd;
     let mut swapped = [simd.splat_false(); D];
     let mut determinant = small::det(u);
@@ -282,11 +299,7 @@ fn choose<S: Simd, const D: usize>(
         size = size.max(other_size);
         determinant = C::select(better, other, determinant);
         for i in 0..D {
-            let now = if choice >> i & 1 == 1 {
-                simd.splat_true()
-            } else {
-                simd.splat_false()
-            };
+            let now = if choice >> i & 1 == 1 { simd.splat_true() } else { simd.splat_false() };
             swapped[i] = select_mask(simd, better, now, swapped[i]);
         }
     }
@@ -309,8 +322,5 @@ impl<S: Simd> SplatMask for S {}
 /// `yes` where the mask holds, else `no`, for masks.
 #[inline(always)]
 fn select_mask<S: Simd>(simd: S, mask: S::m64s, yes: S::m64s, no: S::m64s) -> S::m64s {
-    simd.or_m64s(
-        simd.and_m64s(mask, yes),
-        simd.and_m64s(simd.not_m64s(mask), no),
-    )
+    simd.or_m64s(simd.and_m64s(mask, yes), simd.and_m64s(simd.not_m64s(mask), no))
 }

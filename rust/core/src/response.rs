@@ -1,5 +1,6 @@
 //! The observed receptance and its derivatives over all frequency lines.
 
+use crate::branch::shorten;
 use crate::error::{Error, Result};
 use crate::lane::{C, MAX_LANES};
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Spring, Step, Table};
@@ -59,27 +60,15 @@ pub struct Response {
 /// A derivative made ready for the kernels.
 pub(crate) enum Gradient<const D: usize> {
     /// A column of a segment that changes its coefficients.
-    Section {
-        row: usize,
-        kinetic: [f64; D],
-        compliance: [Complex64; D],
-    },
+    Section { row: usize, kinetic: [f64; D], compliance: [Complex64; D] },
     /// The length of a segment.
     Length { row: usize },
     /// A column of a joint's spring.
-    Joint {
-        row: usize,
-        column: usize,
-        spring: Spring,
-    },
+    Joint { row: usize, column: usize, spring: Spring },
     /// A column of a point mass.
     Mass { node: usize, direction: usize },
     /// A column of a spring to ground.
-    Ground {
-        node: usize,
-        column: usize,
-        spring: Spring,
-    },
+    Ground { node: usize, column: usize, spring: Spring },
 }
 
 /// One load case: a unit load at the root of a plan.
@@ -109,40 +98,31 @@ struct Job<'a, const D: usize> {
 /// # Errors
 /// A line that is not a positive frequency, a coordinate or parameter that the model does not have, a
 /// singular interface, or a resonance without damping met exactly.
-pub fn receptance(
-    model: &Model,
-    w: &[Complex64],
-    request: &Request,
-    threads: usize,
-) -> Result<Response> {
+pub fn receptance(model: &Model, w: &[Complex64], request: &Request, threads: usize) -> Result<Response> {
     check_lines(w)?;
     check_request(model, request)?;
     check_interfaces(model, w)?;
-    match model.motion.degrees() {
-        1 => Job::<1>::new(model, request).run(w, threads),
-        _ => Job::<2>::new(model, request).run(w, threads),
+    let solve = |whole_branches| match model.motion.degrees() {
+        1 => Job::<1>::new(model, request, w, whole_branches).run(w, threads),
+        _ => Job::<2>::new(model, request, w, whole_branches).run(w, threads),
+    };
+    match solve(true) {
+        // A free resonance without damping can make the one denominator of a branch zero to the last bit.
+        Err(Error::Resonance { .. }) => solve(false),
+        other => other,
     }
 }
 
 /// Name of the instruction set that the kernels run on here.
 pub fn instruction_set() -> String {
-    format!("{:?}", Arch::new())
-        .split('(')
-        .next()
-        .unwrap_or_default()
-        .to_owned()
+    format!("{:?}", Arch::new()).split('(').next().unwrap_or_default().to_owned()
 }
 
 fn check_lines(w: &[Complex64]) -> Result<()> {
     for (line, value) in w.iter().enumerate() {
         if !(value.re.is_finite() && value.im.is_finite() && value.re > 0.0) {
             let expected = "a finite value with a positive real part";
-            return Err(Error::Frequency {
-                line,
-                re: value.re,
-                im: value.im,
-                expected,
-            });
+            return Err(Error::Frequency { line, re: value.re, im: value.im, expected });
         }
     }
     Ok(())
@@ -150,28 +130,15 @@ fn check_lines(w: &[Complex64]) -> Result<()> {
 
 fn check_request(model: &Model, request: &Request) -> Result<()> {
     let degrees = model.motion.degrees();
-    for (what, list) in [
-        ("excitation", &request.excitations),
-        ("response", &request.responses),
-    ] {
+    for (what, list) in [("excitation", &request.excitations), ("response", &request.responses)] {
         for (index, coordinate) in list.iter().enumerate() {
             if coordinate.node >= model.nodes {
                 let expected = format!("a node from 0 to {}", model.nodes - 1);
-                return Err(Error::Index {
-                    what,
-                    index,
-                    value: coordinate.node as f64,
-                    expected,
-                });
+                return Err(Error::Index { what, index, value: coordinate.node as f64, expected });
             }
             if coordinate.direction >= degrees {
                 let expected = format!("a direction below {degrees}");
-                return Err(Error::Index {
-                    what,
-                    index,
-                    value: coordinate.direction as f64,
-                    expected,
-                });
+                return Err(Error::Index { what, index, value: coordinate.direction as f64, expected });
             }
         }
     }
@@ -189,22 +156,12 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Resul
         };
         if parameter.row >= rows {
             let expected = format!("a row below {rows}");
-            return Err(Error::Index {
-                what: "parameter row",
-                index,
-                value: parameter.row as f64,
-                expected,
-            });
+            return Err(Error::Index { what: "parameter row", index, value: parameter.row as f64, expected });
         }
         if !columns.contains(&parameter.column) {
             let expected = format!("a column from {} to {}", columns.start, columns.end - 1);
             let value = parameter.column as f64;
-            return Err(Error::Index {
-                what: "parameter column",
-                index,
-                value,
-                expected,
-            });
+            return Err(Error::Index { what: "parameter column", index, value, expected });
         }
     }
     Ok(())
@@ -218,15 +175,11 @@ fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
         }
         for &line in w {
             let iw = Complex64::I * line;
-            let entry = |i: usize| {
-                Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i]
-            };
+            let entry =
+                |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
             let (y, theta, both) = (entry(0), entry(1), entry(2));
-            let (size, determinant) = if degrees == 1 {
-                (1.0, y)
-            } else {
-                ((y * theta).norm(), y * theta - both * both)
-            };
+            let (size, determinant) =
+                if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
             if determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0 {
                 return Err(Error::SingularInterface {
                     row,
@@ -248,30 +201,14 @@ impl<const D: usize> Gradient<D> {
         match table {
             Table::Segments if column == section::column::LENGTH => Self::Length { row },
             Table::Segments => {
-                let (_, change) =
-                    section::derivatives::<D>(&model.segments[row], model.motion, Some(column));
-                Self::Section {
-                    row,
-                    kinetic: change.kinetic,
-                    compliance: change.compliance,
-                }
+                let (_, change) = section::derivatives::<D>(&model.segments[row], model.motion, Some(column));
+                Self::Section { row, kinetic: change.kinetic, compliance: change.compliance }
             }
-            Table::Joints => Self::Joint {
-                row,
-                column: column - 2,
-                spring: model.joints[row].1,
-            },
-            Table::Masses => Self::Mass {
-                node: model.masses[row].0,
-                direction: column - 1,
-            },
+            Table::Joints => Self::Joint { row, column: column - 2, spring: model.joints[row].1 },
+            Table::Masses => Self::Mass { node: model.masses[row].0, direction: column - 1 },
             Table::Grounds => {
                 let (node, spring) = model.grounds[row];
-                Self::Ground {
-                    node,
-                    column: column - 1,
-                    spring,
-                }
+                Self::Ground { node, column: column - 1, spring }
             }
         }
     }
@@ -280,6 +217,19 @@ impl<const D: usize> Gradient<D> {
     pub(crate) fn segment(&self) -> Option<usize> {
         match self {
             Self::Section { row, .. } | Self::Length { row } => Some(*row),
+            _ => None,
+        }
+    }
+
+    /// The joint that the parameter belongs to.
+    fn joint(&self) -> Option<usize> {
+        if let Self::Joint { row, .. } = self { Some(*row) } else { None }
+    }
+
+    /// The node that the parameter's point element sits on.
+    fn node(&self) -> Option<usize> {
+        match self {
+            Self::Mass { node, .. } | Self::Ground { node, .. } => Some(*node),
             _ => None,
         }
     }
@@ -295,22 +245,12 @@ impl<const D: usize> Gradient<D> {
     ) -> C<S> {
         let zero = C::zero(block.iw.simd);
         match self {
-            Self::Section {
-                row,
-                kinetic,
-                compliance,
-            } => match &sensitivities[*row] {
+            Self::Section { row, kinetic, compliance } => match &sensitivities[*row] {
                 Some(found) => sensitivity::by_column(found, kinetic, compliance),
                 None => zero,
             },
-            Self::Length { row } => sensitivities[*row]
-                .as_ref()
-                .map_or(zero, |found| found.length),
-            Self::Joint {
-                row,
-                column,
-                spring,
-            } => {
+            Self::Length { row } => sensitivities[*row].as_ref().map_or(zero, |found| found.length),
+            Self::Joint { row, column, spring } => {
                 let compliance = &block.compliances[*row];
                 let left = small::apply(compliance, &left.joints[*row]);
                 let right = small::apply(compliance, &right.joints[*row]);
@@ -322,17 +262,9 @@ impl<const D: usize> Gradient<D> {
                 }
                 block.w2 * (left.nodes[*node][*direction] * right.nodes[*node][*direction])
             }
-            Self::Ground {
-                node,
-                column,
-                spring,
-            } => spring_derivative(
-                spring,
-                *column,
-                block.iw,
-                &left.nodes[*node],
-                &right.nodes[*node],
-            ),
+            Self::Ground { node, column, spring } => {
+                spring_derivative(spring, *column, block.iw, &left.nodes[*node], &right.nodes[*node])
+            }
         }
     }
 }
@@ -370,66 +302,76 @@ fn spring_derivative<S: Simd, const D: usize>(
 }
 
 impl<'a, const D: usize> Job<'a, D> {
-    fn new(model: &Model, request: &'a Request) -> Self {
+    fn new(model: &Model, request: &'a Request, w: &[Complex64], whole_branches: bool) -> Self {
         let mut job = Self {
             prepared: Prepared::new(model),
             plans: Vec::new(),
             loads: Vec::new(),
             excited: Vec::new(),
             observed: Vec::new(),
-            gradients: request
-                .parameters
-                .iter()
-                .map(|p| Gradient::new(model, p))
-                .collect(),
+            gradients: request.parameters.iter().map(|p| Gradient::new(model, p)).collect(),
             differentiated: Vec::new(),
             request,
             nodes: model.nodes,
             only_root: false,
         };
         for gradient in &job.gradients {
-            if let Some(row) = gradient
-                .segment()
-                .filter(|row| !job.differentiated.contains(row))
-            {
+            if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
             }
         }
-        job.excited = request
-            .excitations
-            .iter()
-            .map(|point| job.load(model, *point))
-            .collect();
+        job.excited = request.excitations.iter().map(|point| job.load(model, *point)).collect();
         if !job.gradients.is_empty() {
-            job.observed = request
-                .responses
-                .iter()
-                .map(|point| job.load(model, *point))
-                .collect();
+            job.observed = request.responses.iter().map(|point| job.load(model, *point)).collect();
         }
         job.only_root = job.gradients.is_empty()
             && job.plans.len() == 1
-            && request
-                .responses
-                .iter()
-                .all(|point| point.node == job.plans[0].0);
+            && request.responses.iter().all(|point| point.node == job.plans[0].0);
+        if whole_branches {
+            job.shorten(model, w);
+        }
         job
+    }
+
+    /// Takes branches in which nothing is observed or differentiated as a whole.
+    fn shorten(&mut self, model: &Model, w: &[Complex64]) {
+        let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm()));
+        let observed = |node: usize| {
+            self.request.responses.iter().any(|point| point.node == node)
+                || self.gradients.iter().any(|gradient| gradient.node() == Some(node))
+        };
+        let joint = |row: usize| self.gradients.iter().any(|gradient| gradient.joint() == Some(row));
+        let mut branches = Vec::new();
+        for (_, plan) in &mut self.plans {
+            // An observed node ends a branch at the step that would leave it behind.
+            let needed = |step: &Step| match *step {
+                Step::Leaf { node } | Step::Point { node } => observed(node),
+                Step::Segment { row, far, .. } => observed(far) || self.differentiated.contains(&row),
+                Step::Joint { row, far, .. } => observed(far) || joint(row),
+                Step::Join | Step::Branch { .. } => true,
+            };
+            let whole = core::mem::take(plan);
+            *plan = shorten(model, &self.prepared.segments, whole, highest, w.len(), needed, &mut branches);
+        }
+        let mut active = vec![false; model.segments.len()];
+        for step in self.plans.iter().flat_map(|plan| &plan.1) {
+            if let Step::Segment { row, .. } = step {
+                active[*row] = true;
+            }
+        }
+        self.prepared.active = active;
+        self.prepared.branches = branches;
     }
 
     /// The number of the load case at a coordinate, made if it is new.
     fn load(&mut self, model: &Model, coordinate: Coordinate) -> usize {
-        if let Some(found) = self
-            .loads
-            .iter()
-            .position(|load| load.coordinate == coordinate)
-        {
+        if let Some(found) = self.loads.iter().position(|load| load.coordinate == coordinate) {
             return found;
         }
         let plan = match self.plans.iter().position(|plan| plan.0 == coordinate.node) {
             Some(plan) => plan,
             None => {
-                self.plans
-                    .push((coordinate.node, model.plan(coordinate.node)));
+                self.plans.push((coordinate.node, model.plan(coordinate.node)));
                 self.plans.len() - 1
             }
         };
@@ -448,39 +390,19 @@ impl<'a, const D: usize> Job<'a, D> {
             let h = receptance.par_chunks_mut((LINES_PER_TASK * pairs).max(1));
             // zip ends with the shorter one: without parameters the derivative has no chunks at all.
             if wide == 0 {
-                let task = |(w, h)| {
-                    arch.dispatch(Lines {
-                        job: self,
-                        w,
-                        h,
-                        dh: &mut [],
-                    })
-                };
+                let task = |(w, h)| arch.dispatch(Lines { job: self, w, h, dh: &mut [] });
                 lines.zip(h).for_each(task);
             } else {
                 let dh = derivative.par_chunks_mut(LINES_PER_TASK * wide);
-                let task = |((w, h), dh)| {
-                    arch.dispatch(Lines {
-                        job: self,
-                        w,
-                        h,
-                        dh,
-                    })
-                };
+                let task = |((w, h), dh)| arch.dispatch(Lines { job: self, w, h, dh });
                 lines.zip(h).zip(dh).for_each(task);
             }
         })?;
         if let Some(index) = receptance.iter().position(|value| !value.is_finite()) {
             let line = index / pairs;
-            return Err(Error::Resonance {
-                line,
-                frequency_hz: w[line].re / core::f64::consts::TAU,
-            });
+            return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
         }
-        Ok(Response {
-            receptance,
-            derivative,
-        })
+        Ok(Response { receptance, derivative })
     }
 }
 
@@ -517,7 +439,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
             let start = start * S::F64_LANES;
             job.prepared.block(simd, lines, false, &mut block);
             for (index, (root, plan)) in job.plans.iter().enumerate() {
-                block.upwards(simd, plan, &mut records, &mut Blind);
+                block.upwards(simd, plan, &job.prepared.branches, &mut records, &mut Blind);
                 let Some(top) = records.last() else { continue };
                 let receptance = top.plane.receptance();
                 for (load, field) in job.loads.iter().zip(&mut fields) {
@@ -527,25 +449,15 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
                     let direction = load.coordinate.direction;
                     let independent = top.plane.loaded(&receptance, direction.min(D - 1));
                     if job.only_root {
-                        field.nodes[*root] =
-                            core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
+                        field.nodes[*root] = core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
                     } else {
                         let with_states = !job.differentiated.is_empty();
                         block.downwards(plan, &records, independent, with_states, field, *root);
-                        field.nodes[*root] =
-                            core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
+                        field.nodes[*root] = core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
                     }
                 }
             }
-            job.collect(
-                &block,
-                &fields,
-                &mut sensitivities,
-                lines.len(),
-                start,
-                h,
-                dh,
-            );
+            job.collect(&block, &fields, &mut sensitivities, lines.len(), start, h, dh);
         }
     }
 }
@@ -590,9 +502,7 @@ impl<const D: usize> Job<'_, D> {
                     ));
                 }
                 for (k, gradient) in self.gradients.iter().enumerate() {
-                    gradient
-                        .evaluate(block, left, right, sensitivities)
-                        .store(&mut lanes);
+                    gradient.evaluate(block, left, right, sensitivities).store(&mut lanes);
                     for lane in 0..lines {
                         let line = (start + lane) * rows * columns + pair;
                         dh[line * parameters + k] = lanes[lane];

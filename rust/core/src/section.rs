@@ -66,11 +66,8 @@ fn shear_coefficient(hutchinson: bool, nu: f64, q: f64) -> (f64, f64, f64) {
         top = 6.0 * (1.0 + nu).powi(2) * ring;
         top_nu = 12.0 * (1.0 + nu) * ring;
         top_q = 12.0 * (1.0 + nu).powi(2) * (1.0 + q);
-        let (p0, p1, p2) = (
-            7.0 + 34.0 * q + 7.0 * q * q,
-            12.0 + 48.0 * q + 12.0 * q * q,
-            4.0 + 16.0 * q + 4.0 * q * q,
-        );
+        let (p0, p1, p2) =
+            (7.0 + 34.0 * q + 7.0 * q * q, 12.0 + 48.0 * q + 12.0 * q * q, 4.0 + 16.0 * q + 4.0 * q * q);
         bottom = p0 + nu * p1 + nu * nu * p2;
         bottom_nu = p1 + 2.0 * nu * p2;
         bottom_q = (34.0 + 14.0 * q) + nu * (48.0 + 24.0 * q) + nu * nu * (16.0 + 8.0 * q);
@@ -83,11 +80,7 @@ fn shear_coefficient(hutchinson: bool, nu: f64, q: f64) -> (f64, f64, f64) {
         bottom_q = (7.0 + 6.0 * nu) * 2.0 * (1.0 + q) + 20.0 + 12.0 * nu;
     }
     let kappa = top / bottom;
-    (
-        kappa,
-        (top_nu - kappa * bottom_nu) / bottom,
-        (top_q - kappa * bottom_q) / bottom,
-    )
+    (kappa, (top_nu - kappa * bottom_nu) / bottom, (top_q - kappa * bottom_q) / bottom)
 }
 
 impl Layer {
@@ -97,10 +90,7 @@ impl Layer {
         // Factored: the differences of squares and fourth powers of a thin wall lose no digits.
         let area = PI / 4.0 * (o - i) * (o + i);
         let moment = area / 16.0 * (o * o + i * i);
-        (
-            [area, PI / 2.0 * o, -PI / 2.0 * i],
-            [moment, PI / 16.0 * o.powi(3), -PI / 16.0 * i.powi(3)],
-        )
+        ([area, PI / 2.0 * o, -PI / 2.0 * i], [moment, PI / 16.0 * o.powi(3), -PI / 16.0 * i.powi(3)])
     }
 
     /// What the layer adds to inertia and stiffness, with derivatives.
@@ -130,11 +120,7 @@ impl Layer {
                     (polar, polar, shear, -shear / (1.0 + nu), false)
                 }
             };
-            let (k, k_nu, k_q) = if coefficient {
-                (kappa, kappa_nu, kappa_q)
-            } else {
-                (1.0, 0.0, 0.0)
-            };
+            let (k, k_nu, k_q) = if coefficient { (kappa, kappa_nu, kappa_q) } else { (1.0, 0.0, 0.0) };
             out.kinetic[i] = rho * inertia[0];
             out.stiffness[i] = loss * (k * modulus * stiff[0]);
             for side in 0..2 {
@@ -156,12 +142,7 @@ fn layers(row: &[f64]) -> (Layer, Option<Layer>) {
     let hutchinson = row[column::SHEAR_MODEL] == 1.0;
     let four = |start: usize| [row[start], row[start + 1], row[start + 2], row[start + 3]];
     let (outer, inner) = (row[column::OUTER_DIAMETER], row[column::INNER_DIAMETER]);
-    let ring = Layer {
-        outer,
-        inner,
-        material: four(column::MATERIAL),
-        hutchinson,
-    };
+    let ring = Layer { outer, inner, material: four(column::MATERIAL), hutchinson };
     let core = (row[column::CORE_MATERIAL + 1] != 0.0).then(|| Layer {
         outer: inner,
         inner: 0.0,
@@ -185,19 +166,10 @@ pub fn derivatives<const D: usize>(
     let (ring, core) = layers(row);
     let ring = ring.contribution::<D>(motion);
     let core = core.map(|layer| layer.contribution::<D>(motion));
-    let mut value = Coefficients {
-        kinetic: ring.kinetic,
-        compliance: ring.stiffness,
-    };
-    let mut change = Coefficients {
-        kinetic: [0.0; D],
-        compliance: [Complex64::ZERO; D],
-    };
-    let ring_index = by.and_then(|by| {
-        (column::OUTER_DIAMETER..column::CORE_MATERIAL)
-            .contains(&by)
-            .then(|| by - 3)
-    });
+    let mut value = Coefficients { kinetic: ring.kinetic, compliance: ring.stiffness };
+    let mut change = Coefficients { kinetic: [0.0; D], compliance: [Complex64::ZERO; D] };
+    let ring_index =
+        by.and_then(|by| (column::OUTER_DIAMETER..column::CORE_MATERIAL).contains(&by).then(|| by - 3));
     // The core's outer diameter is the bore; its materials come four columns later.
     let core_index = by.and_then(|by| match by {
         column::INNER_DIAMETER => Some(0),
@@ -227,68 +199,37 @@ pub fn derivatives<const D: usize>(
 /// Checks that a row of the segment table is a beam.
 pub fn check(row: &[f64], index: usize) -> Result<()> {
     let fail = |quantity, value, expected| {
-        Err(Error::Quantity {
-            element: "segment",
-            row: index,
-            quantity,
-            value,
-            expected,
-        })
+        Err(Error::Quantity { element: "segment", row: index, quantity, value, expected })
     };
     let positive = |value: f64| value.is_finite() && value > 0.0;
     if !positive(row[column::LENGTH]) {
-        return fail(
-            "length",
-            row[column::LENGTH],
-            "a positive finite number of metres",
-        );
+        return fail("length", row[column::LENGTH], "a positive finite number of metres");
     }
     let (outer, inner) = (row[column::OUTER_DIAMETER], row[column::INNER_DIAMETER]);
     if !positive(outer) {
-        return fail(
-            "outer_diameter",
-            outer,
-            "a positive finite number of metres",
-        );
+        return fail("outer_diameter", outer, "a positive finite number of metres");
     }
     if !(inner.is_finite() && inner >= 0.0 && inner < outer) {
-        return fail(
-            "inner_diameter",
-            inner,
-            "zero or more, and less than the outer diameter",
-        );
+        return fail("inner_diameter", inner, "zero or more, and less than the outer diameter");
     }
     let core_density = row[column::CORE_MATERIAL + 1];
     if core_density != 0.0 && inner == 0.0 {
         return fail("inner_diameter", inner, "a bore that the core can fill");
     }
-    let cores: &[usize] = if core_density == 0.0 {
-        &[column::MATERIAL]
-    } else {
-        &[column::MATERIAL, column::CORE_MATERIAL]
-    };
+    let cores: &[usize] =
+        if core_density == 0.0 { &[column::MATERIAL] } else { &[column::MATERIAL, column::CORE_MATERIAL] };
     for &start in cores {
         check_material(&row[start..start + 4], index)?;
     }
     if row[column::SHEAR_MODEL] != 0.0 && row[column::SHEAR_MODEL] != 1.0 {
-        return fail(
-            "shear_model",
-            row[column::SHEAR_MODEL],
-            "0 (Cowper) or 1 (Hutchinson)",
-        );
+        return fail("shear_model", row[column::SHEAR_MODEL], "0 (Cowper) or 1 (Hutchinson)");
     }
     Ok(())
 }
 
 fn check_material(material: &[f64], index: usize) -> Result<()> {
     let fail = |quantity, value, expected| {
-        Err(Error::Quantity {
-            element: "segment",
-            row: index,
-            quantity,
-            value,
-            expected,
-        })
+        Err(Error::Quantity { element: "segment", row: index, quantity, value, expected })
     };
     let [e, rho, nu, eta] = [material[0], material[1], material[2], material[3]];
     if !(e.is_finite() && e > 0.0) {
@@ -322,10 +263,7 @@ mod tests {
 
     #[test]
     fn derivatives_of_the_coefficients_agree_with_differences() {
-        let row = [
-            0.0, 1.0, 0.1, 0.03, 0.012, 2.1e11, 7850.0, 0.3, 0.01, 5.8e11, 14500.0, 0.22, 0.002,
-            0.0,
-        ];
+        let row = [0.0, 1.0, 0.1, 0.03, 0.012, 2.1e11, 7850.0, 0.3, 0.01, 5.8e11, 14500.0, 0.22, 0.002, 0.0];
         for shear in [0.0, 1.0] {
             for by in column::OUTER_DIAMETER..column::SHEAR_MODEL {
                 let mut row = row;
@@ -335,19 +273,14 @@ mod tests {
                 let (mut up, mut down) = (row, row);
                 up[by] += step;
                 down[by] -= step;
-                let (up, down) = (
-                    coefficients::<2>(&up, Motion::Bending),
-                    coefficients::<2>(&down, Motion::Bending),
-                );
+                let (up, down) =
+                    (coefficients::<2>(&up, Motion::Bending), coefficients::<2>(&down, Motion::Bending));
                 for i in 0..2 {
                     let kinetic = (up.kinetic[i] - down.kinetic[i]) / (2.0 * step);
                     assert!((kinetic - change.kinetic[i]).abs() <= 1e-7 * (kinetic.abs() + 1e-12));
                     let compliance = (up.compliance[i] - down.compliance[i]) / (2.0 * step);
                     let size = compliance.norm() + 1e-9 * up.compliance[i].norm() / row[by];
-                    assert!(
-                        (compliance - change.compliance[i]).norm() <= 1e-7 * size,
-                        "column {by}"
-                    );
+                    assert!((compliance - change.compliance[i]).norm() <= 1e-7 * size, "column {by}");
                 }
             }
         }

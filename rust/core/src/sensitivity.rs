@@ -34,40 +34,20 @@ pub fn segment<S: Simd, const D: usize>(
     right: &[State<S, D>],
 ) -> Sensitivity<S, D> {
     let zero = C::zero(w2.simd);
-    let mut out = Sensitivity {
-        kinetic: [zero; D],
-        compliance: [zero; D],
-        length: zero,
-    };
+    let mut out = Sensitivity { kinetic: [zero; D], compliance: [zero; D], length: zero };
     match (kernel, choice) {
         (Kernel::Waves(wave), _) => waves(segment, wave, left, right, &mut out),
         (Kernel::Pieces { count, .. }, Choice::Pieces { terms, .. }) => {
             let l = segment.length / *count as f64;
             for piece in 0..*count {
                 if D == 1 {
-                    rod_piece(
-                        segment,
-                        l,
-                        terms,
-                        w2,
-                        &left[piece + 1],
-                        &right[piece],
-                        &mut out,
-                    );
+                    rod_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
                 } else {
-                    bending_piece(
-                        segment,
-                        l,
-                        terms,
-                        w2,
-                        &left[piece + 1],
-                        &right[piece],
-                        &mut out,
-                    );
+                    bending_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
                 }
             }
         }
-        (Kernel::Pieces { .. }, Choice::Waves) => {}
+        (Kernel::Pieces { .. }, Choice::Waves) | (Kernel::Skipped, _) => {}
     }
     for i in 0..D {
         out.kinetic[i] = out.kinetic[i] * w2;
@@ -125,20 +105,10 @@ fn rod_piece<S: Simd, const D: usize>(
     };
     let z_a = mu.scale(-l * l);
     let cross = s[1] * z_a;
-    let by_a = paired(
-        c[1] * z_a,
-        a.mul_add(cross, s[0]).scale(l),
-        -(mu * cross).scale(l),
-        c[1] * z_a,
-    );
+    let by_a = paired(c[1] * z_a, a.mul_add(cross, s[0]).scale(l), -(mu * cross).scale(l), c[1] * z_a);
     let z_mu = a.scale(-l * l);
     let cross = s[1] * z_mu;
-    let by_mu = paired(
-        c[1] * z_mu,
-        (a * cross).scale(l),
-        -mu.mul_add(cross, s[0]).scale(l),
-        c[1] * z_mu,
-    );
+    let by_mu = paired(c[1] * z_mu, (a * cross).scale(l), -mu.mul_add(cross, s[0]).scale(l), c[1] * z_mu);
     out.compliance[0] = out.compliance[0] - by_a;
     out.kinetic[0] = out.kinetic[0] - by_mu;
 }
@@ -150,12 +120,7 @@ type Four<S> = [C<S>; 4];
 #[inline(always)]
 fn along<S: Simd>(v: &Four<S>, coefficients: &[C<S>; 4]) -> Four<S> {
     let [alpha, beta, mu, nu] = *coefficients;
-    [
-        alpha.mul_add(v[2], v[1]),
-        beta * v[3],
-        -(mu * v[0]),
-        -nu.mul_add(v[1], v[2]),
-    ]
+    [alpha.mul_add(v[2], v[1]), beta * v[3], -(mu * v[0]), -nu.mul_add(v[1], v[2])]
 }
 
 /// x^T J y.
@@ -191,20 +156,10 @@ fn bending_piece<S: Simd, const D: usize>(
     let w1 = along(&w0, &coefficients);
     let w2_ = along(&w1, &coefficients);
     // r^T J A^i s, the powers shared between both sides: J A is symmetric.
-    let powers = [
-        symplectic(&w0, &v0),
-        symplectic(&w0, &v1),
-        symplectic(&w0, &v2),
-        -symplectic(&w1, &v2),
-    ];
+    let powers = [symplectic(&w0, &v0), symplectic(&w0, &v1), symplectic(&w0, &v2), -symplectic(&w1, &v2)];
     // Derivatives of c_0 .. c_3 by s = z1/l^2 and p = z2/l^4.
     let (l2, l4) = (l * l, l.powi(4));
-    let by_s = [
-        -(z2 * e4[1]).scale(l2),
-        -(z2 * e5[1]).scale(l * l2),
-        e2[1].scale(l4),
-        e3[1].scale(l * l4),
-    ];
+    let by_s = [-(z2 * e4[1]).scale(l2), -(z2 * e5[1]).scale(l * l2), e2[1].scale(l4), e3[1].scale(l * l4)];
     let by_p = [
         -z2.mul_add(e4[2], e4[0]).scale(l4),
         -z2.mul_add(e5[2], e5[0]).scale(l * l4),
@@ -272,8 +227,7 @@ fn waves<S: Simd, const D: usize>(
                 let shape = wave.u[i][j] * wave.u[i][k];
                 out.kinetic[i] = shape.mul_add(along + across.scale(parity(i)), out.kinetic[i]);
                 let shape = wave.f[i][j] * wave.f[i][k];
-                out.compliance[i] =
-                    shape.mul_add(along - across.scale(parity(i)), out.compliance[i]);
+                out.compliance[i] = shape.mul_add(along - across.scale(parity(i)), out.compliance[i]);
             }
         }
     }
@@ -287,10 +241,7 @@ fn ends<S: Simd, const D: usize>(states: &[State<S, D>]) -> Option<[State<S, D>;
 
 /// Amplitudes of the waves from the left end (at that end) and from the right end (at that one).
 #[inline(always)]
-fn amplitudes<S: Simd, const D: usize>(
-    wave: &Wave<S, D>,
-    ends: &[State<S, D>; 2],
-) -> [[C<S>; D]; 2] {
+fn amplitudes<S: Simd, const D: usize>(wave: &Wave<S, D>, ends: &[State<S, D>; 2]) -> [[C<S>; D]; 2] {
     let zero = C::zero(wave.lambda[0].simd);
     let mut out = [[zero; D]; 2];
     for j in 0..D {

@@ -27,17 +27,42 @@ const INVERSE_FACTORIAL: [f64; 2 * MOST_TERMS + 8] = {
     table
 };
 
+/// Largest |lambda L|^2 for which each number of terms leaves out less than a rounding error.
+const SERVED: [f64; MOST_TERMS] = {
+    let mut table = [0.0; MOST_TERMS];
+    let mut n = 1;
+    while n < MOST_TERMS {
+        // Bisection for (n + 1) x^n / (2 n + 2)! < 2e-17.
+        let (mut low, mut high) = (0.0, 2.0 * REACH * REACH);
+        let mut round = 0;
+        while round < 60 {
+            let middle = 0.5 * (low + high);
+            let mut size = 0.5 * (n + 1) as f64;
+            let mut k = 1;
+            while k <= n {
+                size *= middle / ((2 * k + 1) * (2 * k + 2)) as f64;
+                k += 1;
+            }
+            if size < 2e-17 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+            round += 1;
+        }
+        table[n] = low;
+        n += 1;
+    }
+    table
+};
+
 /// Terms that leave out less than a rounding error where |lambda L|^2 <= `square`.
 pub fn terms(square: f64) -> usize {
-    let mut size = 0.5;
-    for n in 1..MOST_TERMS {
-        let k = 2 * n + 1;
-        size *= square / (k * (k + 1)) as f64;
-        if size * ((n + 1) as f64) < 2e-17 {
-            return n;
-        }
+    let mut n = 1;
+    while n < MOST_TERMS && SERVED[n] < square {
+        n += 1;
     }
-    MOST_TERMS
+    n
 }
 
 /// e_2, e_3, e_4, e_5.
@@ -52,14 +77,8 @@ pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> Sums<S> {
     let simd = z1.simd;
     let top = 2 * terms + 2;
     // Two chains, even and odd k; (e_(k+4), e_(k+2)) of each.
-    let mut even = [
-        C::real(simd, INVERSE_FACTORIAL[top + 2]),
-        C::real(simd, INVERSE_FACTORIAL[top]),
-    ];
-    let mut odd = [
-        C::real(simd, INVERSE_FACTORIAL[top + 3]),
-        C::real(simd, INVERSE_FACTORIAL[top + 1]),
-    ];
+    let mut even = [C::real(simd, INVERSE_FACTORIAL[top + 2]), C::real(simd, INVERSE_FACTORIAL[top])];
+    let mut odd = [C::real(simd, INVERSE_FACTORIAL[top + 3]), C::real(simd, INVERSE_FACTORIAL[top + 1])];
     let mut k = top;
     while k > 2 {
         k -= 2;
@@ -68,9 +87,7 @@ pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> Sums<S> {
         let start = C::real(simd, INVERSE_FACTORIAL[k + 1]);
         odd = [odd[1], z2.neg_mul_add(odd[0], z1.mul_add(odd[1], start))];
     }
-    Sums {
-        e: [even[1], odd[1], even[0], odd[0]],
-    }
+    Sums { e: [even[1], odd[1], even[0], odd[0]] }
 }
 
 /// The sums with their derivatives by z1 and z2: `[value, by z1, by z2]` of e_2 to e_5.
@@ -81,10 +98,7 @@ pub fn sums_with_derivatives<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [[C<S
     let top = 2 * (terms + 1) + 2;
     let start = |k: usize| [C::real(simd, INVERSE_FACTORIAL[k]), zero, zero];
     let step = |k: usize, far: [C<S>; 3], near: [C<S>; 3]| {
-        let value = z2.neg_mul_add(
-            far[0],
-            z1.mul_add(near[0], C::real(simd, INVERSE_FACTORIAL[k])),
-        );
+        let value = z2.neg_mul_add(far[0], z1.mul_add(near[0], C::real(simd, INVERSE_FACTORIAL[k])));
         let by_z1 = z2.neg_mul_add(far[1], z1.mul_add(near[1], near[0]));
         let by_z2 = z2.neg_mul_add(far[2], z1.mul_add(near[2], -far[0]));
         [value, by_z1, by_z2]

@@ -82,11 +82,7 @@ pub fn apply<S: Simd, const D: usize>(a: &Mat<S, D>, v: &[C<S>; D]) -> [C<S>; D]
 #[inline(always)]
 pub fn det<S: Simd, const D: usize>(a: &Mat<S, D>) -> C<S> {
     const { assert!(D == 1 || D == 2, "one or two degrees of freedom a node") };
-    if D == 1 {
-        a[0][0]
-    } else {
-        a[0][1].neg_mul_add(a[1][0], a[0][0] * a[1][1])
-    }
+    if D == 1 { a[0][0] } else { a[0][1].neg_mul_add(a[1][0], a[0][0] * a[1][1]) }
 }
 
 /// Adjugate: the inverse times the determinant.

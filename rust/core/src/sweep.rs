@@ -1,5 +1,6 @@
 //! Sweeps over the graph for a block of frequency lines: planes upwards to the root, states back down.
 
+use crate::branch::Branch;
 use crate::kernel::{Choice, Kernel, Segment, oriented};
 use crate::lane::C;
 use crate::model::{Model, Spring, Step};
@@ -16,6 +17,10 @@ pub struct Prepared<const D: usize> {
     pub joints: Vec<Spring>,
     /// Inertia and springs of each node that has any.
     points: Vec<(Vec<[f64; 2]>, Vec<Spring>)>,
+    /// Branches taken as a whole.
+    pub branches: Vec<Branch<D>>,
+    /// Segments that are taken one by one.
+    pub active: Vec<bool>,
 }
 
 /// Everything of the model at a block of frequency lines.
@@ -24,6 +29,10 @@ pub struct Block<S: Simd, const D: usize> {
     pub iw: C<S>,
     /// w^2.
     pub w2: C<S>,
+    /// The largest |w|^2 of the lines.
+    most: f64,
+    /// Whether all lines are real.
+    real: bool,
     /// The kernel of each segment.
     pub kernels: Vec<Kernel<S, D>>,
     /// The choice behind each kernel.
@@ -32,8 +41,9 @@ pub struct Block<S: Simd, const D: usize> {
     weights: Vec<[f64; D]>,
     /// Compliance of each joint.
     pub compliances: Vec<Mat<S, D>>,
-    /// Joints whose translation and rotation are coupled.
-    coupled_joints: Vec<bool>,
+    /// Where each joint's stiffness is diagonal (beyond the node, along x), and its compliances there; no
+    /// place where it is diagonal at the node itself.
+    centres: Vec<Option<(C<S>, Mat<S, D>)>>,
     /// Impedance of the point elements of each node, and whether it couples translation and rotation.
     points: Vec<Option<(Mat<S, D>, bool)>>,
 }
@@ -100,44 +110,41 @@ impl<const D: usize> Prepared<D> {
             points[*node].1.push(*spring);
         }
         Self {
-            segments: model
-                .segments
-                .iter()
-                .map(|row| Segment::new(row, model.motion))
-                .collect(),
+            segments: model.segments.iter().map(|row| Segment::new(row, model.motion)).collect(),
             joints: model.joints.iter().map(|joint| joint.1).collect(),
             points,
+            branches: Vec::new(),
+            active: vec![true; model.segments.len()],
         }
     }
 
     /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series.
     #[inline(always)]
-    pub fn block<S: Simd>(
-        &self,
-        simd: S,
-        w: &[Complex64],
-        pieces_only: bool,
-        into: &mut Block<S, D>,
-    ) {
+    pub fn block<S: Simd>(&self, simd: S, w: &[Complex64], pieces_only: bool, into: &mut Block<S, D>) {
         let line = C::load(simd, w);
-        let most = w.iter().fold(0.0_f64, |most, w| most.max(w.norm()));
+        into.most = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr()));
+        into.real = w.iter().all(|w| w.im == 0.0);
         into.iw = line.times_i();
         into.w2 = line * line;
-        into.kernels.clear();
-        into.choices.clear();
-        into.weights.clear();
-        for segment in &self.segments {
-            let choice = segment.choose(w, pieces_only);
-            into.choices.push(choice);
-            into.weights.push(segment.weights(most));
-            into.kernels.push(segment.kernel(simd, choice, w, into.w2));
+        for (row, segment) in self.segments.iter().enumerate() {
+            if into.kernels.len() <= row {
+                into.kernels.push(Kernel::Skipped);
+                into.choices.push(Choice::Waves);
+                into.weights.push(segment.weights(segment.wave_number_square(into.most)));
+            }
+            if self.active[row] {
+                let (choice, weights) = segment.choose(w, into.most, pieces_only);
+                into.choices[row] = choice;
+                into.weights[row] = weights;
+                into.kernels[row] = segment.kernel(simd, choice, w, into.w2);
+            }
         }
         into.compliances.clear();
-        into.coupled_joints.clear();
+        into.centres.clear();
         for joint in &self.joints {
-            into.coupled_joints.push(joint.couples());
-            into.compliances
-                .push(small::inverse(&joint.stiffness(simd, into.iw)));
+            let stiffness = joint.stiffness::<S, D>(simd, into.iw);
+            into.compliances.push(small::inverse(&stiffness));
+            into.centres.push((D == 2 && joint.couples()).then(|| centre(&stiffness)));
         }
         into.points.clear();
         for (masses, springs) in &self.points {
@@ -159,8 +166,7 @@ impl<const D: usize> Prepared<D> {
                     impedance[i][i] = impedance[i][i] - into.w2.scale(inertia[i]);
                 }
             }
-            into.points
-                .push(Some((impedance, springs.iter().any(Spring::couples))));
+            into.points.push(Some((impedance, springs.iter().any(Spring::couples))));
         }
     }
 }
@@ -186,11 +192,13 @@ impl<S: Simd, const D: usize> Block<S, D> {
         Self {
             iw: C::zero(simd),
             w2: C::zero(simd),
+            most: 0.0,
+            real: true,
             kernels: Vec::new(),
             choices: Vec::new(),
             weights: Vec::new(),
             compliances: Vec::new(),
-            coupled_joints: Vec::new(),
+            centres: Vec::new(),
             points: Vec::new(),
         }
     }
@@ -206,12 +214,13 @@ impl<S: Simd, const D: usize> Block<S, D> {
         &self,
         simd: S,
         plan: &[Step],
+        branches: &[Branch<D>],
         records: &mut Vec<Record<S, D>>,
         observer: &mut impl Observer<S, D>,
     ) {
         records.clear();
         // Results of finished branches; the current one is always the last record.
-        let mut branches = Vec::new();
+        let mut waiting = Vec::new();
         let mut weights = self.weights_of_first();
         let zero = small::zeros(simd);
         for step in plan {
@@ -220,13 +229,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
             match *step {
                 Step::Leaf { .. } => {
                     if !records.is_empty() {
-                        branches.push(plane);
+                        waiting.push(plane);
                     }
-                    records.push(Record {
-                        plane: Plane::free(simd),
-                        back: zero,
-                        other: zero,
-                    });
+                    records.push(Record { plane: Plane::free(simd), back: zero, other: zero });
                 }
                 Step::Segment { row, forward, .. } => {
                     weights = self.weights[row];
@@ -236,16 +241,11 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     let (u, f) = plane.basis();
                     let near_u = small::mul_add(&self.compliances[row], &f, &u);
                     observer.passed(&u, &near_u, &self.compliances[row]);
-                    let (plane, back) = if self.coupled_joints[row] {
-                        Plane::pivot(&near_u, &f, &weights)
-                    } else {
-                        add_diagonal(&plane, &self.compliances[row], Added::Compliance, &weights)
+                    let (plane, back) = match &self.centres[row] {
+                        Some((offset, compliance)) => add_beyond(&plane, *offset, compliance, &weights),
+                        None => add_diagonal(&plane, &self.compliances[row], Added::Compliance, &weights),
                     };
-                    records.push(Record {
-                        plane,
-                        back,
-                        other: zero,
-                    });
+                    records.push(Record { plane, back, other: zero });
                 }
                 Step::Point { node } => {
                     if let Some((impedance, coupled)) = &self.points[node] {
@@ -256,15 +256,19 @@ impl<S: Simd, const D: usize> Block<S, D> {
                         } else {
                             add_diagonal(&plane, impedance, Added::Impedance, &weights)
                         };
-                        records.push(Record {
-                            plane,
-                            back,
-                            other: zero,
-                        });
+                        records.push(Record { plane, back, other: zero });
                     }
                 }
+                Step::Branch { index } => {
+                    if !records.is_empty() {
+                        waiting.push(plane);
+                    }
+                    let (plane, near) = branches[index].plane(simd, self.w2, self.real, self.most);
+                    weights = near;
+                    records.push(Record { plane, back: zero, other: zero });
+                }
                 Step::Join => {
-                    let first = branches.pop().unwrap_or(plane);
+                    let first = waiting.pop().unwrap_or(plane);
                     records.push(join(&first, &plane, &weights));
                 }
             }
@@ -282,26 +286,17 @@ impl<S: Simd, const D: usize> Block<S, D> {
     ) {
         let weights = &self.weights[row];
         match &self.kernels[row] {
+            Kernel::Skipped => {}
             Kernel::Pieces { count, transfer } => {
-                let (uu, uf) = (
-                    oriented(&transfer.uu, forward),
-                    oriented(&transfer.uf, forward),
-                );
-                let (fu, ff) = (
-                    oriented(&transfer.fu, forward),
-                    oriented(&transfer.ff, forward),
-                );
+                let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
+                let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
                 for _ in 0..*count {
                     let (u, f) = plane.basis();
                     let near_u = small::mul_add(&uf, &f, &small::mul(&uu, &u));
                     let near_f = small::mul_add(&ff, &f, &small::mul(&fu, &u));
                     observer.passed(&u, &near_u, &uf);
                     let (next, back) = Plane::pivot(&near_u, &near_f, weights);
-                    records.push(Record {
-                        plane: next,
-                        back,
-                        other: back,
-                    });
+                    records.push(Record { plane: next, back, other: back });
                     plane = next;
                 }
             }
@@ -331,11 +326,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 let far = small::mul_add(&in_back, &reflection, &arrived);
                 let (next, coordinates) = Plane::pivot(&near_u, &near_f, weights);
                 let back = small::mul(&rechart, &small::mul(&far, &coordinates));
-                records.push(Record {
-                    plane: next,
-                    back,
-                    other: back,
-                });
+                records.push(Record { plane: next, back, other: back });
             }
         }
     }
@@ -357,7 +348,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
         field.nodes[root_node] = records[at].plane.state(&root).0;
         for step in plan.iter().rev() {
             match *step {
-                Step::Leaf { .. } => {
+                Step::Leaf { .. } | Step::Branch { .. } => {
                     // The sibling branch, whose last record comes just before this leaf's.
                     if let Some(next) = stack.pop() {
                         independent = next;
@@ -367,7 +358,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 Step::Segment { row, forward, far } => {
                     let pieces = match &self.kernels[row] {
                         Kernel::Pieces { count, .. } => *count,
-                        Kernel::Waves(_) => 1,
+                        Kernel::Waves(_) | Kernel::Skipped => 1,
                     };
                     if with_states {
                         field.states[row].clear();
@@ -387,11 +378,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 }
                 Step::Joint { row, forward, far } => {
                     let sign = if forward { 1.0 } else { -1.0 };
-                    field.joints[row] = records[at]
-                        .plane
-                        .state(&independent)
-                        .1
-                        .map(|f| f.scale(sign));
+                    field.joints[row] = records[at].plane.state(&independent).1.map(|f| f.scale(sign));
                     independent = small::apply(&records[at].back, &independent);
                     at -= 1;
                     field.nodes[far] = records[at].plane.state(&independent).0;
@@ -414,18 +401,11 @@ impl<S: Simd, const D: usize> Block<S, D> {
 
 /// The state at a cut, its internal forces oriented along x.
 #[inline(always)]
-fn cut<S: Simd, const D: usize>(
-    plane: &Plane<S, D>,
-    independent: &[C<S>; D],
-    forward: bool,
-) -> State<S, D> {
+fn cut<S: Simd, const D: usize>(plane: &Plane<S, D>, independent: &[C<S>; D], forward: bool) -> State<S, D> {
     let (u, f) = plane.state(independent);
     // The load on what lies behind the cut is minus the internal force where that is at larger x.
     let sign = if forward { -1.0 } else { 1.0 };
-    State {
-        u,
-        n: f.map(|f| f.scale(sign)),
-    }
+    State { u, n: f.map(|f| f.scale(sign)) }
 }
 
 /// Adds a diagonal impedance or compliance, one degree of freedom after the other.
@@ -445,6 +425,48 @@ fn add_diagonal<S: Simd, const D: usize>(
     (plane, back)
 }
 
+/// The offset e and the compliances at which a full stiffness is diagonal: K = T^T diag T, T = [[1, e], [0, 1]].
+#[inline(always)]
+fn centre<S: Simd, const D: usize>(stiffness: &Mat<S, D>) -> (C<S>, Mat<S, D>) {
+    let offset = stiffness[0][D - 1] * stiffness[0][0].recip();
+    let mut compliance = small::zeros(offset.simd);
+    compliance[0][0] = stiffness[0][0].recip();
+    compliance[D - 1][D - 1] = offset.neg_mul_add(stiffness[0][D - 1], stiffness[D - 1][D - 1]).recip();
+    (offset, compliance)
+}
+
+/// Adds a compliance that is diagonal a distance beyond the node.
+///
+/// A nearly singular joint (a hinge beyond the node, say) has one huge compliance; added at the node as a
+/// full matrix it would drown the digits of the other direction.
+#[inline(always)]
+fn add_beyond<S: Simd, const D: usize>(
+    plane: &Plane<S, D>,
+    offset: C<S>,
+    compliance: &Mat<S, D>,
+    weights: &[f64; D],
+) -> (Plane<S, D>, Mat<S, D>) {
+    let (there, to_there) = shifted(plane, offset, weights);
+    let (added, step) = add_diagonal(&there, compliance, Added::Compliance, weights);
+    let (here, to_here) = shifted(&added, -offset, weights);
+    (here, small::mul(&small::mul(&to_there, &step), &to_here))
+}
+
+/// The plane seen from a rigid offset along x.
+#[inline(always)]
+fn shifted<S: Simd, const D: usize>(
+    plane: &Plane<S, D>,
+    offset: C<S>,
+    weights: &[f64; D],
+) -> (Plane<S, D>, Mat<S, D>) {
+    let (mut u, mut f) = plane.basis();
+    for j in 0..D {
+        u[0][j] = offset.mul_add(u[D - 1][j], u[0][j]);
+        f[D - 1][j] = offset.neg_mul_add(f[0][j], f[D - 1][j]);
+    }
+    Plane::pivot(&u, &f, weights)
+}
+
 /// Two branches on one node: one displacement, loads add.
 ///
 /// In weighted sums s = u - i f a passive branch has u = t s and f = r s with t and r bounded, which holds
@@ -459,14 +481,8 @@ fn join<S: Simd, const D: usize>(
     let sum = small::add(&one.u, &two.u);
     let minus_one = small::scale(&one.u, C::real(sum[0][0].simd, -1.0));
     let minus_two = small::scale(&two.u, C::real(sum[0][0].simd, -1.0));
-    let s1 = small::mul(
-        &small::inverse(&small::mul_add(&minus_two, &one.u, &sum)),
-        &two.u,
-    );
-    let s2 = small::mul(
-        &small::inverse(&small::mul_add(&minus_one, &two.u, &sum)),
-        &one.u,
-    );
+    let s1 = small::mul(&small::inverse(&small::mul_add(&minus_two, &one.u, &sum)), &two.u);
+    let s2 = small::mul(&small::inverse(&small::mul_add(&minus_one, &two.u, &sum)), &one.u);
     let mut u = small::mul(&one.u, &s1);
     let mut f = small::mul_add(&one.f, &s1, &small::mul(&two.f, &s2));
     for i in 0..D {
@@ -503,10 +519,6 @@ impl<S: Simd, const D: usize> Turned<S, D> {
             }
         }
         let independent = small::inverse(&sum);
-        Self {
-            u: small::mul(&u, &independent),
-            f: small::mul(&f, &independent),
-            independent,
-        }
+        Self { u: small::mul(&u, &independent), f: small::mul(&f, &independent), independent }
     }
 }

@@ -14,11 +14,7 @@ static POOLS: OnceLock<Mutex<HashMap<(u32, usize), Arc<ThreadPool>>>> = OnceLock
 ///
 /// # Errors
 /// The threads could not be started.
-pub fn with_threads<T: Send>(
-    threads: usize,
-    tasks: usize,
-    work: impl FnOnce() -> T + Send,
-) -> Result<T> {
+pub fn with_threads<T: Send>(threads: usize, tasks: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     let threads = match threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         given => given,
@@ -37,10 +33,7 @@ pub fn with_threads<T: Send>(
                     .num_threads(threads)
                     .thread_name(|index| format!("receptance-{index}"))
                     .build()
-                    .map_err(|error| Error::Threads {
-                        threads,
-                        reason: error.to_string(),
-                    })?;
+                    .map_err(|error| Error::Threads { threads, reason: error.to_string() })?;
                 let pool = Arc::new(pool);
                 pools.insert(key, Arc::clone(&pool));
                 pool

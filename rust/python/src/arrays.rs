@@ -5,22 +5,14 @@ use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Coordinate, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table,
-    Tables, section,
+    Coordinate, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table, Tables, section,
 };
 
 /// The values of a C-contiguous table with a given number of columns.
-pub fn table<'a>(
-    name: &str,
-    array: &'a PyReadonlyArray2<'_, f64>,
-    columns: usize,
-) -> PyResult<&'a [f64]> {
+pub fn table<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>, columns: usize) -> PyResult<&'a [f64]> {
     let shape = array.shape();
     if shape[1] != columns {
-        let message = format!(
-            "{name}: shape is ({}, {}), expected (n, {columns})",
-            shape[0], shape[1]
-        );
+        let message = format!("{name}: shape is ({}, {}), expected (n, {columns})", shape[0], shape[1]);
         return Err(PyValueError::new_err(message));
     }
     contiguous(name, array.as_slice())
@@ -36,42 +28,25 @@ fn index(name: &str, value: f64) -> PyResult<usize> {
     if value >= 0.0 && value.fract() == 0.0 && value < 1e15 {
         return Ok(value as usize);
     }
-    Err(PyValueError::new_err(format!(
-        "{name}: {value} is not a whole number from 0 on"
-    )))
+    Err(PyValueError::new_err(format!("{name}: {value} is not a whole number from 0 on")))
 }
 
 /// Rows of (node, direction).
 pub fn coordinates(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Coordinate>> {
     let rows = table(name, array, 2)?.chunks_exact(2);
-    rows.map(|row| {
-        Ok(Coordinate {
-            node: index(name, row[0])?,
-            direction: index(name, row[1])?,
-        })
-    })
-    .collect()
+    rows.map(|row| Ok(Coordinate { node: index(name, row[0])?, direction: index(name, row[1])? })).collect()
 }
 
 /// Rows of (table, row, column).
 pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>> {
-    const TABLES: [Table; 4] = [
-        Table::Segments,
-        Table::Joints,
-        Table::Masses,
-        Table::Grounds,
-    ];
+    const TABLES: [Table; 4] = [Table::Segments, Table::Joints, Table::Masses, Table::Grounds];
     let name = "parameters";
     let rows = table(name, array, 3)?.chunks_exact(3);
     rows.map(|row| {
         let table = TABLES.get(index(name, row[0])?).copied().ok_or_else(|| {
             PyValueError::new_err(format!("parameters: table is {}, expected 0 to 3", row[0]))
         })?;
-        Ok(Parameter {
-            table,
-            row: index(name, row[1])?,
-            column: index(name, row[2])?,
-        })
+        Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
     })
     .collect()
 }
@@ -84,14 +59,9 @@ pub fn model(
     masses: &PyReadonlyArray2<'_, f64>,
     grounds: &PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Model> {
-    let motion = [Motion::Bending, Motion::Axial, Motion::Torsion]
-        .get(motion)
-        .copied()
-        .ok_or_else(|| {
-            PyValueError::new_err(format!(
-                "motion: {motion} is not 0 (bending), 1 (axial) or 2 (torsion)"
-            ))
-        })?;
+    let motion = [Motion::Bending, Motion::Axial, Motion::Torsion].get(motion).copied().ok_or_else(|| {
+        PyValueError::new_err(format!("motion: {motion} is not 0 (bending), 1 (axial) or 2 (torsion)"))
+    })?;
     let tables = Tables {
         segments: table("segments", segments, section::column::COUNT)?,
         joints: table("joints", joints, JOINT_COLUMNS)?,

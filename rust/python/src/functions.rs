@@ -4,9 +4,7 @@ use crate::arrays::{contiguous, coordinates, model, parameters};
 use crate::errors::CoreError;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
-use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use receptance_core::{Request, receptance as core_receptance};
@@ -32,10 +30,7 @@ pub fn receptance<'py>(
     responses: PyReadonlyArray2<'py, f64>,
     parameters: PyReadonlyArray2<'py, f64>,
     threads: usize,
-) -> PyResult<(
-    Bound<'py, PyArray3<Complex64>>,
-    Bound<'py, PyArray4<Complex64>>,
-)> {
+) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
     let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
     let model = model(motion, &segments, &joints, &masses, &grounds)?;
     let request = Request {
@@ -43,19 +38,11 @@ pub fn receptance<'py>(
         responses: coordinates("responses", &responses)?,
         parameters: self::parameters(&parameters)?,
     };
-    let result = py
-        .detach(|| core_receptance(&model, w, &request, threads))
-        .map_err(CoreError::from)?;
+    let result = py.detach(|| core_receptance(&model, w, &request, threads)).map_err(CoreError::from)?;
     let (n, p) = (w.len(), request.parameters.len());
     let (rows, columns) = (request.responses.len(), request.excitations.len());
-    let h = shaped(Array3::from_shape_vec(
-        (n, rows, columns),
-        result.receptance,
-    ))?;
-    let dh = shaped(Array4::from_shape_vec(
-        (n, rows, columns, p),
-        result.derivative,
-    ))?;
+    let h = shaped(Array3::from_shape_vec((n, rows, columns), result.receptance))?;
+    let dh = shaped(Array4::from_shape_vec((n, rows, columns, p), result.derivative))?;
     Ok((h.into_pyarray(py), dh.into_pyarray(py)))
 }
 
@@ -81,10 +68,7 @@ pub fn natural_frequencies<'py>(
         .map_err(CoreError::from)?;
     let shape = (found.angular.len(), parameters.len());
     let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
-    Ok((
-        Array1::from_vec(found.angular).into_pyarray(py),
-        derivative.into_pyarray(py),
-    ))
+    Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
 }
 
 /// Name of the instruction set that the kernels run on here.
