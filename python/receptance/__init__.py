@@ -1,8 +1,17 @@
 """Joint parameters of spindle-holder-tool assemblies from measured vibration."""
 
-from receptance.assembly import Assembly, Coordinate
+from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
+from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceError, ReceptanceWarning, ResonanceError, SingularInterfaceError
+from receptance.identification import (
+    Identification,
+    MeasuredFrequencies,
+    MeasuredFRF,
+    Unknown,
+    find_bands,
+    identify,
+)
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import CARBIDE, STEEL, Material
 
@@ -12,7 +21,10 @@ __all__ = [
     "Assembly",
     "Coordinate",
     "GroundSpring",
+    "Identification",
     "Material",
+    "MeasuredFRF",
+    "MeasuredFrequencies",
     "Part",
     "PointJoint",
     "PointMass",
@@ -21,4 +33,7 @@ __all__ = [
     "ResonanceError",
     "Segment",
     "SingularInterfaceError",
+    "Unknown",
+    "find_bands",
+    "identify",
 ]

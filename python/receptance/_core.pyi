@@ -40,4 +40,25 @@ def natural_frequencies(
     grounds: NDArray[np.float64],
     parameters: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def reduce_joint(
+    angular_frequency: NDArray[np.complex128],
+    segments: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    grounds: NDArray[np.float64],
+    joint: int,
+    response: NDArray[np.float64],
+    excitation: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]: ...
+def joint_normal_matrix(
+    planes: NDArray[np.float64],
+    log_measured: NDArray[np.complex128],
+    weights: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    joint: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]: ...
 def instruction_set() -> str: ...

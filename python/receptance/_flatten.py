@@ -27,6 +27,9 @@ Entry = tuple[int, int, int, float]
 """Table, row, column and weight: how fast the entry grows with the parameter."""
 
 
+Tables = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]
+
+
 @dataclass
 class Flat:
     """The tables, and which entries each address moves."""
@@ -39,15 +42,23 @@ class Flat:
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
     count: int = 1
 
-    def tables(self) -> tuple[NDArray[np.float64], ...]:
+    def tables(self) -> Tables:
         """Return the four arrays for the core."""
-        pairs = ((self.segments, 14), (self.joints, 9), (self.masses, 3), (self.grounds, 8))
-        return tuple(np.array(rows, dtype=np.float64).reshape(-1, columns) for rows, columns in pairs)
+        return (
+            _table(self.segments, 14),
+            _table(self.joints, 9),
+            _table(self.masses, 3),
+            _table(self.grounds, 8),
+        )
 
     def new_node(self) -> int:
         """Number a new node."""
         self.count += 1
         return self.count - 1
+
+
+def _table(rows: list[list[float]], columns: int) -> NDArray[np.float64]:
+    return np.array(rows, dtype=np.float64).reshape(-1, columns)
 
 
 def flatten(

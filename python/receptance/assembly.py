@@ -2,56 +2,26 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks, _core
-from receptance._flatten import MATERIAL_FIELDS, Flat, flatten
+from receptance._addresses import edges_of, named, names_of, replace_in_segment, segment_fields, value_in_segment
+from receptance._flatten import Flat, flatten
 from receptance.beams import Part
+from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Assembly", "Coordinate"]
+__all__ = ["Assembly"]
 
 Attachment = PointMass | GroundSpring
-_KIND = {Part: "part", PointJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
-_SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """A place and a direction of motion or load.
-
-    Parameters
-    ----------
-    part : str, optional
-        Name of the part; empty for the first one.
-    position : float or "end", optional
-        Distance in m from the part's tip-side end, or its far end. A position on a step between two segments
-        moves with the step when a length changes; one inside a segment stays where it is.
-    direction : {"y", "theta"}, optional
-        Transverse displacement and force, or slope and moment.
-
-    Examples
-    --------
-    >>> from receptance import Coordinate
-    >>> nose = Coordinate("holder", 0.0)
-    """
-
-    part: str = ""
-    position: float | Literal["end"] = 0.0
-    direction: Literal["y", "theta"] = "y"
-
-    def __post_init__(self) -> None:
-        if self.direction not in ("y", "theta"):
-            raise ValueError(f"Coordinate: direction is {self.direction!r}, expected 'y' or 'theta'")
 
 
 class Assembly:
@@ -103,8 +73,8 @@ class Assembly:
                     f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
                     "springs in series are one PointJoint"
                 )
-        self._elements = dict(zip(_names(elements), elements, strict=True))
-        self._attachments = dict(zip(_names(points), points, strict=True))
+        self._elements = dict(zip(names_of(elements), elements, strict=True))
+        self._attachments = dict(zip(names_of(points), points, strict=True))
         double = self._elements.keys() & self._attachments.keys()
         if double:
             raise ValueError(f"Assembly: the name {sorted(double)[0]!r} is given to two elements")
@@ -226,7 +196,9 @@ class Assembly:
         """Return the value of a parameter; for `segment[*]` the segments must agree."""
         owner, rest = self._owner(address)
         if isinstance(owner, Part):
-            values = {float(_get(owner.segments[i], field)) for i, field in self._segment(address, owner, rest)}
+            values = {
+                float(value_in_segment(owner.segments[i], field)) for i, field in segment_fields(address, owner, rest)
+            }
             if len(values) > 1:
                 found = ", ".join(f"{value:g}" for value in sorted(values))
                 raise ValueError(f"{address!r} has different values in the segments: {found}")
@@ -252,16 +224,51 @@ class Assembly:
             if isinstance(owner, Part):
                 part = elements[name]
                 segments = list(part.segments)
-                for i, field in self._segment(address, part, rest):
-                    segments[i] = _replace_in_segment(segments[i], field, value)
+                for i, field in segment_fields(address, part, rest):
+                    segments[i] = replace_in_segment(segments[i], field, value)
                 elements[name] = Part(segments, name=part.name)
             else:
                 self._entries(address, self._flatten(()))
                 changes.setdefault(name, {})[rest] = value
         for name, fields in changes.items():
             elements[name] = replace(elements[name], **fields)
-        named = {name: _named(element, name) for name, element in elements.items()}
-        return Assembly([named[name] for name in self._elements], [named[name] for name in self._attachments])
+        for name, attachment in self._attachments.items():
+            # What sits on a step between segments stays on it, as its derivative assumes.
+            place, x = self._place(name, attachment.part, attachment.position)
+            old, new = edges_of(self._elements[place]), edges_of(elements[place])
+            if attachment.position != "end" and x in old and old != new:
+                elements[name] = replace(elements[name], position=new[old.index(x)])
+        full = {name: named(element, name) for name, element in elements.items()}
+        return Assembly([full[name] for name in self._elements], [full[name] for name in self._attachments])
+
+    def reduced_to_joint(
+        self,
+        joint: str,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Everything but one joint, evaluated once, for fits of that joint.
+
+        With H_0 the receptance as it stands, F the force in the joint under a unit load, Y the force per gap imposed
+        in the joint and D the compliance that another joint has more, H = H_0 + F_r^T D (1 + Y D)^-1 F_e.
+
+        Returns
+        -------
+        ndarray
+            `(18, n)` real: w, H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each, as the core takes them.
+        """
+        if not isinstance(self._elements.get(joint), PointJoint):
+            raise ValueError(f"there is no joint {joint!r} in {self!r}")
+        w = 2.0 * np.pi * _checks.frequencies(frequency_hz).astype(np.complex128)
+        sides = [as_coordinates(side) for side in (response, excitation)]
+        flat = self._flatten((sides[0][0], sides[1][0]))
+        row = flat.entries[f"{joint}.k_y"][0][1]
+        points = [self._points(flat, side) for side in sides]
+        count = _checks.thread_count(threads)
+        return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count)
 
     def _evaluate(
         self,
@@ -272,13 +279,15 @@ class Assembly:
         threads: int | None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         w = 2.0 * np.pi * _checks.frequencies(frequency_hz).astype(np.complex128)
-        sides = [_coordinates(side) for side in (response, excitation)]
+        sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten(tuple(point for side in sides for point in side))
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
         h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count)
-        dh = dh @ matrix
+        # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
+        if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
+            dh = dh @ matrix
         if all(isinstance(side, Coordinate) or side is None for side in (response, excitation)):
             return h[:, 0, 0], dh[:, 0, 0]
         return h, dh
@@ -309,19 +318,17 @@ class Assembly:
         if not isinstance(element, Part):
             known = ", ".join(repr(key) for key, value in self._elements.items() if isinstance(value, Part))
             raise ValueError(f"{what}: there is no part {name!r}; the parts are {known}")
-        steps = np.cumsum([0.0, *(segment.length for segment in element.segments)])
-        # The running sum must be that of the flattening, term by term.
-        edges = [0.0]
-        for segment in element.segments:
-            edges.append(edges[-1] + segment.length)
+        edges = edges_of(element)
         if position == "end":
             return name, edges[-1]
         x = _checks.number(what, "position", position, unit="m")
         nearest = min(edges, key=lambda edge: abs(edge - x))
-        if abs(nearest - x) <= 1e-9 * steps[-1]:
+        if abs(nearest - x) <= 1e-9 * edges[-1]:
             return name, nearest
         if not 0.0 < x < edges[-1]:
-            raise ValueError(f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}")
+            raise ValueError(
+                f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}"
+            )
         return name, x
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
@@ -349,7 +356,7 @@ class Assembly:
         owner, rest = self._owner(address)
         if isinstance(owner, Part):
             name = address.split(".", 1)[0]
-            fields = self._segment(address, owner, rest)
+            fields = segment_fields(address, owner, rest)
             return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
         raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {', '.join(owner.columns_of)}")
 
@@ -360,25 +367,6 @@ class Assembly:
             known = ", ".join([*self._elements, *self._attachments])
             raise ValueError(f"there is no parameter {address!r}: its first word must be one of {known}")
         return owner, rest
-
-    def _segment(self, address: str, part: Part, rest: str) -> list[tuple[int, str]]:
-        """Return the (segment, field) pairs of an address."""
-        match = _SEGMENT.fullmatch(rest)
-        count = len(part.segments)
-        if match is None:
-            raise ValueError(f"there is no parameter {address!r}; a part's are like segment[0].length or segment[*].density")
-        which, field = match.groups()
-        indices = range(count) if which == "*" else [int(which)]
-        if indices[0] >= count:
-            raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
-        known = ("length", "outer_diameter", "inner_diameter", *MATERIAL_FIELDS)
-        if field.removeprefix("core.") not in (MATERIAL_FIELDS if field.startswith("core.") else known):
-            raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}, a core the last four")
-        if field.startswith("core."):
-            indices = [i for i in indices if part.segments[i].core is not None]
-            if not indices:
-                raise ValueError(f"there is no parameter {address!r}: the segment has no core")
-        return [(i, field) for i in indices]
 
     def __repr__(self) -> str:
         names = ", ".join(f"{name}: {type(element).__name__}" for name, element in self._elements.items())
@@ -391,52 +379,3 @@ class Assembly:
         return self._elements == other._elements and self._attachments == other._attachments
 
     __hash__ = None  # type: ignore[assignment]
-
-
-def _names(elements: Sequence[Any]) -> list[str]:
-    """Name the unnamed; refuse what is named twice or cannot be part of an address."""
-    kinds = [_KIND[type(element)] for element in elements if not element.name]
-    names: list[str] = []
-    counter: dict[str, int] = {}
-    for element in elements:
-        kind = _KIND[type(element)]
-        index = counter.setdefault(kind, 0)
-        if not element.name:
-            counter[kind] += 1
-        name = element.name or (kind if kinds.count(kind) == 1 else f"{kind}_{index}")
-        if re.fullmatch(r"[^\W\d]\w*", name) is None:
-            raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
-        if name in names:
-            raise ValueError(f"Assembly: the name {name!r} is given to two elements")
-        names.append(name)
-    return names
-
-
-def _named(element: Any, name: str) -> Any:
-    return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
-
-
-def _coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coordinate, ...]:
-    if side is None:
-        return (Coordinate(),)
-    points = (side,) if isinstance(side, Coordinate) else tuple(side)
-    for index, point in enumerate(points):
-        if not isinstance(point, Coordinate):
-            raise TypeError(f"coordinate {index} is {point!r}, expected a Coordinate")
-    if not points:
-        raise ValueError("there is no coordinate, expected at least one")
-    return points
-
-
-def _get(segment: Any, field: str) -> float:
-    if field.startswith("core."):
-        return float(getattr(segment.core, field.removeprefix("core.")))
-    return float(getattr(segment.material if field in MATERIAL_FIELDS else segment, field))
-
-
-def _replace_in_segment(segment: Any, field: str, value: float) -> Any:
-    if field.startswith("core."):
-        return replace(segment, core=replace(segment.core, **{field.removeprefix("core."): value}))
-    if field in MATERIAL_FIELDS:
-        return replace(segment, material=replace(segment.material, **{field: value}))
-    return replace(segment, **{field: value})

@@ -3,7 +3,9 @@
 //! Pure numerics: tables of numbers in, arrays of numbers out. See `receptance` and `natural_frequencies`.
 
 mod branch;
+mod elementary;
 mod error;
+mod joint_fit;
 mod kernel;
 mod lane;
 mod model;
@@ -18,6 +20,7 @@ mod sweep;
 mod threads;
 
 pub use error::{Error, Result};
+pub use joint_fit::{Fitted, REDUCTION_PLANES, joint_normal_matrix, reduce_joint};
 pub use model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spring, Table, Tables};
 pub use natural::{NaturalFrequencies, natural_frequencies};
 pub use response::{Coordinate, Parameter, Request, Response, instruction_set, receptance};

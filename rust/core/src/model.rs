@@ -54,7 +54,7 @@ pub struct Spring {
 }
 
 impl Spring {
-    fn new(columns: &[f64]) -> Self {
+    pub(crate) fn new(columns: &[f64]) -> Self {
         let three = |start: usize| [columns[start], columns[start + 1], columns[start + 2]];
         Self { k: three(0), c: three(3), loss_factor: columns[6] }
     }
@@ -261,6 +261,42 @@ impl Model {
                 .push(Edge { other: nodes[0], step: Step::Joint { row, forward: false, far: nodes[0] } });
         }
         out
+    }
+
+    /// What hangs on one node of a joint when the joint is taken away, and the new number of each node in it.
+    pub fn side(&self, joint: usize, node: usize) -> (Self, Vec<Option<usize>>) {
+        let mut number = vec![None; self.nodes];
+        let (mut count, mut stack) = (0, vec![node]);
+        let neighbours = self.neighbours();
+        while let Some(node) = stack.pop() {
+            if number[node].is_some() {
+                continue;
+            }
+            number[node] = Some(count);
+            count += 1;
+            for edge in &neighbours[node] {
+                if !matches!(edge.step, Step::Joint { row, .. } if row == joint) {
+                    stack.push(edge.other);
+                }
+            }
+        }
+        let mut segments = Vec::new();
+        for row in &self.segments {
+            if let (Some(a), Some(b)) = (number[row[0] as usize], number[row[1] as usize]) {
+                let mut row = *row;
+                (row[0], row[1]) = (a as f64, b as f64);
+                segments.push(row);
+            }
+        }
+        let mut joints = Vec::new();
+        for (row, (nodes, spring)) in self.joints.iter().enumerate() {
+            if let (true, Some(a), Some(b)) = (row != joint, number[nodes[0]], number[nodes[1]]) {
+                joints.push(([a, b], *spring));
+            }
+        }
+        let masses = self.masses.iter().filter_map(|(at, mass)| Some((number[*at]?, *mass))).collect();
+        let grounds = self.grounds.iter().filter_map(|(at, spring)| Some((number[*at]?, *spring))).collect();
+        (Self { motion: self.motion, nodes: count, segments, joints, masses, grounds }, number)
     }
 
     /// Whether a node carries point elements.

@@ -212,14 +212,14 @@ impl<S: Simd, const D: usize> Plane<S, D> {
     /// The receptance u = H f.
     #[inline(always)]
     pub fn receptance(&self) -> Mat<S, D> {
-        self.to_chart([self.x[0][0].simd.splat_true(); D]).0.x
+        self.in_chart([self.x[0][0].simd.splat_true(); D]).0.x
     }
 
     /// The same plane in the chart that suits other weights, with the way back.
     #[inline(always)]
     pub fn weighted(&self, weights: &[f64; D]) -> (Self, Mat<S, D>) {
         let (u, f) = self.basis();
-        self.to_chart(choose(&u, &f, weights).0)
+        self.in_chart(choose(&u, &f, weights).0)
     }
 
     /// The same plane in another chart, with the way back.
@@ -227,7 +227,7 @@ impl<S: Simd, const D: usize> Plane<S, D> {
     /// Entry by entry like `add`; where both degrees change, at once, because one at a time might divide by
     /// a small pivot.
     #[inline(always)]
-    fn to_chart(&self, target: [S::m64s; D]) -> (Self, Mat<S, D>) {
+    fn in_chart(&self, target: [S::m64s; D]) -> (Self, Mat<S, D>) {
         let simd = self.x[0][0].simd;
         let one = C::real(simd, 1.0);
         let zero = C::zero(simd);

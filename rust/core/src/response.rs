@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 /// Lines that one task takes: a multiple of every block width, so that the blocks, and with them every
 /// bit of the result, do not depend on the number of threads.
-const LINES_PER_TASK: usize = 32 * MAX_LANES;
+pub(crate) const LINES_PER_TASK: usize = 32 * MAX_LANES;
 
 /// A coordinate: a node and the direction of motion or load there.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
@@ -269,9 +269,20 @@ impl<const D: usize> Gradient<D> {
     }
 }
 
+/// -d_left^T (dK/dk) d_right for one of the three entries of a spring's matrix.
+#[inline(always)]
+fn spring_term<S: Simd, const D: usize>(entry: usize, left: &[C<S>; D], right: &[C<S>; D]) -> C<S> {
+    match (entry, D) {
+        (0, _) => -(left[0] * right[0]),
+        (_, 1) => C::zero(left[0].simd),
+        (1, _) => -(left[D - 1] * right[D - 1]),
+        _ => -left[0].mul_add(right[D - 1], left[D - 1] * right[0]),
+    }
+}
+
 /// -d_left^T (dK/dp) d_right for a column of a spring.
 #[inline(always)]
-fn spring_derivative<S: Simd, const D: usize>(
+pub(crate) fn spring_derivative<S: Simd, const D: usize>(
     spring: &Spring,
     column: usize,
     iw: C<S>,
@@ -279,22 +290,13 @@ fn spring_derivative<S: Simd, const D: usize>(
     right: &[C<S>; D],
 ) -> C<S> {
     let simd = iw.simd;
-    let term = |entry: usize| {
-        if entry >= D && entry < 2 || (entry == 2 && D == 1) {
-            return C::zero(simd);
-        }
-        if entry < 2 {
-            return -(left[entry] * right[entry]);
-        }
-        -left[0].mul_add(right[D - 1], left[D - 1] * right[0])
-    };
     match column {
-        0..3 => C::splat(simd, Complex64::new(1.0, spring.loss_factor)) * term(column),
-        3..6 => iw * term(column - 3),
+        0..3 => C::splat(simd, Complex64::new(1.0, spring.loss_factor)) * spring_term(column, left, right),
+        3..6 => iw * spring_term(column - 3, left, right),
         _ => {
             let mut sum = C::zero(simd);
             for entry in 0..3 {
-                sum = sum + term(entry).scale(spring.k[entry]);
+                sum = sum + spring_term(entry, left, right).scale(spring.k[entry]);
             }
             sum.times_i()
         }

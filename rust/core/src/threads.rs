@@ -6,7 +6,10 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Pools by (process, threads): after a fork the parent's threads do not exist, so the child makes its own.
-static POOLS: OnceLock<Mutex<HashMap<(u32, usize), Arc<ThreadPool>>>> = OnceLock::new();
+static POOLS: OnceLock<Mutex<Pools>> = OnceLock::new();
+
+/// By process and number of threads.
+type Pools = HashMap<(u32, usize), Arc<ThreadPool>>;
 
 /// Runs `work` on at most `threads` threads (0: as many as this process may use).
 ///

@@ -1,7 +1,7 @@
 //! Views of NumPy arrays, checked for shape and layout.
 
 use crate::errors::CoreError;
-use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
@@ -29,6 +29,11 @@ fn index(name: &str, value: f64) -> PyResult<usize> {
         return Ok(value as usize);
     }
     Err(PyValueError::new_err(format!("{name}: {value} is not a whole number from 0 on")))
+}
+
+/// Whole numbers of a one-dimensional array.
+pub fn indices(name: &str, array: &PyReadonlyArray1<'_, f64>) -> PyResult<Vec<usize>> {
+    contiguous(name, array.as_slice())?.iter().map(|&value| index(name, value)).collect()
 }
 
 /// Rows of (node, direction).

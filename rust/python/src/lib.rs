@@ -12,5 +12,7 @@ mod _core {
     #[pymodule_export]
     use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
-    use super::functions::{instruction_set, natural_frequencies, receptance};
+    use super::functions::{
+        instruction_set, joint_normal_matrix, natural_frequencies, receptance, reduce_joint,
+    };
 }

@@ -1,0 +1,82 @@
+"""Names of elements and the fields behind the addresses of their parameters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from receptance._flatten import MATERIAL_FIELDS
+from receptance.beams import Part
+from receptance.joints import GroundSpring, PointJoint, PointMass
+
+_KIND = {Part: "part", PointJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
+_SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
+
+
+def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]:
+    """Return the (segment, field) pairs of an address."""
+    match = _SEGMENT.fullmatch(rest)
+    count = len(part.segments)
+    if match is None:
+        raise ValueError(
+            f"there is no parameter {address!r}; a part's are like segment[0].length or segment[*].density"
+        )
+    which, field = match.groups()
+    indices = range(count) if which == "*" else [int(which)]
+    if indices[0] >= count:
+        raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
+    known = ("length", "outer_diameter", "inner_diameter", *MATERIAL_FIELDS)
+    if field.removeprefix("core.") not in (MATERIAL_FIELDS if field.startswith("core.") else known):
+        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}, a core the last four")
+    if field.startswith("core."):
+        indices = [i for i in indices if part.segments[i].core is not None]
+        if not indices:
+            raise ValueError(f"there is no parameter {address!r}: the segment has no core")
+    return [(i, field) for i in indices]
+
+
+def names_of(elements: Sequence[Any]) -> list[str]:
+    """Name the unnamed; refuse what is named twice or cannot be part of an address."""
+    kinds = [_KIND[type(element)] for element in elements if not element.name]
+    names: list[str] = []
+    counter: dict[str, int] = {}
+    for element in elements:
+        kind = _KIND[type(element)]
+        index = counter.setdefault(kind, 0)
+        if not element.name:
+            counter[kind] += 1
+        name = element.name or (kind if kinds.count(kind) == 1 else f"{kind}_{index}")
+        if re.fullmatch(r"[^\W\d]\w*", name) is None:
+            raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
+        if name in names:
+            raise ValueError(f"Assembly: the name {name!r} is given to two elements")
+        names.append(name)
+    return names
+
+
+def edges_of(part: Any) -> list[float]:
+    """Return where the segments of a part begin and end, summed term by term as the flattening does."""
+    edges = [0.0]
+    for segment in part.segments:
+        edges.append(edges[-1] + segment.length)
+    return edges
+
+
+def named(element: Any, name: str) -> Any:
+    return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
+
+
+def value_in_segment(segment: Any, field: str) -> float:
+    if field.startswith("core."):
+        return float(getattr(segment.core, field.removeprefix("core.")))
+    return float(getattr(segment.material if field in MATERIAL_FIELDS else segment, field))
+
+
+def replace_in_segment(segment: Any, field: str, value: float) -> Any:
+    if field.startswith("core."):
+        return replace(segment, core=replace(segment.core, **{field.removeprefix("core."): value}))
+    if field in MATERIAL_FIELDS:
+        return replace(segment, material=replace(segment.material, **{field: value}))
+    return replace(segment, **{field: value})

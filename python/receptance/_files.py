@@ -1,0 +1,80 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+
+__all__ = ["check_target", "write_whole"]
+
+
+def check_target(path: Path) -> None:
+    """Raise an OSError in words where a file can clearly not be written, before long work is done for it."""
+    folder = path.resolve().parent
+    if path.is_dir():
+        raise IsADirectoryError(f"cannot write {path}: it is a folder")
+    if not folder.is_dir():
+        raise NotADirectoryError(f"cannot write {path}: there is no folder {path.parent}")
+    target = path if path.exists() and not path.is_file() else folder
+    if not os.access(target, os.W_OK) or (path.is_file() and not os.access(path, os.W_OK)):
+        raise PermissionError(f"cannot write {path}: no permission")
+
+
+def write_whole(contents: Mapping[Path, bytes]) -> None:
+    """Write files under temporary names beside their targets, then rename all of them.
+
+    An error or an interruption leaves the targets as they were and no temporary file behind.
+
+    Raises
+    ------
+    OSError
+        A file that cannot be written; the message names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from receptance._files import write_whole
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_whole({Path(folder) / "a.txt": b"whole"})
+    ...     (Path(folder) / "a.txt").read_text()
+    'whole'
+    """
+    waiting: dict[Path, Path] = {}
+    try:
+        for path, content in contents.items():
+            check_target(path)
+            try:
+                _stage(path, content, waiting)
+            except OSError as error:
+                raise OSError(f"cannot write {path}: {error.strerror or error}") from error
+        for temporary, target in list(waiting.items()):
+            try:
+                os.replace(temporary, target)
+            except OSError as error:
+                raise OSError(f"cannot write {target}: {error.strerror or error}") from error
+            del waiting[temporary]
+    finally:
+        for temporary in waiting:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+
+
+def _stage(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
+    if path.exists() and not path.is_file():
+        # A pipe or a terminal (/dev/stdout) cannot be renamed to.
+        path.write_bytes(content)
+        return
+    # What a link points to is replaced, not the link.
+    target = path.resolve()
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    waiting[temporary] = target
+    with temporary.open("xb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    if target.exists():
+        temporary.chmod(target.stat().st_mode & 0o7777)

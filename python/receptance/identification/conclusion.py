@@ -1,0 +1,170 @@
+"""From the ends of all starts to one result with its uncertainty and advice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.identification.result import Identification, Start
+from receptance.identification.spread import covariance_of, variance_factor
+from receptance.identification.unknowns import Variables, covered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+    from receptance.identification.problem import Problem
+    from receptance.identification.residuals import Residual
+
+__all__ = ["conclude"]
+
+_TIED = 0.99
+"""Two parameters whose estimates correlate more than this are said to be tied."""
+_AT_BOUND = 1e-3
+"""A variable within this share of its range from a bound is said to be at it."""
+_SAME = 0.2
+"""Ends that differ by less than this many standard errors are the same."""
+_UNEXPLAINED = 2.0
+"""Residuals this many times their standard deviation, as rms, are said to be unexplained."""
+
+
+def conclude(
+    observed: Sequence[MeasuredFRF | MeasuredFrequencies],
+    residuals: Sequence[Residual],
+    problem: Problem,
+    runs: Sequence[Start],
+    *,
+    known: bool,
+    loss: float | None,
+    seed: int,
+    notes: list[str],
+) -> Identification:
+    """Return the result of the best run."""
+    variables = problem.variables
+    count = len(variables.unknowns)
+    best = min(runs, key=lambda run: run.cost)
+    residual = problem.residual(best.variables)
+    inverse, correlation = covariance_of(problem.jacobian(best.variables))
+    factor = 1.0 if known else variance_factor(residual, count, loss)
+    covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
+    values = np.array([best.values[address] for address in variables.addresses])
+    errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
+    cuts = np.cumsum([part.size for part in residuals])[:-1]
+    rms = float(np.sqrt(np.mean(residual**2)))
+    same, elsewhere = _agreement(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
+    if not known and residual.size == count:
+        notes.append(
+            "there are as many unknowns as observed numbers, so nothing is left to estimate the scatter from and the "
+            "standard errors are infinite: give the observations standard deviations"
+        )
+    lost = [run for run in runs if not np.isfinite(run.cost)]
+    if lost:
+        notes.append(f"the model has no value at {len(lost)} of {len(runs)} starts; at the first: {lost[0].message}")
+    return Identification(
+        unknowns=variables.unknowns,
+        values=dict(best.values),
+        standard_errors=dict(zip(variables.addresses, errors.tolist(), strict=True)),
+        covariance=covariance,
+        correlation=correlation,
+        residuals=[part.copy() for part in np.split(residual, cuts)],
+        units=[part.unit for part in residuals],
+        labels=[o.label or f"observation {i}" for i, o in enumerate(observed)],
+        rms=rms,
+        degrees_of_freedom=residual.size - count,
+        known_scatter=known,
+        converged=best.converged,
+        advice=[
+            *_on_starts(runs, best, same, elsewhere),
+            *_on_bounds(best.variables, variables),
+            *_on_spread(inverse, correlation, variables.addresses),
+            *_on_misfit(rms if known else 0.0),
+        ],
+        notes=notes,
+        starts=tuple(runs),
+        agreeing=same,
+        assemblies=[
+            o.assembly.replace({a: v for a, v in best.values.items() if covered(a, o.assembly)}) for o in observed
+        ],
+        evaluations=sum(run.evaluations for run in runs),
+        seed=seed,
+    )
+
+
+def _scaled(inverse: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    """Return factor times the matrix, where what is infinite stays so although the factor may be zero."""
+    return np.where(np.isinf(inverse), np.inf, np.where(np.isinf(inverse), 0.0, inverse) * factor)
+
+
+def _agreement(
+    runs: Sequence[Start], best: Start, variables: Variables, size: int, spread: NDArray[np.float64]
+) -> tuple[int, int]:
+    """Count the runs that reached the best optimum, and those as good that ended elsewhere."""
+    low, high = variables.limits
+    # Along a flat valley fits stop where nothing changes any more; a small part of the spread is no other place.
+    reach = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(spread), _SAME * spread, 0.0))
+    good = best.cost * (1.0 + 1e-3) + 1e-12 * size
+    as_good = [run for run in runs if run.cost <= good]
+    same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= reach)]
+    return len(same), len(as_good) - len(same)
+
+
+def _on_starts(runs: Sequence[Start], best: Start, same: int, elsewhere: int) -> list[str]:
+    advice = []
+    if not best.converged:
+        advice.append(
+            f"not converged after {best.evaluations} evaluations ({best.message.rstrip('.')}): raise max_evaluations, "
+            "start nearer, or narrow the bounds"
+        )
+    if elsewhere:
+        advice.append(
+            f"{elsewhere} start(s) fit as well with other values: the data do not tell them apart; fix a parameter or "
+            "measure another assembly"
+        )
+    if len(runs) > 1 and same == 1 and not elsewhere:
+        advice.append(
+            f"only 1 of {len(runs)} starts reached the best optimum, so a better one may exist: raise starts, or "
+            "narrow the bounds"
+        )
+    return advice
+
+
+def _on_bounds(x: NDArray[np.float64], variables: Variables) -> list[str]:
+    low, high = variables.limits
+    advice = []
+    for i, unknown in enumerate(variables.unknowns):
+        near = _AT_BOUND * (high[i] - low[i])
+        sides = (("lower", unknown.lower, x[i] - low[i]), ("upper", unknown.upper, high[i] - x[i]))
+        advice += [
+            f"{unknown.address} is at its {side} bound {bound:g}: widen the bound, or take it that the data only "
+            "limit it from one side; its interval means nothing there"
+            for side, bound, distance in sides
+            if distance <= near
+        ]
+    return advice
+
+
+def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], addresses: tuple[str, ...]) -> list[str]:
+    advice = [
+        f"the data do not determine {address}: fix it, or measure something that it moves"
+        for address, variance in zip(addresses, np.diag(inverse), strict=True)
+        if np.isinf(variance)
+    ]
+    for i, first in enumerate(addresses):
+        for j in range(i):
+            if abs(correlation[i, j]) > _TIED:
+                advice.append(
+                    f"{addresses[j]} and {first} are tied (correlation {correlation[i, j]:+.4f}): the data determine a "
+                    "combination of them; fix one, or measure another overhang or mode"
+                )
+    return advice
+
+
+def _on_misfit(rms: float) -> list[str]:
+    if rms <= _UNEXPLAINED:
+        return []
+    return [
+        f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
+        "standard deviations are too small, and the standard errors are then too small as well"
+    ]

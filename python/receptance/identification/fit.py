@@ -1,0 +1,257 @@
+"""The fit: SciPy's least squares on the residuals and derivatives of all observations together."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from receptance import _checks
+from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.identification.bands import check_bands, find_bands, within
+from receptance.identification.conclusion import conclude
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.problem import Problem
+from receptance.identification.reduced import JointResidual, only_joint
+from receptance.identification.residuals import FrequencyResidual, FRFResidual, Residual, Unit
+from receptance.identification.result import Identification
+from receptance.identification.unknowns import Unknown, Variables, check_unknowns
+
+__all__ = ["identify"]
+
+Objective = Literal["log", "percentage"]
+Observation = MeasuredFRF | MeasuredFrequencies
+_SMOOTHING_PERCENT = 0.1
+"""Percentages well above this count by their absolute value, those below by their square."""
+
+
+def identify(
+    observations: Observation | Sequence[Observation],
+    unknowns: Unknown | Sequence[Unknown],
+    *,
+    objective: Objective = "log",
+    bands: Sequence[tuple[float, float]] | None = None,
+    band_width_percent: float = 5.0,
+    starts: int = 8,
+    seed: int = 0,
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    threads: int | None = None,
+) -> Identification:
+    """Identify parameters of assemblies from what was measured on them.
+
+    One least-squares problem over all observations: an unknown is shared by every observation whose assembly has
+    its address. SciPy's trust-region reflective method runs from several starts on analytic derivatives; the best
+    end is kept.
+
+    Parameters
+    ----------
+    observations : sequence of MeasuredFRF and MeasuredFrequencies
+        What was measured; kinds and assemblies may be mixed.
+    unknowns : sequence of Unknown
+        The parameters to identify, with bounds.
+    objective : {"log", "percentage"}, optional
+        "log": the complex logarithm of measured over calculated receptance, real and imaginary part, and natural
+        frequencies calculated minus measured; in standard deviations where these are given, else natural
+        frequencies in percent. Sum of squares.
+
+        "percentage": the absolute percentage difference between the magnitudes of calculated and measured
+        receptance in bands around several resonances (Matthias et al. 2016, fig. 3), and natural frequencies in
+        percent. The sum of absolute values is not smooth where a residual is zero, so SciPy's `soft_l1` loss stands
+        in for it: the absolute value for what is well above 0.1 %, the square below. Standard deviations are not
+        used, phases neither.
+    bands : sequence of (float, float), optional
+        Bands in Hz, the same for all receptances; only lines inside count. By default all lines with "log", and
+        with "percentage" bands around each measurement's own peaks, see `find_bands`.
+    band_width_percent : float, optional
+        How far the bands that are found reach to either side of their peak.
+    starts : int, optional
+        Number of starts: first the given one, then a Latin hypercube within the bounds on the scale of the fit.
+    seed : int, optional
+        Seed of the starts that are drawn.
+    max_evaluations : int, optional
+        Most evaluations from one start.
+    tolerance : float, optional
+        Relative change of the cost and of the variables at which a fit has converged.
+    threads : int, optional
+        As in `Assembly.receptance`.
+
+    Returns
+    -------
+    Identification
+        Values with their uncertainty, residuals, every start's end, whether it converged and what to try if not.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unusable observations, unknowns or settings; more unknowns than observed numbers; standard deviations for
+        some observations and not for others.
+    ReceptanceError
+        The model has no value at any of the starts.
+
+    Examples
+    --------
+    >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
+    >>> from receptance.identification import MeasuredFrequencies, Unknown, identify
+    >>> tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
+    >>> holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+    >>> true = Assembly([tool, PointJoint(k_y=6.3e8, k_theta=1.0e5, name="joint"), holder])
+    >>> measured = MeasuredFrequencies(assembly=true, frequency_hz=true.natural_frequencies(15e3)[:2])
+    >>> found = identify(measured, [
+    ...     Unknown(address="joint.k_y", lower=1e7, upper=1e10),
+    ...     Unknown(address="joint.k_theta", lower=1e3, upper=1e7),
+    ... ])
+    >>> {address: f"{value:.4g}" for address, value in found.values.items()}
+    {'joint.k_y': '6.3e+08', 'joint.k_theta': '1e+05'}
+    """
+    observed = _observed(observations)
+    wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
+    check_unknowns(wanted, [observation.assembly for observation in observed])
+    if objective not in get_args(Objective):
+        raise ValueError(f"objective is {objective!r}, expected one of {', '.join(get_args(Objective))}")
+    _whole("starts", starts, 1)
+    _whole("seed", seed, 0)
+    _whole("max_evaluations", max_evaluations, 1)
+    _checks.positive("identify", "tolerance", tolerance)
+    _checks.thread_count(threads)
+    variables = Variables(wanted)
+    chosen = None if bands is None else check_bands(bands)
+    units = _units(observed, objective)
+    residuals = [
+        _residual(observation, unit, variables, chosen, band_width_percent, threads)
+        for observation, unit in zip(observed, units, strict=True)
+    ]
+    problem = Problem(residuals, variables)
+    if problem.size < len(wanted):
+        raise ValueError(
+            f"there are {len(wanted)} unknowns but only {problem.size} observed numbers; measure more or fix some"
+        )
+    x = variables.draw(starts, seed)
+    if objective == "percentage":
+        near = Problem([_approach(observation, variables, chosen, threads) for observation in observed], variables)
+        runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
+    else:
+        quick = Problem(
+            [
+                _reduced(observation, residual, variables, chosen, threads)
+                for observation, residual in zip(observed, residuals, strict=True)
+            ],
+            variables,
+        )
+        runs = [quick.fit(start, None, max_evaluations, tolerance, None) for start in x]
+    if not np.isfinite(min(run.cost for run in runs)):
+        raise ReceptanceError(f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}")
+    notes = [note for observation in observed for note in getattr(observation, "notes", ())]
+    notes += _on_weights(observed, units, objective)
+    return conclude(
+        observed,
+        residuals,
+        problem,
+        runs,
+        known="standard deviations" in units,
+        loss=_SMOOTHING_PERCENT if objective == "percentage" else None,
+        seed=seed,
+        notes=notes,
+    )
+
+
+def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
+    found = (observations,) if isinstance(observations, Observation) else tuple(observations)
+    if not found:
+        raise ValueError("observations is empty, expected at least one MeasuredFRF or MeasuredFrequencies")
+    for index, observation in enumerate(found):
+        if not isinstance(observation, Observation):
+            raise TypeError(f"observations[{index}] is {observation!r}, expected a MeasuredFRF or MeasuredFrequencies")
+    return found
+
+
+def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
+    """Return what a residual of 1 is to mean for each observation, so that they can be weighed against each other."""
+    if objective == "percentage":
+        return ["percent"] * len(observed)
+    known = [_has_spread(observation) for observation in observed]
+    if any(known) and not all(known):
+        with_, without = observed[known.index(True)], observed[known.index(False)]
+        raise ValueError(
+            f"{with_!r} has a standard deviation but {without!r} has none, so they cannot be weighed against each "
+            "other; give all observations one, or none"
+        )
+    if all(known):
+        return ["standard deviations"] * len(observed)
+    kinds = {type(observation) for observation in observed}
+    lonely: Unit = "percent" if len(kinds) == 1 else "relative"
+    return ["logarithm" if isinstance(observation, MeasuredFRF) else lonely for observation in observed]
+
+
+def _on_weights(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:
+    notes = []
+    if objective == "percentage" and any(_has_spread(observation) for observation in observed):
+        notes.append("the percentage objective does not use the standard deviations that were given")
+    if "relative" in units:
+        notes.append(
+            "receptances and natural frequencies without standard deviations: 1 % of a frequency weighs as much as 1 % "
+            "of the receptance on one line; give standard deviations to weigh them by what is known"
+        )
+        warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
+    return notes
+
+
+def _residual(
+    observation: Observation,
+    unit: Unit,
+    variables: Variables,
+    bands: list[tuple[float, float]] | None,
+    width_percent: float,
+    threads: int | None,
+) -> Residual:
+    if isinstance(observation, MeasuredFrequencies):
+        return FrequencyResidual(observation, variables, unit)
+    if bands is None and unit == "percent":
+        bands = find_bands(observation, width_percent=width_percent)
+    return FRFResidual(observation, variables, unit, None if bands is None else within(observation, bands), threads)
+
+
+def _reduced(
+    observation: Observation,
+    residual: Residual,
+    variables: Variables,
+    bands: list[tuple[float, float]] | None,
+    threads: int | None,
+) -> Residual:
+    """Return the same residual compressed, where only one joint of the observation's assembly is unknown."""
+    if isinstance(observation, MeasuredFrequencies) or residual.size <= 2 * len(variables.addresses):
+        return residual
+    joint = only_joint(observation, variables)
+    if joint is None:
+        return residual
+    chosen = None if bands is None else within(observation, bands)
+    try:
+        return JointResidual(observation, variables, residual.unit, chosen, joint, threads)
+    except (ReceptanceError, ValueError):
+        # The joint at the bounds has no value; the fit itself may never go there.
+        return residual
+
+
+def _approach(
+    observation: Observation, variables: Variables, bands: list[tuple[float, float]] | None, threads: int | None
+) -> Residual:
+    """Return the residual that brings a start near, before percentages in bands are fitted.
+
+    While the calculated peaks are outside the bands around the measured ones, a percentage is blind to where they
+    are; the logarithm on all lines is not.
+    """
+    unit: Unit = "logarithm" if isinstance(observation, MeasuredFRF) else "relative"
+    return _residual(observation, unit, variables, bands, 0.0, threads)
+
+
+def _has_spread(observation: Observation) -> bool:
+    if isinstance(observation, MeasuredFRF):
+        return observation.standard_deviation is not None
+    return observation.standard_deviation_hz is not None
+
+
+def _whole(name: str, value: Any, least: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} is {value!r}, expected a whole number of at least {least}")

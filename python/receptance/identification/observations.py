@@ -1,0 +1,260 @@
+"""What was measured: receptances and natural frequencies, each of one assembly."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance import _checks
+from receptance.assembly import Assembly
+from receptance.coordinates import Coordinate
+from receptance.errors import ReceptanceWarning
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["MeasuredFRF", "MeasuredFrequencies"]
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class MeasuredFRF:
+    """One measured receptance of one assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        What was measured. The values of the parameters that are identified do not matter here.
+    frequency_hz : array_like
+        `(n,)` ascending lines in Hz. A first line at 0 Hz is dropped, with a `ReceptanceWarning` and a note:
+        a free structure has no receptance there.
+    receptance : array_like
+        `(n,)` complex, in m/N, m/(N m), rad/N or rad/(N m).
+    response, excitation : Coordinate, optional
+        Where motion was seen and where the load acted; by default y at the tip.
+    standard_deviation : array_like, optional
+        Standard deviation of the real and of the imaginary part of the logarithm of the receptance, one number
+        or `(n,)`; 0.01 is 1 % of the magnitude and 0.01 rad of the phase.
+    label : str, optional
+        For people.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What was changed in the data.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Lines that are empty, unsorted, negative or not finite, arrays of different lengths, a receptance that is
+        zero or not finite (the message says where), or a coordinate that the assembly does not have.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> from receptance.identification import MeasuredFRF
+    >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> lines = np.linspace(100.0, 4000.0, 40)
+    >>> MeasuredFRF(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines), label="blank")
+    MeasuredFRF('blank', 40 lines from 100 to 4000 Hz)
+    """
+
+    assembly: Assembly
+    frequency_hz: NDArray[np.float64]
+    receptance: NDArray[np.complex128]
+    response: Coordinate
+    excitation: Coordinate
+    standard_deviation: NDArray[np.float64] | None
+    label: str
+    notes: tuple[str, ...]
+
+    def __init__(
+        self,
+        *,
+        assembly: Assembly,
+        frequency_hz: ArrayLike,
+        receptance: ArrayLike,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+        standard_deviation: ArrayLike | None = None,
+        label: str = "",
+    ) -> None:
+        owner = _owner("MeasuredFRF", label, assembly)
+        lines = _numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz")
+        values = _numbers(owner, "receptance", receptance, "iufc", "complex numbers")
+        if lines.ndim != 1:
+            raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
+        if values.shape != lines.shape:
+            raise ValueError(
+                f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
+            )
+        spread = None
+        if standard_deviation is not None:
+            spread = _spread(owner, "standard_deviation", standard_deviation, lines.shape)
+        notes: tuple[str, ...] = ()
+        if lines.size and lines[0] == 0.0:
+            notes = (f"{owner}: the line at 0 Hz is dropped",)
+            warnings.warn(
+                f"{owner}: the line at 0 Hz is dropped, a free structure has no receptance there",
+                ReceptanceWarning,
+                stacklevel=2,
+            )
+            lines, values = lines[1:], values[1:]
+            spread = spread if spread is None else spread[1:]
+        lines = _ascending(owner, lines)
+        values = values.astype(np.complex128)
+        for wrong, what in ((~np.isfinite(values), "a finite number"), (values == 0.0, "something else than zero")):
+            bad = np.flatnonzero(wrong)
+            if bad.size:
+                raise ValueError(
+                    f"{owner}: the receptance at {lines[bad[0]]:g} Hz is {values[bad[0]]}, expected {what}; "
+                    "leave the line out"
+                )
+        places = []
+        for name, place in (("response", response), ("excitation", excitation)):
+            if place is not None and not isinstance(place, Coordinate):
+                raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
+            places.append(place or Coordinate())
+        # A line off the real axis: no resonance can be in the way of asking whether the coordinates exist.
+        assembly.receptance([lines[0] * (1.0 - 0.1j)], response=places[0], excitation=places[1], threads=1)
+        _set(
+            self,
+            assembly=assembly,
+            frequency_hz=lines,
+            receptance=values,
+            response=places[0],
+            excitation=places[1],
+            standard_deviation=spread,
+            label=str(label),
+            notes=notes,
+        )
+
+    def __repr__(self) -> str:
+        low, high = self.frequency_hz[[0, -1]]
+        return f"MeasuredFRF({self.label!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class MeasuredFrequencies:
+    """Measured natural frequencies of one assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        What was measured. The values of the parameters that are identified do not matter here.
+    frequency_hz : array_like
+        `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones.
+    modes : sequence of int, optional
+        Which elastic modes these are, the lowest is 1; by default 1 to m. Rigid-body modes do not count.
+    standard_deviation_hz : array_like, optional
+        Standard deviation in Hz, one number or `(m,)`.
+    label : str, optional
+        For people.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Frequencies that are empty, unsorted, not positive or not finite, or modes that do not fit them.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> from receptance.identification import MeasuredFrequencies
+    >>> bar = Assembly([Part([Segment(length=0.125, outer_diameter=0.01, material=STEEL)], name="bar")])
+    >>> MeasuredFrequencies(assembly=bar, frequency_hz=[2890.0, 14600.0], modes=[1, 3], label="bar")
+    MeasuredFrequencies('bar', mode 1: 2890 Hz, mode 3: 14600 Hz)
+    """
+
+    assembly: Assembly
+    frequency_hz: NDArray[np.float64]
+    modes: tuple[int, ...]
+    standard_deviation_hz: NDArray[np.float64] | None
+    label: str
+
+    def __init__(
+        self,
+        *,
+        assembly: Assembly,
+        frequency_hz: ArrayLike,
+        modes: Sequence[int] | None = None,
+        standard_deviation_hz: ArrayLike | None = None,
+        label: str = "",
+    ) -> None:
+        owner = _owner("MeasuredFrequencies", label, assembly)
+        values = np.atleast_1d(_numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
+        values = _ascending(owner, values)
+        numbers = tuple(range(1, values.size + 1)) if modes is None else _modes(owner, modes)
+        if len(numbers) != values.size:
+            raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
+        spread = None
+        if standard_deviation_hz is not None:
+            spread = _spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+        _set(
+            self,
+            assembly=assembly,
+            frequency_hz=values,
+            modes=numbers,
+            standard_deviation_hz=spread,
+            label=str(label),
+        )
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"mode {n}: {f:g} Hz" for n, f in zip(self.modes, self.frequency_hz, strict=True))
+        return f"MeasuredFrequencies({self.label!r}, {found})"
+
+
+def _owner(kind: str, label: str, assembly: Any) -> str:
+    owner = f"{kind} {label!r}" if label else kind
+    if not isinstance(assembly, Assembly):
+        raise TypeError(f"{owner}: assembly is {assembly!r}, expected an Assembly")
+    return owner
+
+
+def _set(target: Any, **fields: Any) -> None:
+    """Fill a frozen dataclass; its arrays are its own and stay as they are."""
+    for name, value in fields.items():
+        if isinstance(value, np.ndarray):
+            value = value.copy()
+            value.setflags(write=False)
+        object.__setattr__(target, name, value)
+
+
+def _numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
+    if array.dtype.kind not in kinds:
+        raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
+    return array
+
+
+def _ascending(owner: str, array: NDArray[Any]) -> NDArray[np.float64]:
+    try:
+        return _checks.frequencies(array).astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{owner}: {error}") from None
+
+
+def _spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    array = _numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    if array.shape not in ((), shape):
+        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
+    array = np.broadcast_to(array, shape)
+    bad = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number above zero")
+    return array
+
+
+def _modes(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
+    array = np.asarray(modes)
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        raise TypeError(f"{owner}: modes is {modes!r}, expected a list of whole numbers")
+    if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):
+        raise ValueError(f"{owner}: modes is {modes!r}, expected ascending numbers from 1 on")
+    return tuple(int(number) for number in array)

@@ -1,0 +1,136 @@
+"""Least squares over several residuals: the part that knows SciPy, and nothing of assemblies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.identification.residuals import InfeasibleError, Residual
+from receptance.identification.result import Start
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.identification.unknowns import Variables
+
+__all__ = ["Problem"]
+
+_APPROACH_TOLERANCE = 1e-4
+"""An approach only has to end near."""
+
+
+class Problem:
+    """All residuals as a function of the fitted variables, evaluated once for value and derivative."""
+
+    def __init__(self, residuals: Sequence[Residual], variables: Variables) -> None:
+        self.residuals = residuals
+        self.variables = variables
+        self.size = sum(residual.size for residual in residuals)
+        self.evaluations = 0
+        self._at: NDArray[np.float64] | None = None
+        self._residual = np.empty(0)
+        self._jacobian = np.empty((0, 0))
+        self.reason = ""
+
+    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals, all infinite where the model has no value: SciPy then takes a shorter step."""
+        self._evaluate(x)
+        return self._residual
+
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of the residuals with respect to the variables."""
+        self._evaluate(x)
+        return self._jacobian
+
+    def _evaluate(self, x: NDArray[np.float64]) -> None:
+        if self._at is not None and np.array_equal(self._at, x):
+            return
+        self._at = None
+        self.evaluations += 1
+        values = self.variables.to_values(x)
+        slopes = self.variables.slopes(values)
+        self.reason = "a residual or its derivative is not finite"
+        try:
+            parts = [residual.evaluate(values, slopes) for residual in self.residuals]
+        except InfeasibleError as error:
+            self.reason = str(error)
+            parts = [(np.full(self.size, np.inf), np.zeros((self.size, x.size)))]
+        self._residual, self._jacobian = parts[0]
+        if len(parts) > 1:
+            self._residual = np.concatenate([part[0] for part in parts])
+            self._jacobian = np.concatenate([part[1] for part in parts])
+        if not (np.isfinite(self._jacobian).all() and np.isfinite(self._residual).all()):
+            self._residual = np.full(self.size, np.inf)
+        self._residual.setflags(write=False)
+        self._jacobian.setflags(write=False)
+        self._at = x.copy()
+
+    def fit(
+        self,
+        x: NDArray[np.float64],
+        smoothing: float | None,
+        most: int,
+        tolerance: float,
+        approach: Problem | None,
+    ) -> Start:
+        """Run one fit from a start, by way of the optimum of another problem if there is one."""
+        first = self._named(x)
+        before = 0
+        if approach is not None:
+            end = approach.fit(x, None, most, _APPROACH_TOLERANCE, None)
+            x, before = end.variables, end.evaluations
+        fresh = self.evaluations
+        if not np.isfinite(self.residual(x)).all():
+            return Start(
+                start=first,
+                values=self._named(x),
+                variables=x,
+                cost=np.inf,
+                evaluations=before + 1,
+                converged=False,
+                message=self.reason,
+            )
+        found = self._minimise(x, smoothing, most, tolerance)
+        return Start(
+            start=first,
+            values=self._named(found.x),
+            variables=found.x,
+            cost=float(found.cost),
+            evaluations=before + self.evaluations - fresh,
+            converged=bool(found.status > 0),
+            message=str(found.message),
+        )
+
+    def _minimise(self, x: NDArray[np.float64], smoothing: float | None, most: int, tolerance: float) -> Any:
+        from scipy.optimize import least_squares  # slow to import
+
+        residual, jacobian = self.residual, self.jacobian
+        options: dict[str, Any] = {}
+        if smoothing is not None:
+            options = {"loss": "soft_l1", "f_scale": smoothing}
+
+            # With a loss SciPy scales what it is given in place.
+            def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
+                return self.residual(x).copy()
+
+            def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+                return self.jacobian(x).copy()
+
+        return least_squares(
+            residual,
+            x,
+            jac=jacobian,
+            bounds=tuple(self.variables.limits),
+            method="trf",
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=tolerance,
+            max_nfev=most,
+            **options,
+        )
+
+    def _named(self, x: NDArray[np.float64]) -> dict[str, float]:
+        return dict(zip(self.variables.addresses, self.variables.to_values(x).tolist(), strict=True))

@@ -1,0 +1,217 @@
+"""Residuals of one observation each, and their derivatives with respect to the fitted variables.
+
+The fit knows nothing of assemblies: it asks each of these for numbers at a point. So another way to evaluate an
+observation (a compressed residual, many points at once) is another class here and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+
+from receptance.beams import Part
+from receptance.errors import ReceptanceError
+from receptance.identification.unknowns import Variables, covered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.coordinates import Coordinate
+    from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+
+__all__ = ["FRFResidual", "FrequencyResidual", "InfeasibleError", "Pair", "Residual", "Unit"]
+
+Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
+"""What a residual of 1 means: one logarithm is a factor of e, one relative is twice a natural frequency."""
+Pair = tuple["NDArray[np.float64]", "NDArray[np.float64]"]
+
+_MARGIN = 1.05
+"""Modes are counted up to this many times the highest measured frequency first."""
+_GROWTH = 1.5
+"""By how much the limit grows when there are too few modes below it."""
+_FARTHEST = 1e3
+"""A mode this many times above its measured frequency says nothing but that the point is far off."""
+
+
+class InfeasibleError(Exception):
+    """A point at which the model has no value; the fit keeps away from it."""
+
+
+class Residual(Protocol):
+    """What the fit asks of an observation."""
+
+    unit: Unit
+    """What a residual of 1 means."""
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+
+    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
+        """Return residuals `(size,)` and their derivatives with respect to the fitted variables `(size, p)`.
+
+        `values` are all unknowns in SI units, `slopes` their derivatives with respect to the variables. Raises
+        `InfeasibleError` where the model has no value.
+        """
+
+
+class _Model:
+    """An assembly as a function of those unknowns that it has."""
+
+    def __init__(self, assembly: Assembly, variables: Variables) -> None:
+        self.assembly = assembly
+        self.columns = [i for i, name in enumerate(variables.addresses) if covered(name, assembly)]
+        self.addresses = [variables.addresses[i] for i in self.columns]
+
+    def at(self, values: NDArray[np.float64]) -> Assembly:
+        """Return the assembly at a point."""
+        try:
+            return self.assembly.replace(dict(zip(self.addresses, values[self.columns].tolist(), strict=True)))
+        except ValueError as error:
+            raise InfeasibleError(str(error)) from None
+
+
+class _Place:
+    """A coordinate that stays on its step between two segments when a length changes."""
+
+    def __init__(self, assembly: Assembly, place: Coordinate) -> None:
+        self._place = place
+        self._step: int | None = None
+        if place.position != "end":
+            edges = _edges(assembly, place.part)
+            distance = np.abs(edges - place.position)
+            if distance.min() <= 1e-9 * edges[-1]:
+                self._step = int(distance.argmin())
+
+    def on(self, assembly: Assembly) -> Coordinate:
+        """Return the coordinate on the assembly with other lengths."""
+        if self._step is None:
+            return self._place
+        return replace(self._place, position=float(_edges(assembly, self._place.part)[self._step]))
+
+
+def _edges(assembly: Assembly, name: str) -> NDArray[np.float64]:
+    """Return where the segments of a part begin and end."""
+    part = assembly.elements[name or next(iter(assembly.elements))]
+    lengths = [segment.length for segment in part.segments] if isinstance(part, Part) else []
+    return np.cumsum([0.0, *lengths])
+
+
+class FRFResidual:
+    """Residuals of a measured receptance on its chosen lines, those of the magnitude where the unit is percent."""
+
+    def __init__(
+        self,
+        frf: MeasuredFRF,
+        variables: Variables,
+        unit: Unit,
+        chosen: NDArray[np.bool_] | None,
+        threads: int | None,
+    ) -> None:
+        select: NDArray[np.bool_] | slice = slice(None) if chosen is None else chosen
+        self._model = _Model(frf.assembly, variables)
+        self._places = [_Place(frf.assembly, place) for place in (frf.response, frf.excitation)]
+        self._threads = threads
+        self.unit = unit
+        self._percentage = unit == "percent"
+        self._count = len(variables.addresses)
+        self._lines = frf.frequency_hz[select]
+        self._measured = frf.receptance[select]
+        self._inverse = -1.0 / self._measured
+        self._weight = None
+        if unit == "standard deviations" and frf.standard_deviation is not None:
+            self._weight = 1.0 / frf.standard_deviation[select]
+
+    @property
+    def size(self) -> int:
+        """Number of residuals: one a line for percentages, else two."""
+        return self._lines.size * (1 if self._percentage else 2)
+
+    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
+        """Return residuals and their derivatives; see `Residual`."""
+        model = self._model
+        assembly = model.at(values)
+        response, excitation = (place.on(assembly) for place in self._places)
+        try:
+            h, dh = assembly.derivatives(
+                self._lines, model.addresses, response=response, excitation=excitation, threads=self._threads
+            )
+        except (ReceptanceError, ValueError) as error:
+            raise InfeasibleError(str(error)) from None
+        with np.errstate(all="ignore"):
+            # Of the logarithm's derivative dH/H, times -1: the measured receptance is divided by once and for all.
+            ratio = self._measured / h
+            relative = dh * (ratio * self._inverse)[:, None]
+            if self._percentage:
+                return self._percent(ratio, relative, slopes)
+            return self._logarithm(ratio, relative, slopes)
+
+    def _logarithm(
+        self, ratio: NDArray[np.complex128], relative: NDArray[np.complex128], slopes: NDArray[np.float64]
+    ) -> Pair:
+        n = ratio.size
+        residual = np.empty((2, n))
+        np.log(np.abs(ratio), out=residual[0])
+        residual[1] = np.angle(ratio)
+        jacobian = np.zeros((2, n, self._count))
+        columns = self._model.columns
+        jacobian[0][:, columns] = relative.real * slopes[columns]
+        jacobian[1][:, columns] = relative.imag * slopes[columns]
+        if self._weight is not None:
+            residual *= self._weight
+            jacobian *= self._weight[:, None]
+        return residual.reshape(2 * n), jacobian.reshape(2 * n, self._count)
+
+    def _percent(
+        self, ratio: NDArray[np.complex128], relative: NDArray[np.complex128], slopes: NDArray[np.float64]
+    ) -> Pair:
+        share = 100.0 / np.abs(ratio)
+        jacobian = np.zeros((ratio.size, self._count))
+        columns = self._model.columns
+        jacobian[:, columns] = -share[:, None] * relative.real * slopes[columns]
+        return share - 100.0, jacobian
+
+
+class FrequencyResidual:
+    """Residuals of measured natural frequencies."""
+
+    def __init__(self, measured: MeasuredFrequencies, variables: Variables, unit: Unit) -> None:
+        self.unit = unit
+        self._model = _Model(measured.assembly, variables)
+        self._measured = measured.frequency_hz
+        self._rows = np.array(measured.modes) - 1
+        self._count = len(variables.addresses)
+        spread = measured.standard_deviation_hz
+        if unit == "standard deviations" and spread is not None:
+            self._unit_hz = spread
+        else:
+            self._unit_hz = self._measured * (0.01 if unit == "percent" else 1.0)
+
+    @property
+    def size(self) -> int:
+        """Number of frequencies."""
+        return self._measured.size
+
+    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
+        """Return residuals and their derivatives; see `Residual`."""
+        model = self._model
+        assembly = model.at(values)
+        most = int(self._rows[-1]) + 1
+        highest = float(self._measured[-1])
+        upper = _MARGIN * highest
+        while True:
+            try:
+                found, slope = assembly.natural_frequency_derivatives(upper, model.addresses)
+            except ReceptanceError as error:
+                raise InfeasibleError(str(error)) from None
+            if len(found) >= most:
+                break
+            if upper > _FARTHEST * highest:
+                raise InfeasibleError(f"mode {most} lies more than {_FARTHEST:g} times above where it was measured")
+            upper *= _GROWTH
+        jacobian = np.zeros((self.size, self._count))
+        jacobian[:, model.columns] = slope[self._rows] * slopes[model.columns] / self._unit_hz[:, None]
+        return (found[self._rows] - self._measured) / self._unit_hz, jacobian

@@ -1,0 +1,240 @@
+"""What a fit found, how well the data determine it, and what to try if they do not."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.identification.spread import quantile
+from receptance.identification.unknowns import Unknown, Variables, covered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+
+__all__ = ["Identification", "Start"]
+
+_COLUMNS = ("parameter", "value", "standard error", "95 % interval")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """One start and where it ended.
+
+    Attributes
+    ----------
+    start, values : dict of str to float
+        Where it began and where it ended, in SI units by address.
+    variables : ndarray
+        Where it ended, in the fitted variables.
+    cost : float
+        Half the sum of the squared residuals, or of the soft absolute values; infinite if the start has no model.
+    evaluations : int
+        Evaluations of the model.
+    converged : bool
+        Whether it stopped because nothing changed any more.
+    message : str
+        Why it stopped.
+    """
+
+    start: dict[str, float]
+    values: dict[str, float]
+    variables: NDArray[np.float64]
+    cost: float
+    evaluations: int
+    converged: bool
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identification:
+    """Identified parameters, their uncertainty, and what is left unexplained.
+
+    Attributes
+    ----------
+    unknowns : tuple of Unknown
+        What was identified, in the order of all that follows.
+    values : dict of str to float
+        Identified values in SI units by address.
+    standard_errors : dict of str to float
+        Standard error of each value in SI units, to first order; infinite where the data do not determine it.
+    covariance : ndarray
+        `(p, p)` of the fitted variables: log10 of the value where the scale is "log", else the value.
+    correlation : ndarray
+        `(p, p)` of the fitted variables.
+    residuals : list of ndarray
+        Residuals of each observation, in `units`; of a receptance first the real parts, then the imaginary parts.
+    units : list of str
+        What a residual of 1 means, for each observation: "standard deviations", "percent", "logarithm" or "relative".
+    labels : list of str
+        Label of each observation, or its number.
+    rms : float
+        Root mean square of all residuals.
+    degrees_of_freedom : int
+        Number of residuals less number of unknowns.
+    known_scatter : bool
+        Whether standard deviations were given. If not, the scatter is estimated from the residuals.
+    converged : bool
+        Whether the best start converged.
+    advice : list of str
+        What to look at or to try; empty if there is nothing.
+    notes : list of str
+        What a person should know about how it was done.
+    starts : tuple of Start
+        Every start, in the order of running.
+    agreeing : int
+        How many starts reached the best optimum.
+    assemblies : list of Assembly
+        The assembly of each observation with the identified values.
+    evaluations : int
+        Evaluations of the model in all starts.
+    seed : int
+        Seed of the starts that were drawn.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    values: dict[str, float]
+    standard_errors: dict[str, float]
+    covariance: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+    residuals: list[NDArray[np.float64]]
+    units: list[str]
+    labels: list[str]
+    rms: float
+    degrees_of_freedom: int
+    known_scatter: bool
+    converged: bool
+    advice: list[str]
+    notes: list[str]
+    starts: tuple[Start, ...]
+    agreeing: int
+    assemblies: list[Assembly]
+    evaluations: int
+    seed: int
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses of the unknowns, in the order of `covariance` and `correlation`."""
+        return tuple(unknown.address for unknown in self.unknowns)
+
+    def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of a value, in SI units.
+
+        Symmetric in the fitted variable, so for a log scale value / factor to value * factor; 0 to infinity, or
+        infinite, where the data do not determine it. With standard deviations given the quantile is the normal
+        one, else Student's t with `degrees_of_freedom`. It rests on the slope of the model at the fit and does
+        not know the bounds.
+
+        Raises
+        ------
+        ValueError
+            An address that was not identified, or a level not between 0 and 1.
+        """
+        index = self._index(address)
+        reach = quantile(level, None if self.known_scatter else self.degrees_of_freedom)
+        reach *= float(np.sqrt(self.covariance[index, index]))
+        value = self.values[address]
+        if self.unknowns[index].scale == "linear":
+            return value - reach, value + reach
+        with np.errstate(over="ignore"):
+            factor = float(np.power(10.0, np.float64(reach)))
+        return (value / factor if np.isfinite(factor) else 0.0), value * factor
+
+    def apply(self, assembly: Assembly) -> Assembly:
+        """Return another assembly with the identified values of the parameters that it has."""
+        own = {address: value for address, value in self.values.items() if covered(address, assembly)}
+        if not own:
+            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
+        return assembly.replace(own)
+
+    def predict_natural_frequencies(
+        self, assembly: Assembly, upper_hz: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Natural frequencies of an assembly with the identified values, and what their uncertainty makes of them.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            It need not be one that was observed.
+        upper_hz : float
+            Limit in Hz.
+
+        Returns
+        -------
+        frequency_hz, standard_error_hz : ndarray
+            `(n_modes,)` each; to first order, from the identified parameters alone. Infinite where a parameter
+            that matters is not determined.
+        """
+        own = [index for index, address in enumerate(self.addresses) if covered(address, assembly)]
+        found, slope = self.apply(assembly).natural_frequency_derivatives(upper_hz, [self.addresses[i] for i in own])
+        at = np.array([self.values[self.addresses[i]] for i in own])
+        slope = slope * Variables(tuple(self.unknowns[i] for i in own)).slopes(at)
+        covariance = self.covariance[np.ix_(own, own)]
+        lost = np.isinf(np.diag(covariance))
+        kept = slope[:, ~lost]
+        variance = np.einsum("mi,ij,mj->m", kept, covariance[np.ix_(~lost, ~lost)], kept)
+        return found, np.where(np.any(slope[:, lost] != 0.0, axis=1), np.inf, np.sqrt(np.maximum(variance, 0.0)))
+
+    def summary(self) -> str:
+        """Return the result as text: values with intervals, fit, starts, advice and notes."""
+        rows = [_COLUMNS]
+        rows += self._rows()
+        widths = [max(len(row[column]) for row in rows) for column in range(4)]
+        lines = [self._headline(), ""]
+        for row in rows:
+            lines.append("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        lines += ["", *self._fits()]
+        lines += [f"advice: {text}" for text in self.advice]
+        lines += [f"note: {text}" for text in self.notes]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        found = ", ".join(
+            f"{address}={value:.4g} +- {self.standard_errors[address]:.1g}" for address, value in self.values.items()
+        )
+        return f"Identification({found}; {self._headline()})"
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{cell}</th>" for cell in _COLUMNS)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self._rows()
+        )
+        said = [html.escape(text) for text in self._fits()]
+        said += [f"<b>{html.escape(text)}</b>" for text in self.advice]
+        said += [html.escape(text) for text in self.notes]
+        return (
+            f"<p>{html.escape(self._headline())}</p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+            f"<ul>{''.join(f'<li>{text}</li>' for text in said)}</ul>"
+        )
+
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        rows = []
+        for address, value in self.values.items():
+            low, high = self.interval(address)
+            rows.append((address, f"{value:.5g}", f"{self.standard_errors[address]:.2g}", f"{low:.5g} to {high:.5g}"))
+        return rows
+
+    def _fits(self) -> list[str]:
+        return [
+            f"{label}: {residual.size} residuals, rms {_rms(residual):.3g} {unit}"
+            for label, unit, residual in zip(self.labels, self.units, self.residuals, strict=True)
+        ]
+
+    def _headline(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        count = len(self.starts)
+        starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
+        return f"{state}, {starts}, {self.evaluations} evaluations, rms {self.rms:.3g}"
+
+    def _index(self, address: str) -> int:
+        if address not in self.values:
+            raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
+        return self.addresses.index(address)
+
+
+def _rms(residual: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(residual**2)))

@@ -1,0 +1,168 @@
+"""The parameters to identify, and the way between their values and the fitted variables."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from receptance import _checks
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+
+__all__ = ["Unknown", "Variables", "covered"]
+
+Scale = Literal["log", "linear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """A parameter to be identified.
+
+    Parameters
+    ----------
+    address : str
+        As in `Assembly.parameters`, or with `segment[*]`; shared by all observations whose assembly has it.
+    lower, upper : float
+        Bounds in SI units.
+    start : float, optional
+        Where the first fit starts; by default the middle of the bounds, on the scale of the fit.
+    scale : {"log", "linear"}, optional
+        Whether the logarithm (base 10) or the value itself is fitted; by default the logarithm where the lower
+        bound is more than zero.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Bounds that are not finite, reversed or exclude the start, or a log scale from zero or less.
+
+    Examples
+    --------
+    >>> from receptance.identification import Unknown
+    >>> Unknown(address="joint.k_theta", lower=1e3, upper=1e7).start
+    100000.0
+    """
+
+    address: str
+    lower: float
+    upper: float
+    start: float | None = None
+    scale: Scale | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.address, str):
+            raise TypeError(f"Unknown: address is {self.address!r}, expected text like 'joint.k_theta'")
+        owner = f"Unknown {self.address!r}"
+        lower, upper = (_checks.number(owner, name, getattr(self, name)) for name in ("lower", "upper"))
+        if lower >= upper:
+            raise ValueError(f"{owner}: lower is {lower:g} and upper {upper:g}, expected lower below upper")
+        scale = self.scale if self.scale is not None else ("log" if lower > 0.0 else "linear")
+        if scale not in get_args(Scale):
+            raise ValueError(f"{owner}: scale is {scale!r}, expected one of {', '.join(get_args(Scale))}")
+        if scale == "log" and lower <= 0.0:
+            raise ValueError(f"{owner}: lower is {lower:g}, expected more than zero on a log scale")
+        if self.start is None:
+            start = math.sqrt(lower) * math.sqrt(upper) if scale == "log" else 0.5 * lower + 0.5 * upper
+            start = min(max(start, lower), upper)
+        else:
+            start = _checks.number(owner, "start", self.start)
+        if not lower <= start <= upper:
+            raise ValueError(f"{owner}: start is {start:g}, outside the bounds {lower:g} to {upper:g}")
+        for name, value in (("lower", lower), ("upper", upper), ("start", start), ("scale", scale)):
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Variables:
+    """The fitted vector: log10 of the value, or the value, of each unknown in turn."""
+
+    unknowns: tuple[Unknown, ...]
+
+    @cached_property
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses in the order of the vector."""
+        return tuple(unknown.address for unknown in self.unknowns)
+
+    @cached_property
+    def logarithmic(self) -> NDArray[np.bool_]:
+        """Where the variable is a logarithm."""
+        return np.array([unknown.scale == "log" for unknown in self.unknowns])
+
+    @cached_property
+    def limits(self) -> NDArray[np.float64]:
+        """Lower and upper bounds of the variables, `(2, p)`."""
+        bounds = [[unknown.lower for unknown in self.unknowns], [unknown.upper for unknown in self.unknowns]]
+        return np.array([self.from_values(np.array(side)) for side in bounds])
+
+    @cached_property
+    def start(self) -> NDArray[np.float64]:
+        """The given start."""
+        return self.from_values(np.array([unknown.start for unknown in self.unknowns], dtype=np.float64))
+
+    def from_values(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variables of values in SI units."""
+        result = values.copy()
+        np.log10(values, out=result, where=self.logarithmic)
+        return result
+
+    def to_values(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values in SI units."""
+        result = variables.copy()
+        np.power(10.0, variables, out=result, where=self.logarithmic)
+        # Ten to the logarithm of a bound may lie a rounding outside it.
+        return np.clip(result, [u.lower for u in self.unknowns], [u.upper for u in self.unknowns])
+
+    def slopes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the values with respect to the variables."""
+        return np.where(self.logarithmic, values * math.log(10.0), 1.0)
+
+    def draw(self, starts: int, seed: int) -> NDArray[np.float64]:
+        """Return `starts` start vectors: the given one, then a Latin hypercube within the bounds."""
+        if starts == 1:
+            return self.start[None, :]
+        from scipy.stats import qmc  # heavy to import, and one start needs none of it
+
+        low, high = self.limits
+        sampler = qmc.LatinHypercube(len(self.unknowns), seed=np.random.default_rng(seed))
+        return np.vstack([self.start, low + (high - low) * sampler.random(starts - 1)])
+
+
+def covered(address: str, assembly: Assembly) -> frozenset[str]:
+    """Return the parameters of the assembly that an address stands for; `segment[*]` stands for several."""
+    known = assembly.parameters
+    if "[*]" not in address:
+        return frozenset((address,) if address in known else ())
+    pattern = re.compile(re.escape(address).replace(r"\[\*\]", r"\[\d+\]"))
+    return frozenset(name for name in known if pattern.fullmatch(name))
+
+
+def check_unknowns(unknowns: Sequence[Unknown], assemblies: Sequence[Assembly]) -> None:
+    """Raise if an address is unknown to all assemblies, or two unknowns move the same parameter."""
+    if not unknowns:
+        raise ValueError("unknowns is empty, expected at least one Unknown")
+    for index, unknown in enumerate(unknowns):
+        if not isinstance(unknown, Unknown):
+            raise TypeError(f"unknowns[{index}] is {unknown!r}, expected an Unknown")
+    for assembly in assemblies:
+        owner: dict[str, str] = {}
+        for unknown in unknowns:
+            for name in covered(unknown.address, assembly):
+                if name in owner:
+                    raise ValueError(f"the unknowns {owner[name]!r} and {unknown.address!r} are both {name!r}")
+                owner[name] = unknown.address
+    known = dict.fromkeys(name for assembly in assemblies for name in assembly.parameters)
+    for unknown in unknowns:
+        if not any(covered(unknown.address, assembly) for assembly in assemblies):
+            first = unknown.address.split(".", 1)[0] + "."
+            near = [name for name in known if name.startswith(first)] or list(known)
+            raise ValueError(
+                f"Unknown {unknown.address!r}: no observation's assembly has it; there are {', '.join(near)}"
+            )
