@@ -34,6 +34,7 @@ def conclude(
     observed: Sequence[MeasuredFRF | MeasuredFrequencies],
     residuals: Sequence[Residual],
     problem: Problem,
+    quick: Problem,
     runs: Sequence[Start],
     *,
     known: bool,
@@ -41,12 +42,12 @@ def conclude(
     seed: int,
     notes: list[str],
 ) -> Identification:
-    """Return the result of the best run."""
+    """Return the result of the best run; `quick` has the curvature of `problem`, from fewer numbers."""
     variables = problem.variables
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
     residual = problem.residual(best.variables)
-    inverse, correlation = covariance_of(problem.jacobian(best.variables))
+    inverse, correlation = covariance_of(quick.jacobian(best.variables))
     factor = 1.0 if known else variance_factor(residual, count, loss)
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
     values = np.array([best.values[address] for address in variables.addresses])

@@ -129,6 +129,7 @@ def identify(
             f"there are {len(wanted)} unknowns but only {problem.size} observed numbers; measure more or fix some"
         )
     x = variables.draw(starts, seed)
+    quick = problem
     if objective == "percentage":
         near = Problem([_approach(observation, variables, chosen, threads) for observation in observed], variables)
         runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
@@ -149,6 +150,7 @@ def identify(
         observed,
         residuals,
         problem,
+        quick,
         runs,
         known="standard deviations" in units,
         loss=_SMOOTHING_PERCENT if objective == "percentage" else None,

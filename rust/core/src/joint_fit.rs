@@ -53,30 +53,26 @@ pub fn reduce_joint(
         return Err(Error::Index { what: "joint", index: 0, value: joint as f64, expected });
     }
     let (nodes, spring) = model.joints[joint];
-    let request =
-        Request { excitations: vec![excitation], responses: vec![response], parameters: Vec::new() };
-    let whole = receptance(model, w, &request, threads)?.receptance;
-    let sides = [0, 1].map(|side| Side::new(model, joint, nodes[side], w, [response, excitation], threads));
-    let [first, second] = sides;
-    let (first, second) = (first?, second?);
+    let request = Request {
+        excitations: vec![excitation, response],
+        responses: vec![response],
+        parameters: Vec::new(),
+        joint: Some(joint),
+    };
+    let whole = receptance(model, w, &request, threads)?;
+    let first = face(model, joint, nodes[0], w, threads)?;
+    let second = face(model, joint, nodes[1], w, threads)?;
     let mut planes = vec![0.0; REDUCTION_PLANES * w.len()];
     for (line, &w_line) in w.iter().enumerate() {
         let stiffness = complex_stiffness(&spring, w_line);
-        let gap = add(inverse(stiffness), add(first.point(line), second.point(line)));
-        let y = inverse(gap);
+        let at = |side: &[Complex64]| [side[4 * line], side[4 * line + 1], side[4 * line + 3]];
+        let y = inverse(add(inverse(stiffness), add(at(&first), at(&second))));
+        let force = &whole.force[4 * line..4 * line + 4];
         let mut values = [Complex64::ZERO; REDUCTION_PLANES / 2];
         values[0] = w_line;
-        values[1] = whole[line];
-        for load in 0..2 {
-            // The gap is first minus second, so a load on the second side opens it the other way.
-            let opening = match (first.opening(line, load), second.opening(line, load)) {
-                (Some(opening), _) => opening,
-                (None, Some(opening)) => opening.map(|value| -value),
-                (None, None) => [Complex64::ZERO; 2],
-            };
-            values[2 + 2 * load] = y[0] * opening[0] + y[1] * opening[1];
-            values[3 + 2 * load] = y[1] * opening[0] + y[2] * opening[1];
-        }
+        values[1] = whole.receptance[2 * line];
+        values[2..4].copy_from_slice(&force[2..]);
+        values[4..6].copy_from_slice(&force[..2]);
         values[6..9].copy_from_slice(&y);
         for (plane, value) in values.into_iter().enumerate() {
             planes[2 * plane * w.len() + line] = value.re;
@@ -86,54 +82,13 @@ pub fn reduce_joint(
     Ok(planes)
 }
 
-/// Receptances of one side at its face of the joint.
-struct Side {
-    values: Vec<Complex64>,
-    columns: usize,
-    /// The column of the motion of the face under a load at the response and at the excitation.
-    loads: [Option<usize>; 2],
-}
-
-impl Side {
-    fn new(
-        model: &Model,
-        joint: usize,
-        face: usize,
-        w: &[Complex64],
-        points: [Coordinate; 2],
-        threads: usize,
-    ) -> Result<Self> {
-        let (side, number) = model.side(joint, face);
-        let node = number[face].unwrap_or(0);
-        let responses = vec![Coordinate { node, direction: 0 }, Coordinate { node, direction: 1 }];
-        let mut excitations = responses.clone();
-        let loads = points.map(|point| {
-            number[point.node].map(|node| {
-                let point = Coordinate { node, direction: point.direction };
-                excitations.iter().position(|known| *known == point).unwrap_or_else(|| {
-                    excitations.push(point);
-                    excitations.len() - 1
-                })
-            })
-        });
-        let columns = excitations.len();
-        let request = Request { excitations, responses, parameters: Vec::new() };
-        let values = receptance(&side, w, &request, threads)?.receptance;
-        Ok(Self { values, columns, loads })
-    }
-
-    /// The face's own receptance: (yy, y theta, theta theta).
-    fn point(&self, line: usize) -> [Complex64; 3] {
-        let start = line * 2 * self.columns;
-        [self.values[start], self.values[start + 1], self.values[start + self.columns + 1]]
-    }
-
-    /// Motion of the face under a load, if that acts on this side.
-    fn opening(&self, line: usize, load: usize) -> Option<[Complex64; 2]> {
-        let start = line * 2 * self.columns;
-        self.loads[load]
-            .map(|column| [self.values[start + column], self.values[start + self.columns + column]])
-    }
+/// Receptance of one side at its face of the joint, (n, 2, 2).
+fn face(model: &Model, joint: usize, node: usize, w: &[Complex64], threads: usize) -> Result<Vec<Complex64>> {
+    let (side, number) = model.side(joint, node);
+    let node = number[node].unwrap_or(0);
+    let points = vec![Coordinate { node, direction: 0 }, Coordinate { node, direction: 1 }];
+    let request = Request { excitations: points.clone(), responses: points, ..Request::default() };
+    Ok(receptance(&side, w, &request, threads)?.receptance)
 }
 
 fn complex_stiffness(spring: &Spring, w: Complex64) -> [Complex64; 3] {

@@ -46,6 +46,8 @@ pub struct Request {
     pub responses: Vec<Coordinate>,
     /// By what to differentiate.
     pub parameters: Vec<Parameter>,
+    /// A joint whose force is wanted under each excitation.
+    pub joint: Option<usize>,
 }
 
 /// Receptances and derivatives.
@@ -55,6 +57,8 @@ pub struct Response {
     pub receptance: Vec<Complex64>,
     /// `(n_freq, n_responses, n_excitations, n_parameters)`.
     pub derivative: Vec<Complex64>,
+    /// `(n_freq, n_excitations, degrees of freedom)` in the joint asked for, from its first on its second node.
+    pub force: Vec<Complex64>,
 }
 
 /// A derivative made ready for the kernels.
@@ -327,6 +331,7 @@ impl<'a, const D: usize> Job<'a, D> {
             job.observed = request.responses.iter().map(|point| job.load(model, *point)).collect();
         }
         job.only_root = job.gradients.is_empty()
+            && request.joint.is_none()
             && job.plans.len() == 1
             && request.responses.iter().all(|point| point.node == job.plans[0].0);
         if whole_branches {
@@ -342,7 +347,10 @@ impl<'a, const D: usize> Job<'a, D> {
             self.request.responses.iter().any(|point| point.node == node)
                 || self.gradients.iter().any(|gradient| gradient.node() == Some(node))
         };
-        let joint = |row: usize| self.gradients.iter().any(|gradient| gradient.joint() == Some(row));
+        let joint = |row: usize| {
+            self.request.joint == Some(row)
+                || self.gradients.iter().any(|gradient| gradient.joint() == Some(row))
+        };
         let mut branches = Vec::new();
         for (_, plan) in &mut self.plans {
             // An observed node ends a branch at the step that would leave it behind.
@@ -385,27 +393,34 @@ impl<'a, const D: usize> Job<'a, D> {
         let pairs = self.request.responses.len() * self.request.excitations.len();
         let wide = pairs * self.gradients.len();
         let mut receptance = vec![Complex64::ZERO; w.len() * pairs];
+        let forces = if self.request.joint.is_some() { self.excited.len() * D } else { 0 };
         let mut derivative = vec![Complex64::ZERO; w.len() * wide];
+        let mut force = vec![Complex64::ZERO; w.len() * forces];
         let arch = Arch::new();
         with_threads(threads, w.len() / LINES_PER_TASK, || {
-            let lines = w.par_chunks(LINES_PER_TASK);
-            let h = receptance.par_chunks_mut((LINES_PER_TASK * pairs).max(1));
-            // zip ends with the shorter one: without parameters the derivative has no chunks at all.
-            if wide == 0 {
-                let task = |(w, h)| arch.dispatch(Lines { job: self, w, h, dh: &mut [] });
-                lines.zip(h).for_each(task);
-            } else {
-                let dh = derivative.par_chunks_mut(LINES_PER_TASK * wide);
-                let task = |((w, h), dh)| arch.dispatch(Lines { job: self, w, h, dh });
-                lines.zip(h).zip(dh).for_each(task);
-            }
+            let pieces = chunks(&mut receptance, pairs, w.len())
+                .into_iter()
+                .zip(chunks(&mut derivative, wide, w.len()))
+                .zip(chunks(&mut force, forces, w.len()))
+                .collect::<Vec<_>>();
+            w.par_chunks(LINES_PER_TASK).zip(pieces).for_each(|(w, ((h, dh), force))| {
+                arch.dispatch(Lines { job: self, w, h, dh, force });
+            });
         })?;
         if let Some(index) = receptance.iter().position(|value| !value.is_finite()) {
             let line = index / pairs;
             return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
         }
-        Ok(Response { receptance, derivative })
+        Ok(Response { receptance, derivative, force })
     }
+}
+
+/// The parts of an output that belong to each task, empty ones where there is nothing a line.
+fn chunks(values: &mut [Complex64], a_line: usize, lines: usize) -> Vec<&mut [Complex64]> {
+    if a_line == 0 {
+        return (0..lines.div_ceil(LINES_PER_TASK)).map(|_| Default::default()).collect();
+    }
+    values.chunks_mut(LINES_PER_TASK * a_line).collect()
 }
 
 /// The lines of one task.
@@ -414,6 +429,7 @@ struct Lines<'a, const D: usize> {
     w: &'a [Complex64],
     h: &'a mut [Complex64],
     dh: &'a mut [Complex64],
+    force: &'a mut [Complex64],
 }
 
 impl<const D: usize> WithSimd for Lines<'_, D> {
@@ -421,7 +437,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Lines { job, w, h, dh } = self;
+        let Lines { job, w, h, dh, force } = self;
         let zero = C::zero(simd);
         let mut block = Block::empty(simd);
         let mut records: Vec<Record<S, D>> = Vec::new();
@@ -460,11 +476,35 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
                 }
             }
             job.collect(&block, &fields, &mut sensitivities, lines.len(), start, h, dh);
+            if let Some(row) = job.request.joint {
+                job.collect_force(row, &fields, lines.len(), start, force);
+            }
         }
     }
 }
 
 impl<const D: usize> Job<'_, D> {
+    /// Writes the force in a joint under each excitation.
+    #[inline(always)]
+    fn collect_force<S: Simd>(
+        &self,
+        row: usize,
+        fields: &[Field<S, D>],
+        lines: usize,
+        start: usize,
+        force: &mut [Complex64],
+    ) {
+        let mut lanes = [Complex64::ZERO; MAX_LANES];
+        for (load, &excited) in self.excited.iter().enumerate() {
+            for i in 0..D {
+                fields[excited].joints[row][i].store(&mut lanes);
+                for lane in 0..lines {
+                    force[((start + lane) * self.excited.len() + load) * D + i] = lanes[lane];
+                }
+            }
+        }
+    }
+
     /// Writes the entries of one block of lines.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]

@@ -37,6 +37,7 @@ pub fn receptance<'py>(
         excitations: coordinates("excitations", &excitations)?,
         responses: coordinates("responses", &responses)?,
         parameters: self::parameters(&parameters)?,
+        joint: None,
     };
     let result = py.detach(|| core_receptance(&model, w, &request, threads)).map_err(CoreError::from)?;
     let (n, p) = (w.len(), request.parameters.len());
