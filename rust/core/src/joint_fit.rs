@@ -8,9 +8,11 @@
 //! have huge rigid-body receptances that cancel in a plain coupling.
 
 use crate::error::{Error, Result};
+use crate::gradient::spring_derivative;
 use crate::lane::{C, MAX_LANES, R};
 use crate::model::{Model, Motion, Spring};
-use crate::response::{Coordinate, LINES_PER_TASK, Request, receptance, spring_derivative};
+use crate::request::{Coordinate, Request};
+use crate::response::{LINES_PER_TASK, receptance};
 use crate::small::{self, Mat};
 use crate::threads::with_threads;
 use num_complex::Complex64;

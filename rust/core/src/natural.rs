@@ -7,13 +7,16 @@
 //! without a zero. A pivot is T^-1 U_near U_far^-1 with the piece's compliance T, which the sweep has in
 //! hand with all its digits. Counts at eight frequencies at a time narrow each bracket ninefold.
 
+use crate::block::{Block, Prepared};
 use crate::error::{Error, Result};
+use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Step};
-use crate::response::{Gradient, Parameter, check_parameters};
+use crate::request::{Parameter, check_parameters};
 use crate::sensitivity::{self, Sensitivity};
 use crate::small::{self, Mat};
-use crate::sweep::{Blind, Block, Field, Observer, Prepared};
+use crate::sweep::{Blind, Field, Observer};
+use crate::threads::with_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
@@ -58,10 +61,10 @@ pub fn natural_frequencies(
             return Err(Error::SingularInterface { row, frequency_hz: 0.0, k_y, k_theta, k_ytheta });
         }
     }
-    match model.motion.degrees() {
+    with_threads(1, 0, || match model.motion.degrees() {
         1 => Search::<1>::new(&model).run(&model, upper, most, parameters),
         _ => Search::<2>::new(&model).run(&model, upper, most, parameters),
-    }
+    })?
 }
 
 /// The model without what loses energy.

@@ -1,13 +1,14 @@
 //! The observed receptance and its derivatives over all frequency lines.
 
+use crate::block::{Block, Prepared};
 use crate::branch::shorten;
 use crate::error::{Error, Result};
+use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
-use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Spring, Step, Table};
-use crate::section::{self, column};
+use crate::model::{Model, Step};
+use crate::request::{Coordinate, Request, Response, check};
 use crate::sensitivity;
-use crate::small;
-use crate::sweep::{Blind, Block, Field, Prepared, Record};
+use crate::sweep::{Blind, Field, Record};
 use crate::threads::with_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
@@ -16,64 +17,6 @@ use rayon::prelude::*;
 /// Lines that one task takes: a multiple of every block width, so that the blocks, and with them every
 /// bit of the result, do not depend on the number of threads.
 pub(crate) const LINES_PER_TASK: usize = 32 * MAX_LANES;
-
-/// A coordinate: a node and the direction of motion or load there.
-#[derive(Copy, Clone, Debug, PartialEq, Eq)]
-pub struct Coordinate {
-    /// The node.
-    pub node: usize,
-    /// 0 for y and force, 1 for theta and moment (rods have direction 0 only).
-    pub direction: usize,
-}
-
-/// A parameter: a column of an element's row.
-#[derive(Copy, Clone, Debug, PartialEq, Eq)]
-pub struct Parameter {
-    /// Kind of element.
-    pub table: Table,
-    /// Its row.
-    pub row: usize,
-    /// The column, counted as in the tables.
-    pub column: usize,
-}
-
-/// What is asked of a model.
-#[derive(Clone, Debug, Default)]
-pub struct Request {
-    /// Where loads act.
-    pub excitations: Vec<Coordinate>,
-    /// Where motion is observed.
-    pub responses: Vec<Coordinate>,
-    /// By what to differentiate.
-    pub parameters: Vec<Parameter>,
-    /// A joint whose force is wanted under each excitation.
-    pub joint: Option<usize>,
-}
-
-/// Receptances and derivatives.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Response {
-    /// `(n_freq, n_responses, n_excitations)`.
-    pub receptance: Vec<Complex64>,
-    /// `(n_freq, n_responses, n_excitations, n_parameters)`.
-    pub derivative: Vec<Complex64>,
-    /// `(n_freq, n_excitations, degrees of freedom)` in the joint asked for, from its first on its second node.
-    pub force: Vec<Complex64>,
-}
-
-/// A derivative made ready for the kernels.
-pub(crate) enum Gradient<const D: usize> {
-    /// A column of a segment that changes its coefficients.
-    Section { row: usize, kinetic: [f64; D], compliance: [Complex64; D] },
-    /// The length of a segment.
-    Length { row: usize },
-    /// A column of a joint's spring.
-    Joint { row: usize, column: usize, spring: Spring },
-    /// A column of a point mass.
-    Mass { node: usize, direction: usize },
-    /// A column of a spring to ground.
-    Ground { node: usize, column: usize, spring: Spring },
-}
 
 /// One load case: a unit load at the root of a plan.
 struct Load {
@@ -103,9 +46,7 @@ struct Job<'a, const D: usize> {
 /// A line that is not a positive frequency, a coordinate or parameter that the model does not have, a
 /// singular interface, or a resonance without damping met exactly.
 pub fn receptance(model: &Model, w: &[Complex64], request: &Request, threads: usize) -> Result<Response> {
-    check_lines(w)?;
-    check_request(model, request)?;
-    check_interfaces(model, w)?;
+    check(model, w, request)?;
     let solve = |whole_branches| match model.motion.degrees() {
         1 => Job::<1>::new(model, request, w, whole_branches).run(w, threads),
         _ => Job::<2>::new(model, request, w, whole_branches).run(w, threads),
@@ -120,191 +61,6 @@ pub fn receptance(model: &Model, w: &[Complex64], request: &Request, threads: us
 /// Name of the instruction set that the kernels run on here.
 pub fn instruction_set() -> String {
     format!("{:?}", Arch::new()).split('(').next().unwrap_or_default().to_owned()
-}
-
-fn check_lines(w: &[Complex64]) -> Result<()> {
-    for (line, value) in w.iter().enumerate() {
-        if !(value.re.is_finite() && value.im.is_finite() && value.re > 0.0) {
-            let expected = "a finite value with a positive real part";
-            return Err(Error::Frequency { line, re: value.re, im: value.im, expected });
-        }
-    }
-    Ok(())
-}
-
-fn check_request(model: &Model, request: &Request) -> Result<()> {
-    let degrees = model.motion.degrees();
-    for (what, list) in [("excitation", &request.excitations), ("response", &request.responses)] {
-        for (index, coordinate) in list.iter().enumerate() {
-            if coordinate.node >= model.nodes {
-                let expected = format!("a node from 0 to {}", model.nodes - 1);
-                return Err(Error::Index { what, index, value: coordinate.node as f64, expected });
-            }
-            if coordinate.direction >= degrees {
-                let expected = format!("a direction below {degrees}");
-                return Err(Error::Index { what, index, value: coordinate.direction as f64, expected });
-            }
-        }
-    }
-    check_parameters(model, &request.parameters)
-}
-
-/// Checks that the model has the parameters.
-pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
-    for (index, parameter) in parameters.iter().enumerate() {
-        let (rows, columns) = match parameter.table {
-            Table::Segments => (model.segments.len(), column::LENGTH..column::SHEAR_MODEL),
-            Table::Joints => (model.joints.len(), 2..JOINT_COLUMNS),
-            Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
-            Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
-        };
-        if parameter.row >= rows {
-            let expected = format!("a row below {rows}");
-            return Err(Error::Index { what: "parameter row", index, value: parameter.row as f64, expected });
-        }
-        if !columns.contains(&parameter.column) {
-            let expected = format!("a column from {} to {}", columns.start, columns.end - 1);
-            let value = parameter.column as f64;
-            return Err(Error::Index { what: "parameter column", index, value, expected });
-        }
-    }
-    Ok(())
-}
-
-fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
-    let degrees = model.motion.degrees();
-    for (row, (_, spring)) in model.joints.iter().enumerate() {
-        if spring.statically_regular(degrees) {
-            continue;
-        }
-        for &line in w {
-            let iw = Complex64::I * line;
-            let entry =
-                |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
-            let (y, theta, both) = (entry(0), entry(1), entry(2));
-            let (size, determinant) =
-                if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
-            if determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0 {
-                return Err(Error::SingularInterface {
-                    row,
-                    frequency_hz: line.re / core::f64::consts::TAU,
-                    k_y: y.re,
-                    k_theta: theta.re,
-                    k_ytheta: both.re,
-                });
-            }
-        }
-    }
-    Ok(())
-}
-
-impl<const D: usize> Gradient<D> {
-    /// Prepares a parameter of a checked model.
-    pub(crate) fn new(model: &Model, parameter: &Parameter) -> Self {
-        let Parameter { table, row, column } = *parameter;
-        match table {
-            Table::Segments if column == section::column::LENGTH => Self::Length { row },
-            Table::Segments => {
-                let (_, change) = section::derivatives::<D>(&model.segments[row], model.motion, Some(column));
-                Self::Section { row, kinetic: change.kinetic, compliance: change.compliance }
-            }
-            Table::Joints => Self::Joint { row, column: column - 2, spring: model.joints[row].1 },
-            Table::Masses => Self::Mass { node: model.masses[row].0, direction: column - 1 },
-            Table::Grounds => {
-                let (node, spring) = model.grounds[row];
-                Self::Ground { node, column: column - 1, spring }
-            }
-        }
-    }
-
-    /// The segment that the parameter belongs to.
-    pub(crate) fn segment(&self) -> Option<usize> {
-        match self {
-            Self::Section { row, .. } | Self::Length { row } => Some(*row),
-            _ => None,
-        }
-    }
-
-    /// The joint that the parameter belongs to.
-    fn joint(&self) -> Option<usize> {
-        if let Self::Joint { row, .. } = self { Some(*row) } else { None }
-    }
-
-    /// The node that the parameter's point element sits on.
-    fn node(&self) -> Option<usize> {
-        match self {
-            Self::Mass { node, .. } | Self::Ground { node, .. } => Some(*node),
-            _ => None,
-        }
-    }
-
-    /// dH from the fields of the loads at the measured (`left`) and the excited coordinate (`right`).
-    #[inline(always)]
-    pub(crate) fn evaluate<S: Simd>(
-        &self,
-        block: &Block<S, D>,
-        left: &Field<S, D>,
-        right: &Field<S, D>,
-        sensitivities: &[Option<sensitivity::Sensitivity<S, D>>],
-    ) -> C<S> {
-        let zero = C::zero(block.iw.simd);
-        match self {
-            Self::Section { row, kinetic, compliance } => match &sensitivities[*row] {
-                Some(found) => sensitivity::by_column(found, kinetic, compliance),
-                None => zero,
-            },
-            Self::Length { row } => sensitivities[*row].as_ref().map_or(zero, |found| found.length),
-            Self::Joint { row, column, spring } => {
-                let compliance = &block.compliances[*row];
-                let left = small::apply(compliance, &left.joints[*row]);
-                let right = small::apply(compliance, &right.joints[*row]);
-                spring_derivative(spring, *column, block.iw, &left, &right)
-            }
-            Self::Mass { node, direction } => {
-                if *direction >= D {
-                    return zero;
-                }
-                block.w2 * (left.nodes[*node][*direction] * right.nodes[*node][*direction])
-            }
-            Self::Ground { node, column, spring } => {
-                spring_derivative(spring, *column, block.iw, &left.nodes[*node], &right.nodes[*node])
-            }
-        }
-    }
-}
-
-/// -d_left^T (dK/dk) d_right for one of the three entries of a spring's matrix.
-#[inline(always)]
-fn spring_term<S: Simd, const D: usize>(entry: usize, left: &[C<S>; D], right: &[C<S>; D]) -> C<S> {
-    match (entry, D) {
-        (0, _) => -(left[0] * right[0]),
-        (_, 1) => C::zero(left[0].simd),
-        (1, _) => -(left[D - 1] * right[D - 1]),
-        _ => -left[0].mul_add(right[D - 1], left[D - 1] * right[0]),
-    }
-}
-
-/// -d_left^T (dK/dp) d_right for a column of a spring.
-#[inline(always)]
-pub(crate) fn spring_derivative<S: Simd, const D: usize>(
-    spring: &Spring,
-    column: usize,
-    iw: C<S>,
-    left: &[C<S>; D],
-    right: &[C<S>; D],
-) -> C<S> {
-    let simd = iw.simd;
-    match column {
-        0..3 => C::splat(simd, Complex64::new(1.0, spring.loss_factor)) * spring_term(column, left, right),
-        3..6 => iw * spring_term(column - 3, left, right),
-        _ => {
-            let mut sum = C::zero(simd);
-            for entry in 0..3 {
-                sum = sum + spring_term(entry, left, right).scale(spring.k[entry]);
-            }
-            sum.times_i()
-        }
-    }
 }
 
 impl<'a, const D: usize> Job<'a, D> {

@@ -8,6 +8,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 /// Pools by (process, threads): after a fork the parent's threads do not exist, so the child makes its own.
 static POOLS: OnceLock<Mutex<Pools>> = OnceLock::new();
 
+/// Bytes of stack: the kernels are inlined whole, and a caller's own thread may have very little.
+const STACK: usize = 16 << 20;
+
 /// By process and number of threads.
 type Pools = HashMap<(u32, usize), Arc<ThreadPool>>;
 
@@ -34,6 +37,7 @@ pub fn with_threads<T: Send>(threads: usize, tasks: usize, work: impl FnOnce() -
             None => {
                 let pool = ThreadPoolBuilder::new()
                     .num_threads(threads)
+                    .stack_size(STACK)
                     .thread_name(|index| format!("receptance-{index}"))
                     .build()
                     .map_err(|error| Error::Threads { threads, reason: error.to_string() })?;

@@ -1,0 +1,160 @@
+//! The elements of a model on a block of frequency lines.
+
+use crate::branch::Branch;
+use crate::combine::centre;
+use crate::kernel::{Choice, Kernel, Segment};
+use crate::lane::C;
+use crate::model::{Model, Spring};
+use crate::small::{self, Mat};
+use num_complex::Complex64;
+use pulp::Simd;
+
+/// What the sweeps need of a model, prepared once for all lines.
+pub struct Prepared<const D: usize> {
+    /// Segments with their coefficients.
+    pub segments: Vec<Segment<D>>,
+    /// Springs of the joints.
+    pub joints: Vec<Spring>,
+    /// Inertia and springs of each node that has any.
+    points: Vec<(Vec<[f64; 2]>, Vec<Spring>)>,
+    /// Branches taken as a whole.
+    pub branches: Vec<Branch<D>>,
+    /// Segments that are taken one by one.
+    pub active: Vec<bool>,
+}
+
+/// Everything of the model at a block of frequency lines.
+pub struct Block<S: Simd, const D: usize> {
+    /// i w.
+    pub iw: C<S>,
+    /// w^2.
+    pub w2: C<S>,
+    /// The largest |w|^2 of the lines.
+    pub most: f64,
+    /// Whether all lines are real.
+    pub real: bool,
+    /// The kernel of each segment.
+    pub kernels: Vec<Kernel<S, D>>,
+    /// The choice behind each kernel.
+    pub choices: Vec<Choice>,
+    /// Pivot weights of each segment.
+    pub weights: Vec<[f64; D]>,
+    /// Compliance of each joint.
+    pub compliances: Vec<Mat<S, D>>,
+    /// Where each joint's stiffness is diagonal (beyond the node, along x), and its compliances there; no
+    /// place where it is diagonal at the node itself.
+    pub centres: Vec<Option<(C<S>, Mat<S, D>)>>,
+    /// Impedance of the point elements of each node, and whether it couples translation and rotation.
+    pub points: Vec<Option<(Mat<S, D>, bool)>>,
+}
+
+impl Spring {
+    /// Whether translation and rotation are coupled.
+    pub fn couples(&self) -> bool {
+        self.k[2] != 0.0 || self.c[2] != 0.0
+    }
+
+    /// The dynamic stiffness (1 + i eta) k + i w c.
+    #[inline(always)]
+    pub fn stiffness<S: Simd, const D: usize>(&self, simd: S, iw: C<S>) -> Mat<S, D> {
+        let mut out = small::zeros(simd);
+        for i in 0..D {
+            for j in 0..D {
+                let entry = if i == j { i } else { 2 };
+                let k = Complex64::new(self.k[entry], self.k[entry] * self.loss_factor);
+                out[i][j] = C::real(simd, self.c[entry]).mul_add(iw, C::splat(simd, k));
+            }
+        }
+        out
+    }
+}
+
+impl<const D: usize> Prepared<D> {
+    /// Prepares a model.
+    pub fn new(model: &Model) -> Self {
+        let mut points = vec![(Vec::new(), Vec::new()); model.nodes];
+        for (node, inertia) in &model.masses {
+            points[*node].0.push(*inertia);
+        }
+        for (node, spring) in &model.grounds {
+            points[*node].1.push(*spring);
+        }
+        Self {
+            segments: model.segments.iter().map(|row| Segment::new(row, model.motion)).collect(),
+            joints: model.joints.iter().map(|joint| joint.1).collect(),
+            points,
+            branches: Vec::new(),
+            active: vec![true; model.segments.len()],
+        }
+    }
+
+    /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series.
+    #[inline(always)]
+    pub fn block<S: Simd>(&self, simd: S, w: &[Complex64], pieces_only: bool, into: &mut Block<S, D>) {
+        let line = C::load(simd, w);
+        into.most = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr()));
+        into.real = w.iter().all(|w| w.im == 0.0);
+        into.iw = line.times_i();
+        into.w2 = line * line;
+        for (row, segment) in self.segments.iter().enumerate() {
+            if into.kernels.len() <= row {
+                into.kernels.push(Kernel::Skipped);
+                into.choices.push(Choice::Waves);
+                into.weights.push(segment.weights(segment.wave_number_square(into.most)));
+            }
+            if self.active[row] {
+                let (choice, weights) = segment.choose(w, into.most, pieces_only);
+                into.choices[row] = choice;
+                into.weights[row] = weights;
+                into.kernels[row] = segment.kernel(simd, choice, w, into.w2);
+            }
+        }
+        into.compliances.clear();
+        into.centres.clear();
+        for joint in &self.joints {
+            let stiffness = joint.stiffness::<S, D>(simd, into.iw);
+            into.compliances.push(small::inverse(&stiffness));
+            into.centres.push((D == 2 && joint.couples()).then(|| centre(&stiffness)));
+        }
+        into.points.clear();
+        for (masses, springs) in &self.points {
+            if masses.is_empty() && springs.is_empty() {
+                into.points.push(None);
+                continue;
+            }
+            let mut impedance = small::zeros::<S, D>(simd);
+            for spring in springs {
+                let stiffness = spring.stiffness::<S, D>(simd, into.iw);
+                for i in 0..D {
+                    for j in 0..D {
+                        impedance[i][j] = impedance[i][j] + stiffness[i][j];
+                    }
+                }
+            }
+            for inertia in masses {
+                for i in 0..D {
+                    impedance[i][i] = impedance[i][i] - into.w2.scale(inertia[i]);
+                }
+            }
+            into.points.push(Some((impedance, springs.iter().any(Spring::couples))));
+        }
+    }
+}
+
+impl<S: Simd, const D: usize> Block<S, D> {
+    /// A block to be filled.
+    pub fn empty(simd: S) -> Self {
+        Self {
+            iw: C::zero(simd),
+            w2: C::zero(simd),
+            most: 0.0,
+            real: true,
+            kernels: Vec::new(),
+            choices: Vec::new(),
+            weights: Vec::new(),
+            compliances: Vec::new(),
+            centres: Vec::new(),
+            points: Vec::new(),
+        }
+    }
+}

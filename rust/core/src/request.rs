@@ -1,0 +1,133 @@
+//! What is asked of a model, and whether the model can answer it.
+
+use crate::error::{Error, Result};
+use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
+use crate::section::column;
+use num_complex::Complex64;
+
+/// A coordinate: a node and the direction of motion or load there.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Coordinate {
+    /// The node.
+    pub node: usize,
+    /// 0 for y and force, 1 for theta and moment (rods have direction 0 only).
+    pub direction: usize,
+}
+
+/// A parameter: a column of an element's row.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// Kind of element.
+    pub table: Table,
+    /// Its row.
+    pub row: usize,
+    /// The column, counted as in the tables.
+    pub column: usize,
+}
+
+/// What is asked of a model.
+#[derive(Clone, Debug, Default)]
+pub struct Request {
+    /// Where loads act.
+    pub excitations: Vec<Coordinate>,
+    /// Where motion is observed.
+    pub responses: Vec<Coordinate>,
+    /// By what to differentiate.
+    pub parameters: Vec<Parameter>,
+    /// A joint whose force is wanted under each excitation.
+    pub joint: Option<usize>,
+}
+
+/// Receptances and derivatives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// `(n_freq, n_responses, n_excitations)`.
+    pub receptance: Vec<Complex64>,
+    /// `(n_freq, n_responses, n_excitations, n_parameters)`.
+    pub derivative: Vec<Complex64>,
+    /// `(n_freq, n_excitations, degrees of freedom)` in the joint asked for, from its first on its second node.
+    pub force: Vec<Complex64>,
+}
+
+/// Checks lines, coordinates, parameters and interfaces.
+pub(crate) fn check(model: &Model, w: &[Complex64], request: &Request) -> Result<()> {
+    check_lines(w)?;
+    check_request(model, request)?;
+    check_interfaces(model, w)
+}
+
+fn check_lines(w: &[Complex64]) -> Result<()> {
+    for (line, value) in w.iter().enumerate() {
+        if !(value.re.is_finite() && value.im.is_finite() && value.re > 0.0) {
+            let expected = "a finite value with a positive real part";
+            return Err(Error::Frequency { line, re: value.re, im: value.im, expected });
+        }
+    }
+    Ok(())
+}
+
+fn check_request(model: &Model, request: &Request) -> Result<()> {
+    let degrees = model.motion.degrees();
+    for (what, list) in [("excitation", &request.excitations), ("response", &request.responses)] {
+        for (index, coordinate) in list.iter().enumerate() {
+            if coordinate.node >= model.nodes {
+                let expected = format!("a node from 0 to {}", model.nodes - 1);
+                return Err(Error::Index { what, index, value: coordinate.node as f64, expected });
+            }
+            if coordinate.direction >= degrees {
+                let expected = format!("a direction below {degrees}");
+                return Err(Error::Index { what, index, value: coordinate.direction as f64, expected });
+            }
+        }
+    }
+    check_parameters(model, &request.parameters)
+}
+
+/// Checks that the model has the parameters.
+pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
+    for (index, parameter) in parameters.iter().enumerate() {
+        let (rows, columns) = match parameter.table {
+            Table::Segments => (model.segments.len(), column::LENGTH..column::SHEAR_MODEL),
+            Table::Joints => (model.joints.len(), 2..JOINT_COLUMNS),
+            Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
+            Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
+        };
+        if parameter.row >= rows {
+            let expected = format!("a row below {rows}");
+            return Err(Error::Index { what: "parameter row", index, value: parameter.row as f64, expected });
+        }
+        if !columns.contains(&parameter.column) {
+            let expected = format!("a column from {} to {}", columns.start, columns.end - 1);
+            let value = parameter.column as f64;
+            return Err(Error::Index { what: "parameter column", index, value, expected });
+        }
+    }
+    Ok(())
+}
+
+fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
+    let degrees = model.motion.degrees();
+    for (row, (_, spring)) in model.joints.iter().enumerate() {
+        if spring.statically_regular(degrees) {
+            continue;
+        }
+        for &line in w {
+            let iw = Complex64::I * line;
+            let entry =
+                |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
+            let (y, theta, both) = (entry(0), entry(1), entry(2));
+            let (size, determinant) =
+                if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
+            if determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0 {
+                return Err(Error::SingularInterface {
+                    row,
+                    frequency_hz: line.re / core::f64::consts::TAU,
+                    k_y: y.re,
+                    k_theta: theta.re,
+                    k_ytheta: both.re,
+                });
+            }
+        }
+    }
+    Ok(())
+}
