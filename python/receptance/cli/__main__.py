@@ -1,0 +1,5 @@
+"""`python -m receptance.cli`."""
+
+from receptance.cli.app import main
+
+main()

@@ -1,0 +1,58 @@
+"""What all figures share."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["BAD", "COLOURS", "INK", "PALE", "as_image", "image_formats", "keep_clear", "new_figure", "set_up"]
+
+# Okabe and Ito's colours, which most people with a colour deficiency can tell apart.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+INK = "#222222"
+PALE = "#9A9A9A"
+BAD = "#B2182B"
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure that belongs to no window and no global state; inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def keep_clear(figure: Figure, top: float) -> None:
+    """Keep the panels below a height, from 0 to 1, so that there is room for titles."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, top), w_pad=0.08, h_pad=0.08))
+
+
+def set_up(axes: Axes, title: str, x: str = "", y: str = "") -> None:
+    """Give axes a title on the left, labels, and no frame where nothing ends."""
+    axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
+    axes.set_xlabel(x, color=INK)
+    axes.set_ylabel(y, color=INK)
+    axes.tick_params(labelsize=9, colors=INK)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.grid(visible=True, axis="y", color="#E6E6E6", linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def as_image(figure: Figure, kind: str) -> bytes:
+    """Return the figure as the content of a file of some format: png, pdf, svg and so on."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=150)
+    return buffer.getvalue()
+
+
+def image_formats() -> tuple[str, ...]:
+    """Names of the formats that a figure can be saved in."""
+    from matplotlib.figure import Figure
+
+    return tuple(sorted(Figure().canvas.get_supported_filetypes()))

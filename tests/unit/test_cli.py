@@ -1,0 +1,233 @@
+"""The command line: its files, its exit codes, its words for mistakes, and what it does when it is interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from receptance import _files
+from receptance._files import check_target, write_whole
+from receptance.cli import app as command_line
+from receptance.cli import main
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Run the command line in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert isinstance(end.value.code, int)
+    return end.value.code
+
+
+def left() -> set[str]:
+    return {path.name for path in Path().iterdir()}
+
+
+def test_demo_in_an_empty_folder(tmp_path: Path) -> None:
+    """As a person runs it: another process, plain text in a pipe, the figure in the current folder and named."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "receptance.cli", "demo", "--json", "results.json"],
+        capture_output=True,
+        cwd=tmp_path,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    assert done.stderr == b""
+    text = done.stdout.decode("utf-8")
+    assert "Figure: receptance-demo.png" in text
+    assert "inferred, not published" in " ".join(text.split())
+    assert "\x1b" not in text
+    assert "\u2026" not in text, "a cell was cut off"
+    assert max(map(len, text.splitlines())) <= 132
+    assert left() == {"receptance-demo.png", "results.json"}
+    assert (tmp_path / "receptance-demo.png").read_bytes().startswith(PNG)
+    assert json.loads((tmp_path / "results.json").read_text())["study"] == "er32"
+
+
+def test_study_er32(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["study", "er32", "--json", "er32.json", "--plot", "er32.svg", "--draws", "3", "--seed", "7"]
+    assert call(monkeypatch, *arguments, "--resolution", "2", "--overhang-error", "0.2") == 0
+    assert "seed 7" in capsys.readouterr().out
+    found = json.loads(Path("er32.json").read_text())
+    assert found["seed"] == 7
+    assert found["settings"]["resolution"] == {"fine_hz": 2.0, "coarse_hz": 20.0, "change_hz": 10000.0}
+    assert found["settings"]["chance"]["overhang_mm"] == 0.2
+    assert b"<svg" in Path("er32.svg").read_bytes()
+    assert left() == {"er32.json", "er32.svg"}
+
+
+def test_study_clamped_rods(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "study", "clamped-rods", "--json", "rods.json", "--plot", "rods.png") == 0
+    assert "Results: rods.json" in capsys.readouterr().out
+    assert json.loads(Path("rods.json").read_text())["study"] == "clamped-rods"
+    assert Path("rods.png").read_bytes().startswith(PNG)
+
+
+def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "--version") == 0
+    assert capsys.readouterr().out.startswith("receptance ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["study", "er33"], "there is no study 'er33'; the studies are er32, clamped-rods"),
+        (["stdy"], "stdy"),
+        (["study", "er32", "--jsn", "a"], "--jsn"),
+        (["study", "er32", "--seed", "-1"], "--seed"),
+        (["study", "er32", "--draws", "many"], "--draws"),
+        (["study", "er32", "--resolution", "0"], "fine_hz is 0"),
+        (["study", "er32", "--overhang-error", "nan"], "overhang_mm is nan"),
+        (["study", "er32", "--json", "missing/a.json"], "cannot write missing/a.json: there is no folder missing"),
+        (["study", "er32", "--json", "."], "cannot write .: it is a folder"),
+        (["study", "er32", "--plot", "a.txt"], "cannot write a.txt: its ending must name a format of pictures"),
+        (["study", "er32", "--plot", "a.png", "--json", "a.png"], "--json and --plot both name a.png"),
+        (["study", "clamped-rods", "--reading-error", "-5"], "reading error is -5"),
+        (["demo", "--plot", "missing/a.png"], "there is no folder missing"),
+    ],
+)
+def test_a_mistake_is_answered_in_words(
+    arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    began = time.perf_counter()
+    assert call(monkeypatch, *arguments) == 2
+    said = capsys.readouterr()
+    assert words in said.err
+    assert "Traceback" not in said.err
+    assert said.out == ""
+    assert left() == set()
+    assert time.perf_counter() - began < 2.0, "a mistake is answered before the work, not after it"
+
+
+def test_an_error_of_the_program_is_told_apart(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_: object) -> None:
+        raise ZeroDivisionError("of the program")
+
+    monkeypatch.setattr("receptance.studies.clamped_rods.run", fail)
+    assert call(monkeypatch, "study", "clamped-rods", "--json", "rods.json") == 1
+    said = capsys.readouterr().err
+    assert "an error of the program" in said
+    assert "ZeroDivisionError" in said
+    assert left() == set()
+
+
+def test_results_are_written_together_or_not_at_all(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second file fails after the first is ready: neither is there, and an older one is as it was."""
+    Path("rods.json").write_text("older")
+    stage = _files._stage
+
+    def fail(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
+        if path.suffix == ".png":
+            raise OSError(28, "No space left on device")
+        stage(path, content, waiting)
+
+    monkeypatch.setattr(_files, "_stage", fail)
+    assert call(monkeypatch, "study", "clamped-rods", "--json", "rods.json", "--plot", "rods.png") == 2
+    assert "cannot write rods.png: No space left on device" in capsys.readouterr().err
+    assert left() == {"rods.json"}
+    assert Path("rods.json").read_text() == "older"
+
+
+def test_interrupted_in_the_middle_of_writing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    assert call(monkeypatch, "study", "clamped-rods", "--json", "rods.json") == 130
+    assert "interrupted, no file was written" in capsys.readouterr().err
+    assert left() == set()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_interrupted_at_work(tmp_path: Path) -> None:
+    started = subprocess.Popen(
+        [sys.executable, "-m", "receptance.cli", "study", "er32", "--draws", "100000", "--json", "er32.json"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    time.sleep(2.0)
+    started.send_signal(signal.SIGINT)
+    out, err = started.communicate(timeout=20)
+    assert started.returncode == 130, err.decode()
+    assert b"interrupted" in err
+    assert b"Traceback" not in err
+    assert out == b""
+    assert left() == set()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_a_reader_who_has_seen_enough(tmp_path: Path) -> None:
+    started = subprocess.Popen(
+        [sys.executable, "-m", "receptance.cli", "study", "clamped-rods", "--json", "rods.json"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert started.stdout is not None
+    assert started.stderr is not None
+    started.stdout.close()
+    assert started.wait(timeout=60) == 0
+    assert started.stderr.read() == b""
+    started.stderr.close()
+    assert left() == {"rods.json"}
+
+
+def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    call(monkeypatch)
+    said = capsys.readouterr()
+    assert "demo" in said.out + said.err
+    assert call(monkeypatch, "study", "er32", "--help") == 0
+    assert "--json" in capsys.readouterr().out
+
+
+def test_the_module_is_what_the_script_runs() -> None:
+    assert command_line.main is main
+
+
+class TestFiles:
+    def test_a_link_stays_a_link(self, tmp_path: Path) -> None:
+        target = tmp_path / "target.txt"
+        target.write_text("older")
+        target.chmod(0o640)
+        link = tmp_path / "link.txt"
+        link.symlink_to(target)
+        write_whole({link: b"newer"})
+        assert link.is_symlink()
+        assert target.read_text() == "newer"
+        assert target.stat().st_mode & 0o777 == 0o640
+
+    def test_a_pipe_is_written_to(self, tmp_path: Path) -> None:
+        reading, writing = os.pipe()
+        write_whole({Path(f"/dev/fd/{writing}"): b"text"})
+        assert os.read(reading, 4) == b"text"
+        os.close(reading)
+        os.close(writing)
+
+    @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write everywhere")
+    def test_no_permission(self, tmp_path: Path) -> None:
+        tmp_path.chmod(0o500)
+        with pytest.raises(PermissionError, match="no permission"):
+            check_target(tmp_path / "a.txt")
