@@ -179,8 +179,10 @@ impl Normal<'_> {
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S, pair: usize, lines: core::ops::Range<usize>) -> C<S> {
         let n = self.log_measured.len();
-        let part = |plane: usize| &self.planes[plane * n + lines.start..plane * n + lines.end];
-        C { simd, re: simd.partial_load_f64s(part(2 * pair)), im: simd.partial_load_f64s(part(2 * pair + 1)) }
+        let (re, im) = (2 * pair * n, (2 * pair + 1) * n);
+        let re = &self.planes[re + lines.start..re + lines.end];
+        let im = &self.planes[im + lines.start..im + lines.end];
+        C { simd, re: simd.partial_load_f64s(re), im: simd.partial_load_f64s(im) }
     }
 }
 
@@ -244,9 +246,12 @@ impl Normal<'_> {
         reference: &Spring,
         lines: core::ops::Range<usize>,
     ) -> (C<S>, [C<S>; 2], [C<S>; 2], C<S>) {
-        let plane = |pair: usize| self.load(simd, pair, lines.clone());
+        let mut values = [C::zero(simd); REDUCTION_PLANES / 2];
+        for (pair, value) in values.iter_mut().enumerate() {
+            *value = self.load(simd, pair, lines.clone());
+        }
         let short = lines.end - lines.start < S::F64_LANES;
-        let w = if short { fill(plane(0), lines.end - lines.start) } else { plane(0) };
+        let w = if short { fill(values[0], lines.end - lines.start) } else { values[0] };
         let iw = w.times_i();
         let compliance: Mat<S, 2> = small::inverse(&joint.stiffness(simd, iw));
         let before: Mat<S, 2> = small::inverse(&reference.stiffness(simd, iw));
@@ -256,13 +261,13 @@ impl Normal<'_> {
                 more[i][j] = compliance[i][j] - before[i][j];
             }
         }
-        let (left, right) = ([plane(2), plane(3)], [plane(4), plane(5)]);
-        let y = [[plane(6), plane(7)], [plane(7), plane(8)]];
+        let (left, right) = ([values[2], values[3]], [values[4], values[5]]);
+        let y = [[values[6], values[7]], [values[7], values[8]]];
         let one = small::identity::<S, 2>(simd);
         let share = small::inverse(&small::mul_add(&y, &more, &one));
         let (force_left, force_right) = (small::apply(&share, &left), small::apply(&share, &right));
         let gap = small::apply(&more, &force_right);
-        let h = left[1].mul_add(gap[1], left[0].mul_add(gap[0], plane(1)));
+        let h = left[1].mul_add(gap[1], left[0].mul_add(gap[0], values[1]));
         (h, small::apply(&compliance, &force_left), small::apply(&compliance, &force_right), iw)
     }
 }

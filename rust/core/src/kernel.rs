@@ -188,6 +188,19 @@ impl<const D: usize> Segment<D> {
         }
     }
 
+    /// Compliances and inertias w^2 m per length.
+    // Loops, not array maps: a closure is a function of its own, compiled without the instruction set.
+    #[inline(always)]
+    pub fn coefficients<S: Simd>(&self, simd: S, w2: C<S>) -> ([C<S>; D], [C<S>; D]) {
+        let mut compliance = [w2; D];
+        let mut inertia = [w2; D];
+        for i in 0..D {
+            compliance[i] = C::splat(simd, self.per_length.compliance[i]);
+            inertia[i] = w2.scale(self.per_length.kinetic[i]);
+        }
+        (compliance, inertia)
+    }
+
     /// The symmetric sums z1, z2 of the squared roots times the length l.
     #[inline(always)]
     pub fn symmetric_sums<S: Simd>(&self, simd: S, l: f64, w2: C<S>) -> [C<S>; 2] {
@@ -207,8 +220,7 @@ impl<const D: usize> Segment<D> {
         let [z1, z2] = self.symmetric_sums(simd, l, w2);
         let zero = small::zeros(simd);
         let mut out = Transfer { uu: zero, uf: zero, fu: zero, ff: zero };
-        let compliance = self.per_length.compliance.map(|value| C::splat(simd, value));
-        let inertia = self.per_length.kinetic.map(|value| w2.scale(value));
+        let (compliance, inertia) = self.coefficients(simd, w2);
         if D == 1 {
             let [c, s] = series::rod(z1, terms);
             out.uu[0][0] = c[0];
@@ -256,7 +268,7 @@ impl<const D: usize> Segment<D> {
         }
         let zero = small::zeros(simd);
         let mut out = Wave { lambda: [C::zero(simd); D], u: zero, f: zero, decay: [C::zero(simd); D] };
-        let compliance = self.per_length.compliance.map(|value| C::splat(simd, value));
+        let (compliance, _) = self.coefficients(simd, w2);
         for j in 0..D {
             let lambda = C::load(simd, &roots[j][..S::F64_LANES]);
             out.lambda[j] = lambda;

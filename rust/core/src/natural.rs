@@ -14,6 +14,7 @@ use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Step};
 use crate::request::{Parameter, check_parameters};
 use crate::sensitivity::{self, Sensitivity};
+use crate::series;
 use crate::small::{self, Mat};
 use crate::sweep::{Blind, Field, Observer};
 use crate::threads::with_threads;
@@ -25,6 +26,12 @@ const WIDTH: f64 = 4e-15;
 
 /// Lowest frequency looked at, as a share of the upper limit.
 const LOWEST: f64 = 1e-12;
+
+/// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
+const MOST_PIECES: f64 = 2e5;
+
+/// Most modes that are located in one call.
+const MOST_MODES: usize = 20_000;
 
 /// Natural frequencies with derivatives.
 #[derive(Clone, Debug, PartialEq)]
@@ -177,6 +184,11 @@ impl<const D: usize> Search<D> {
         most: usize,
         parameters: &[Parameter],
     ) -> Result<NaturalFrequencies> {
+        let spans = self.prepared.segments.iter();
+        let span: f64 = spans.map(|one| one.wave_number_square(upper * upper).sqrt() * one.length).sum();
+        if span > MOST_PIECES * series::REACH {
+            return Err(too_high(upper, "the waves there are too short for the lengths of the segments"));
+        }
         let rigid = rigid_modes(model);
         let mut lowest = upper * 1e-3;
         while self.count(&[lowest])[0] > rigid {
@@ -190,6 +202,9 @@ impl<const D: usize> Search<D> {
         }
         let mut samples = vec![(lowest, rigid), (upper, self.count(&[upper])[0])];
         let last = samples[1].1.min(rigid.saturating_add(most));
+        if last > MOST_MODES {
+            return Err(too_high(upper, &format!("there are {last} modes below it")));
+        }
         let angular: Vec<f64> = (rigid + 1..=last).map(|mode| self.locate(mode, &mut samples)).collect();
         let gradients: Vec<Gradient<D>> = parameters.iter().map(|p| Gradient::new(model, p)).collect();
         let mut derivative = Vec::with_capacity(angular.len() * gradients.len());
@@ -276,6 +291,11 @@ impl<const D: usize> Search<D> {
             |gradient: &Gradient<D>| -gradient.evaluate(&block, &field, &field, &sensitivities).re / by_w;
         gradients.iter().map(slope).collect()
     }
+}
+
+fn too_high(upper: f64, reason: &str) -> Error {
+    let hz = upper / core::f64::consts::TAU;
+    Error::NaturalFrequency(format!("the upper limit of {hz:.6e} Hz is too high: {reason}"))
 }
 
 /// The independent variables at which the root carries no load.

@@ -203,10 +203,12 @@ impl<S: Simd, const D: usize> Plane<S, D> {
     #[inline(always)]
     pub fn loaded(&self, receptance: &Mat<S, D>, direction: usize) -> [C<S>; D] {
         let simd = receptance[0][0].simd;
-        core::array::from_fn(|i| {
+        let mut out = receptance[0];
+        for i in 0..D {
             let load = C::real(simd, if i == direction { 1.0 } else { 0.0 });
-            C::select(self.swapped[i], load, receptance[i][direction])
-        })
+            out[i] = C::select(self.swapped[i], load, receptance[i][direction]);
+        }
+        out
     }
 
     /// The receptance u = H f.
@@ -234,16 +236,21 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         let mut out = Self { x: self.x, swapped: target };
         let mut back = small::identity(simd);
         let whole = small::inverse(&self.x);
-        let changed: [S::m64s; D] = core::array::from_fn(|i| {
+        let mut changed = target;
+        for i in 0..D {
             let (now, then) = (self.swapped[i], target[i]);
-            simd.or_m64s(simd.and_m64s(now, simd.not_m64s(then)), simd.and_m64s(then, simd.not_m64s(now)))
-        });
+            let lost = simd.and_m64s(now, simd.not_m64s(then));
+            changed[i] = simd.or_m64s(lost, simd.and_m64s(then, simd.not_m64s(now)));
+        }
         for i in 0..D {
             let swapped = self.swapped[i];
             let pivot = self.x[i][i];
             let ab = [C::select(swapped, pivot, one), C::select(swapped, one, pivot)];
-            let p = self.x[i].map(|entry| C::select(swapped, entry, zero));
-            let r = self.x[i].map(|entry| C::select(swapped, zero, entry));
+            let (mut p, mut r) = ([zero; D], [zero; D]);
+            for k in 0..D {
+                p[k] = C::select(swapped, self.x[i][k], zero);
+                r[k] = C::select(swapped, zero, self.x[i][k]);
+            }
             let (single, step) = self.exchange(i, ab, [&p, &r], simd.not_m64s(swapped));
             let other = changed[D - 1 - i];
             let only = if D == 1 { changed[0] } else { simd.and_m64s(changed[i], simd.not_m64s(other)) };

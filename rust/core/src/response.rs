@@ -8,6 +8,7 @@ use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Step};
 use crate::request::{Coordinate, Request, Response, check};
 use crate::sensitivity;
+use crate::small::Mat;
 use crate::sweep::{Blind, Field, Record};
 use crate::threads::with_threads;
 use num_complex::Complex64;
@@ -223,11 +224,11 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
                     let direction = load.coordinate.direction;
                     let independent = top.plane.loaded(&receptance, direction.min(D - 1));
                     if job.only_root {
-                        field.nodes[*root] = core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
+                        field.nodes[*root] = column(&receptance, direction.min(D - 1));
                     } else {
                         let with_states = !job.differentiated.is_empty();
                         block.downwards(plan, &records, independent, with_states, field, *root);
-                        field.nodes[*root] = core::array::from_fn(|i| receptance[i][direction.min(D - 1)]);
+                        field.nodes[*root] = column(&receptance, direction.min(D - 1));
                     }
                 }
             }
@@ -309,4 +310,14 @@ impl<const D: usize> Job<'_, D> {
             }
         }
     }
+}
+
+/// A column of a matrix.
+#[inline(always)]
+fn column<S: Simd, const D: usize>(matrix: &Mat<S, D>, j: usize) -> [C<S>; D] {
+    let mut out = matrix[0];
+    for i in 0..D {
+        out[i] = matrix[i][j];
+    }
+    out
 }

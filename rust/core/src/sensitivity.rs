@@ -97,20 +97,34 @@ fn rod_piece<S: Simd, const D: usize>(
     let [c, s] = series::rod(z, terms);
     let a = C::splat(simd, segment.per_length.compliance[0]);
     let mu = w2.scale(segment.per_length.kinetic[0]);
-    // r^T J dT s with J = [[0, 1], [-1, 0]] over (u, n).
-    let paired = |uu: C<S>, un: C<S>, nu: C<S>, nn: C<S>| {
-        let du = uu.mul_add(right.u[0], un * right.n[0]);
-        let dn = nu.mul_add(right.u[0], nn * right.n[0]);
-        left.u[0].mul_add(dn, -(left.n[0] * du))
-    };
     let z_a = mu.scale(-l * l);
     let cross = s[1] * z_a;
-    let by_a = paired(c[1] * z_a, a.mul_add(cross, s[0]).scale(l), -(mu * cross).scale(l), c[1] * z_a);
+    let by_a = paired(
+        [c[1] * z_a, a.mul_add(cross, s[0]).scale(l), -(mu * cross).scale(l), c[1] * z_a],
+        left,
+        right,
+    );
     let z_mu = a.scale(-l * l);
     let cross = s[1] * z_mu;
-    let by_mu = paired(c[1] * z_mu, (a * cross).scale(l), -mu.mul_add(cross, s[0]).scale(l), c[1] * z_mu);
+    let by_mu = paired(
+        [c[1] * z_mu, (a * cross).scale(l), -mu.mul_add(cross, s[0]).scale(l), c[1] * z_mu],
+        left,
+        right,
+    );
     out.compliance[0] = out.compliance[0] - by_a;
     out.kinetic[0] = out.kinetic[0] - by_mu;
+}
+
+/// r^T J dT s with dT = [[uu, un], [nu, nn]] and J = [[0, 1], [-1, 0]] over (u, n).
+#[inline(always)]
+fn paired<S: Simd, const D: usize>(
+    [uu, un, nu, nn]: [C<S>; 4],
+    left: &State<S, D>,
+    right: &State<S, D>,
+) -> C<S> {
+    let du = uu.mul_add(right.u[0], un * right.n[0]);
+    let dn = nu.mul_add(right.u[0], nn * right.n[0]);
+    left.u[0].mul_add(dn, -(left.n[0] * du))
 }
 
 /// A vector (y, theta, V, M).

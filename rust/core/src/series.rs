@@ -90,26 +90,42 @@ pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> Sums<S> {
     Sums { e: [even[1], odd[1], even[0], odd[0]] }
 }
 
+/// A sum with its derivatives by z1 and z2.
+type WithDerivatives<S> = [C<S>; 3];
+
+/// One step down: e_k from e_(k+4) (`far`) and e_(k+2) (`near`).
+#[inline(always)]
+fn step<S: Simd>(
+    z1: C<S>,
+    z2: C<S>,
+    k: usize,
+    far: WithDerivatives<S>,
+    near: WithDerivatives<S>,
+) -> WithDerivatives<S> {
+    let start = C::real(z1.simd, INVERSE_FACTORIAL[k]);
+    let value = z2.neg_mul_add(far[0], z1.mul_add(near[0], start));
+    let by_z1 = z2.neg_mul_add(far[1], z1.mul_add(near[1], near[0]));
+    let by_z2 = z2.neg_mul_add(far[2], z1.mul_add(near[2], -far[0]));
+    [value, by_z1, by_z2]
+}
+
 /// The sums with their derivatives by z1 and z2: `[value, by z1, by z2]` of e_2 to e_5.
 #[inline(always)]
-pub fn sums_with_derivatives<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [[C<S>; 3]; 4] {
+pub fn sums_with_derivatives<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [WithDerivatives<S>; 4] {
     let simd = z1.simd;
     let zero = C::zero(simd);
     let top = 2 * (terms + 1) + 2;
-    let start = |k: usize| [C::real(simd, INVERSE_FACTORIAL[k]), zero, zero];
-    let step = |k: usize, far: [C<S>; 3], near: [C<S>; 3]| {
-        let value = z2.neg_mul_add(far[0], z1.mul_add(near[0], C::real(simd, INVERSE_FACTORIAL[k])));
-        let by_z1 = z2.neg_mul_add(far[1], z1.mul_add(near[1], near[0]));
-        let by_z2 = z2.neg_mul_add(far[2], z1.mul_add(near[2], -far[0]));
-        [value, by_z1, by_z2]
-    };
-    let mut even = [start(top + 2), start(top)];
-    let mut odd = [start(top + 3), start(top + 1)];
+    let mut ends = [[zero; 3]; 4];
+    for k in 0..4 {
+        ends[k][0] = C::real(simd, INVERSE_FACTORIAL[top + k]);
+    }
+    let mut even = [ends[2], ends[0]];
+    let mut odd = [ends[3], ends[1]];
     let mut k = top;
     while k > 2 {
         k -= 2;
-        even = [even[1], step(k, even[0], even[1])];
-        odd = [odd[1], step(k + 1, odd[0], odd[1])];
+        even = [even[1], step(z1, z2, k, even[0], even[1])];
+        odd = [odd[1], step(z1, z2, k + 1, odd[0], odd[1])];
     }
     [even[1], odd[1], even[0], odd[0]]
 }

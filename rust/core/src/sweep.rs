@@ -231,7 +231,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 }
                 Step::Joint { row, forward, far } => {
                     let sign = if forward { 1.0 } else { -1.0 };
-                    field.joints[row] = records[at].plane.state(&independent).1.map(|f| f.scale(sign));
+                    field.joints[row] = scaled(records[at].plane.state(&independent).1, sign);
                     independent = small::apply(&records[at].back, &independent);
                     at -= 1;
                     field.nodes[far] = records[at].plane.state(&independent).0;
@@ -258,5 +258,14 @@ fn cut<S: Simd, const D: usize>(plane: &Plane<S, D>, independent: &[C<S>; D], fo
     let (u, f) = plane.state(independent);
     // The load on what lies behind the cut is minus the internal force where that is at larger x.
     let sign = if forward { -1.0 } else { 1.0 };
-    State { u, n: f.map(|f| f.scale(sign)) }
+    State { u, n: scaled(f, sign) }
+}
+
+/// A vector times a real number.
+#[inline(always)]
+fn scaled<S: Simd, const D: usize>(mut vector: [C<S>; D], factor: f64) -> [C<S>; D] {
+    for entry in &mut vector {
+        *entry = entry.scale(factor);
+    }
+    vector
 }
