@@ -14,6 +14,17 @@ parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds), row, colum
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "ReceptanceError",
+    "ResonanceError",
+    "SingularInterfaceError",
+    "instruction_set",
+    "joint_normal_matrix",
+    "natural_frequencies",
+    "receptance",
+    "reduce_joint",
+]
+
 class ReceptanceError(Exception): ...
 class SingularInterfaceError(ReceptanceError): ...
 class ResonanceError(ReceptanceError): ...

@@ -118,11 +118,6 @@ def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[floa
             columns[0] = right - left if inside else segment.length
             flat.segments.append([float(node), float(far), *columns])
             flat.nodes[name, right] = node = far
-            if right in inside:
-                flat.entries[f"{name}@{right!r}"] = [
-                    (SEGMENTS, len(flat.segments) - 1, 2, 1.0),
-                    (SEGMENTS, len(flat.segments), 2, -1.0),
-                ]
         start = end
     for i, segment in enumerate(part.segments):
         for quantity, column in SEGMENT_COLUMN.items():

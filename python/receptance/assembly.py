@@ -170,7 +170,7 @@ class Assembly:
         >>> slope.shape
         (2, 2)
         """
-        return self._evaluate(frequency_hz, tuple(parameters), response, excitation, threads)
+        return self._evaluate(frequency_hz, _listed(parameters), response, excitation, threads)
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies up to `upper_hz`, ascending, in Hz; rigid-body modes are left out.
@@ -190,7 +190,7 @@ class Assembly:
         self, upper_hz: float, parameters: Sequence[str]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequencies in Hz, `(n_modes,)`, and their derivatives in Hz per SI unit, `(n_modes, n_parameters)`."""
-        return self._modes(upper_hz, tuple(parameters))
+        return self._modes(upper_hz, _listed(parameters))
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` the segments must agree."""
@@ -379,3 +379,8 @@ class Assembly:
         return self._elements == other._elements and self._attachments == other._attachments
 
     __hash__ = None  # type: ignore[assignment]
+
+
+def _listed(parameters: str | Sequence[str]) -> tuple[str, ...]:
+    """Return addresses as a tuple; one address alone is a list of one."""
+    return (parameters,) if isinstance(parameters, str) else tuple(parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from receptance import _checks, _core
+from receptance.errors import ReceptanceWarning
 from receptance.materials import Material
 
 if TYPE_CHECKING:
@@ -18,6 +20,8 @@ __all__ = ["Part", "Segment"]
 
 ShearModel = Literal["cowper", "hutchinson"]
 _NO_CORE = (0.0, 0.0, 0.0, 0.0)
+_COMMON = {"length": 10.0, "outer_diameter": 2.0}
+"""Larger dimensions in m are unusual in a machine tool and usual where somebody thought in millimetres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +80,11 @@ class Segment:
             raise TypeError(f"Segment: core is {self.core!r}, expected a Material or None")
         if self.core is not None and inner == 0.0:
             raise ValueError("Segment: core is given but inner_diameter is 0, expected a bore that the core fills")
+        for quantity, most in _COMMON.items():
+            value = getattr(self, quantity)
+            if value > most:
+                text = f"Segment: {quantity} is {value:g} m; lengths are in metres, is this in millimetres?"
+                warnings.warn(text, ReceptanceWarning, stacklevel=3)
         if self.shear not in get_args(ShearModel):
             raise ValueError(f"Segment: shear is {self.shear!r}, expected one of {', '.join(get_args(ShearModel))}")
 

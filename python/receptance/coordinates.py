@@ -42,6 +42,8 @@ def as_coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coor
     """Return one or several coordinates as a tuple, the tip where none is given."""
     if side is None:
         return (Coordinate(),)
+    if isinstance(side, str):
+        raise TypeError(f"the coordinate is {side!r}, expected a Coordinate such as Coordinate('tool', 0.0, 'y')")
     points = (side,) if isinstance(side, Coordinate) else tuple(side)
     for index, point in enumerate(points):
         if not isinstance(point, Coordinate):

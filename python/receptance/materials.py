@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 
 from receptance import _checks
+from receptance.errors import ReceptanceWarning
 
 __all__ = ["CARBIDE", "STEEL", "Material"]
+
+_SOFTEST = 1e5
+"""Young's moduli below this, in Pa, are taken for a slip of the unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +62,9 @@ class Material:
             raise ValueError(
                 f"{owner}: poisson_ratio is {checked['poisson_ratio']:g}, expected more than -1 and at most 0.5"
             )
+        if checked["youngs_modulus"] < _SOFTEST:
+            text = f"{owner}: youngs_modulus is {checked['youngs_modulus']:g} Pa, softer than rubber; is this in GPa?"
+            warnings.warn(text, ReceptanceWarning, stacklevel=3)
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 

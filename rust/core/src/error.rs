@@ -29,6 +29,21 @@ pub enum Error {
         /// What would have been right.
         expected: &'static str,
     },
+    /// A segment that is extremely long for the waves at a frequency.
+    #[error(
+        "segment {row}: at {frequency_hz} Hz its length is {waves:.3e} wavelengths, expected at most {most:.1e}; \
+         check units of frequency, length and modulus"
+    )]
+    Waves {
+        /// Row of the segment.
+        row: usize,
+        /// Frequency in Hz.
+        frequency_hz: f64,
+        /// Wavelengths in it.
+        waves: f64,
+        /// Most that are allowed.
+        most: f64,
+    },
     /// Elements that do not join to a tree of nodes.
     #[error("the elements do not form one tree of nodes: {0}")]
     Topology(String),

@@ -28,10 +28,10 @@ const WIDTH: f64 = 4e-15;
 const LOWEST: f64 = 1e-12;
 
 /// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
-const MOST_PIECES: f64 = 2e5;
+const MOST_PIECES: f64 = 3e3;
 
 /// Most modes that are located in one call.
-const MOST_MODES: usize = 20_000;
+const MOST_MODES: usize = 1_000;
 
 /// Natural frequencies with derivatives.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,7 @@
 //! What is asked of a model, and whether the model can answer it.
 
 use crate::error::{Error, Result};
+use crate::kernel::Segment;
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
 use crate::section::column;
 use num_complex::Complex64;
@@ -53,7 +54,28 @@ pub struct Response {
 pub(crate) fn check(model: &Model, w: &[Complex64], request: &Request) -> Result<()> {
     check_lines(w)?;
     check_request(model, request)?;
+    check_waves(model, w)?;
     check_interfaces(model, w)
+}
+
+/// Most wavelengths in one segment: next to its cut-off it is passed in pieces, which must stay countable.
+const MOST_WAVES: f64 = 1.6e4;
+
+fn check_waves(model: &Model, w: &[Complex64]) -> Result<()> {
+    let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm()));
+    for (row, columns) in model.segments.iter().enumerate() {
+        let square = match model.motion.degrees() {
+            1 => Segment::<1>::new(columns, model.motion).wave_number_square(highest * highest),
+            _ => Segment::<2>::new(columns, model.motion).wave_number_square(highest * highest),
+        };
+        let waves = square.sqrt() * columns[column::LENGTH] / core::f64::consts::TAU;
+        // Not a number stands for coefficients beyond floating point.
+        if waves.is_nan() || waves > MOST_WAVES {
+            let frequency_hz = highest / core::f64::consts::TAU;
+            return Err(Error::Waves { row, frequency_hz, waves, most: MOST_WAVES });
+        }
+    }
+    Ok(())
 }
 
 fn check_lines(w: &[Complex64]) -> Result<()> {

@@ -41,6 +41,7 @@ impl From<CoreError> for PyErr {
             Error::Threads { .. } => PyRuntimeError::new_err(text),
             Error::Quantity { .. }
             | Error::Frequency { .. }
+            | Error::Waves { .. }
             | Error::Topology(_)
             | Error::Index { .. }
             | Error::NaturalFrequency(_) => PyValueError::new_err(text),

@@ -1,0 +1,27 @@
+"""What is timed: our call and the NumPy reference's on one input, and how closely their results agree.
+
+Our side is what a person calls (`Assembly.receptance` and so on: objects checked and flattened at every call). The
+reference works on ready tables. Both get fresh output, and what either prepares for a structure (the reference's power
+series, our minors) is inside the time unless a name says otherwise.
+"""
+
+from __future__ import annotations
+
+from . import fits, frequencies, receptances, threads
+from .pair import Pair, largest_difference
+
+__all__ = ["Pair", "all_pairs", "largest_difference"]
+
+LINES, FIT_LINES, THREAD_LINES = 5_000, 12_000, 50_000
+
+
+def all_pairs(share: int = 1) -> list[Pair]:
+    """Return all pairs, on a `share`-th of the frequency lines (to try them out; times then are mostly overhead)."""
+    return [
+        *receptances.segment_pairs(LINES // share),
+        *receptances.chain_pairs(LINES // share),
+        *receptances.joint_pairs(LINES // share),
+        *frequencies.mode_pairs(),
+        *fits.identification_pairs(FIT_LINES // share),
+        *threads.thread_pairs(THREAD_LINES // share),
+    ]

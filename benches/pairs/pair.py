@@ -1,0 +1,82 @@
+"""Two calls that are timed against each other, once they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .models import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two calls that are timed against each other.
+
+    Parameters
+    ----------
+    subject, against : str
+        What is computed, and what our time is compared with.
+    ours, reference : callable
+        The two sides, without arguments.
+    difference : callable
+        How far two results are apart, see `tolerance`.
+    tolerance : float
+        What `difference` may be at most.
+    lines, segments : int, optional
+        Frequency lines of a call and segments of the model.
+    threads : int
+        Threads on our side.
+    is_cost : bool
+        The ratio is our time over the reference's (what more costs), not the reference's over ours (how much faster).
+    remark : callable, optional
+        What is worth knowing of two results beside their time.
+    """
+
+    subject: str
+    against: str
+    ours: Callable[[], Any]
+    reference: Callable[[], Any]
+    difference: Callable[[Any, Any], float]
+    tolerance: float
+    lines: int | None = None
+    segments: int | None = None
+    threads: int = 1
+    is_cost: bool = False
+    remark: Callable[[Any, Any], str] | None = None
+
+    @property
+    def name(self) -> str:
+        """Subject and reference in one line."""
+        return f"{self.subject}: {self.against}"
+
+    @property
+    def ratio_is(self) -> str:
+        """What the ratio means, in the words of the JSON keys."""
+        return "ours_s / reference_s" if self.is_cost else "reference_s / ours_s"
+
+    def check(self) -> tuple[float, str]:
+        """Run both sides once; return how far apart they are and the remark.
+
+        Raises
+        ------
+        AssertionError
+            They disagree, so their times mean nothing.
+        """
+        ours, other = self.ours(), self.reference()
+        found = self.difference(ours, other)
+        if not found <= self.tolerance:
+            raise AssertionError(
+                f"{self.name}: the two sides differ by {found:.2g}, expected at most {self.tolerance:g}"
+            )
+        return found, self.remark(ours, other) if self.remark else ""
+
+
+def largest_difference(ours: Array, other: Array) -> float:
+    """Return the largest relative difference of two arrays, entry by entry."""
+    if ours.shape != other.shape:
+        raise AssertionError(f"shape {ours.shape} against {other.shape}")
+    with np.errstate(invalid="ignore"):
+        return float(np.max(np.abs(ours - other) / np.abs(other), initial=0.0))

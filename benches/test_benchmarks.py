@@ -1,0 +1,78 @@
+"""Every pair under pytest-benchmark, after its two sides have agreed; ``--benchmark-disable`` leaves the agreement."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+import ratios
+from pairs import Pair, all_pairs, largest_difference
+
+PAIRS = all_pairs()
+
+
+@cache
+def agreed(index: int) -> bool:
+    """Check a pair once for both of its benchmarks."""
+    PAIRS[index].check()
+    return True
+
+
+@pytest.mark.parametrize("side", ["ours", "reference"])
+@pytest.mark.parametrize("index", range(len(PAIRS)), ids=[pair.name for pair in PAIRS])
+def test_pair(benchmark: BenchmarkFixture, index: int, side: str) -> None:
+    pair = PAIRS[index]
+    assert agreed(index)
+    benchmark.group = pair.name
+    benchmark(getattr(pair, side))
+
+
+def _pair(ours: float, reference: float) -> Pair:
+    return Pair(
+        subject="a number",
+        against="another",
+        ours=lambda: np.array([ours]),
+        reference=lambda: np.array([reference]),
+        difference=largest_difference,
+        tolerance=1e-9,
+    )
+
+
+@pytest.mark.parametrize("ours", [1.0 + 1e-8, np.nan, np.inf])
+def test_a_pair_that_disagrees_is_not_timed(ours: float) -> None:
+    with pytest.raises(AssertionError, match="a number: another: the two sides differ"):
+        ratios.measure(_pair(ours, 1.0), rounds=1, least=0.0)
+
+
+def test_names_are_unique() -> None:
+    assert len({pair.name for pair in PAIRS}) == len(PAIRS)
+
+
+def test_ratios_prints_and_writes_every_pair(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "ratios.json"
+    assert ratios.main(["--quick", "--rounds", "2", "--json", str(target)]) == 0
+    rows = json.loads(target.read_text())
+    assert [row["name"] for row in rows] == [pair.name for pair in PAIRS]
+    printed = capsys.readouterr().out
+    for row in rows:
+        above, below = row["ratio_is"].split(" / ")
+        assert row["ratio"] == pytest.approx(row[above] / row[below])
+        assert row["threads"] in (1, 2)
+        assert f"{row['ratio']:.2f}" in printed
+    assert "SciPy's own" in printed
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--rounds", "0"], ["--json", "no such folder/ratios.json"], ["--only", "nothing"]]
+)
+def test_what_cannot_be_done_is_said_first(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        ratios.main(arguments)
+    assert stopped.value.code == 2
+    assert arguments[0] in capsys.readouterr().err

@@ -1,0 +1,68 @@
+"""What all tests share: the seed, hypothesis without surprises, and a report of the accuracy that was reached."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+# Before NumPy comes in: the finite elements factorise small matrices, on which BLAS threads wait for each other
+# (ten times slower where another process works as well).
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+SEED_VARIABLE = "RECEPTANCE_TEST_SEED"
+_SUMMARIES = pytest.StashKey[dict[str, tuple[str, object]]]()
+
+settings.register_profile(
+    "repeatable", deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile(
+    "explore", deadline=None, database=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("explore" if SEED_VARIABLE in os.environ else "repeatable")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option for a file with the measured accuracy."""
+    parser.addoption(
+        "--accuracy-report", metavar="FILE", default=None, help="write the accuracy that the tests measured as JSON"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make room for the summaries."""
+    config.stash[_SUMMARIES] = {}
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    """State the seed of every randomised test."""
+    seed = os.environ.get(SEED_VARIABLE)
+    if seed is None:
+        return f"seeds: fixed in the tests, hypothesis derandomised ({SEED_VARIABLE} changes both)"
+    return f"seeds: {SEED_VARIABLE}={seed}, hypothesis random (a failure says how to repeat it)"
+
+
+@pytest.fixture(scope="session")
+def summarise(pytestconfig: pytest.Config) -> Callable[[str, str, object], None]:
+    """Return a function (name, text, plain values) that adds to the end of pytest's output and to the JSON file."""
+    summaries = pytestconfig.stash[_SUMMARIES]
+
+    def add(name: str, text: str, values: object) -> None:
+        summaries[name] = (text, values)
+
+    return add
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Print what was measured."""
+    for name, (text, _) in config.stash[_SUMMARIES].items():
+        terminalreporter.section(name)
+        terminalreporter.write_line(text)
+    path = config.getoption("--accuracy-report")
+    if path and config.stash[_SUMMARIES]:
+        values = {name: found for name, (_, found) in config.stash[_SUMMARIES].items()}
+        Path(path).write_text(json.dumps(values, indent=2), encoding="utf-8")

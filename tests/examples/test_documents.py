@@ -1,0 +1,112 @@
+"""Every Python block and every `receptance` line of the documents runs and prints what is shown below it."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from examples.documents import DOCUMENTS, ROOT, Block, blocks, commands, difference, links
+
+# One tool from the longest command that a document shows should not hold up everything.
+SECONDS_AT_MOST = 300
+
+
+def _named(document: Path) -> str:
+    return str(document.relative_to(ROOT))
+
+
+WITH_PYTHON = [document for document in DOCUMENTS if any(block.language == "python" for block in blocks(document))]
+SHELL = [(document, block) for document in DOCUMENTS for block in blocks(document) if commands(block)]
+
+
+@pytest.mark.parametrize("document", WITH_PYTHON, ids=_named)
+def test_python_blocks(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks of one document run in order in one namespace, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    namespace: dict[str, object] = {"__name__": "__main__"}
+    for block in blocks(document):
+        if block.language != "python":
+            continue
+        # Blank lines in front, so that a traceback names the line of the document.
+        code = compile("\n" * (block.line - 1) + block.body, str(document), "exec")
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(code, namespace)
+        where = f"{_named(document)}, the block at line {block.line}"
+        wrong = difference(printed.getvalue(), block.shown or "")
+        assert wrong is None, f"{where}: {wrong}"
+
+
+@functools.cache
+def _output(command: str, folder: Path) -> str:
+    """Return what a command prints; several documents may show the same one."""
+    program = shutil.which("receptance", path=sysconfig.get_path("scripts"))
+    assert program is not None, f"there is no command `receptance` beside {sys.executable}: install the package"
+    _, *arguments = shlex.split(command)
+    done = subprocess.run(
+        [program, *arguments], cwd=folder, capture_output=True, text=True, timeout=SECONDS_AT_MOST, check=False
+    )
+    assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return an empty folder in which the commands of all documents run."""
+    return tmp_path_factory.mktemp("shell")
+
+
+@pytest.mark.parametrize(
+    ("document", "block"), SHELL, ids=[f"{_named(document)}:{block.line}" for document, block in SHELL]
+)
+def test_shell_lines(document: Path, block: Block, folder: Path) -> None:
+    """Commands do what the documents say that one can type, and print the lines shown below them."""
+    printed = [line for command in commands(block) for line in _output(command, folder).splitlines()]
+    assert any(printed), f"{_named(document)}: {block.body} prints nothing"
+    for shown in (block.shown or "").splitlines():
+        assert any(difference(line, shown) is None for line in printed), f"{_named(document)} shows {shown!r}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_named)
+def test_links_lead_somewhere(document: Path) -> None:
+    missing = [target for target in links(document) if not (document.parent / target).exists()]
+    assert not missing, f"{_named(document)} links to {missing}, which is not there"
+
+
+def test_the_readme_has_two_set_up_lines() -> None:
+    """They stand in one block, and `.ci/run` finds no other line that it would take for one of them."""
+    setup = [block.body.splitlines() for block in blocks(ROOT / "README.md") if "pip install" in block.body]
+    assert len(setup) == 1
+    assert [line.split("#")[0].strip() for line in setup[0]] == [
+        "pip install . && receptance demo",
+        'pip install ".[test]" && pytest',
+    ]
+    everywhere = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert [line for line in everywhere if line.startswith("pip install ")] == setup[0]
+
+
+@pytest.mark.parametrize(
+    ("printed", "shown", "agrees"),
+    [
+        ("f1 2623.41 Hz\n", "f1  2623.40 Hz", True),
+        ("f1 2623.43 Hz\n", "f1  2623.40 Hz", False),
+        ("[ 1.0e-03 -2. ]", "[1.1e-03 -2.]", True),
+        ("[ 1.0e-03 -2. ]", "[1.3e-03 -2.]", False),
+        ("(6000,)", "(6001,)", False),
+        ("converged", "did not converge", False),
+        ("something", "", False),
+        ("", "", True),
+    ],
+)
+def test_comparison(printed: str, shown: str, agrees: bool) -> None:
+    assert (difference(printed, shown) is None) == agrees

@@ -1,0 +1,151 @@
+"""What changes nothing: cutting a segment, another order of lines or requests, another number of threads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from properties.strategies import assemblies, assert_same, both_ends, frequencies, parts, segments
+from receptance import CARBIDE, STEEL, Assembly, Coordinate, GroundSpring, Part, PointJoint, PointMass, Segment
+
+LINES = np.linspace(5.0, 9000.0, 2311)
+
+
+def rich() -> Assembly:
+    """Return an assembly with every element and losses."""
+    steel = replace(STEEL, loss_factor=0.003)
+    tool = Part(
+        [
+            Segment(length=0.03, outer_diameter=0.011, material=CARBIDE),
+            Segment(length=0.032, outer_diameter=0.0127, inner_diameter=0.004, material=CARBIDE, shear="hutchinson"),
+        ],
+        name="tool",
+    )
+    holder = Part(
+        [
+            Segment(length=0.04, outer_diameter=0.045, inner_diameter=0.0127, material=steel, core=CARBIDE),
+            Segment(length=0.09, outer_diameter=0.05, inner_diameter=0.02, material=steel),
+        ],
+        name="holder",
+    )
+    joint = PointJoint(k_y=6e8, k_theta=1e5, k_ytheta=1e6, c_y=30.0, c_theta=0.01, loss_factor=0.02, name="joint")
+    points = [
+        PointMass(mass=0.6e-3, inertia=1e-8, part="tool", position=0.011, name="sensor"),
+        GroundSpring(k_y=2e8, k_theta=3e5, c_y=200.0, part="holder", position="end", name="spindle"),
+    ]
+    return Assembly([tool, joint, holder], points)
+
+
+@given(part=parts(), f=frequencies(), which=st.integers(0, 3), share=st.floats(1e-3, 0.999))
+def test_cutting_a_segment_anywhere_changes_nothing(part: Part, f: np.ndarray, which: int, share: float) -> None:
+    index = which % len(part.segments)
+    whole = part.segments[index]
+    left = share * whole.length
+    pieces = [replace(whole, length=left), replace(whole, length=whole.length - left)]
+    cut = Part([*part.segments[:index], *pieces, *part.segments[index + 1 :]]).receptance(f)
+    h = part.receptance(f)
+    # The pieces' lengths are rounded: next to a resonance that moves the last digits.
+    nearby = np.abs(part.receptance(f * (1 + 1e-9)) - h)
+    diagonal = np.sqrt(np.abs(np.einsum("nii,njj->nij", h, h)))
+    assert np.all(np.abs(cut - h) <= 1e-10 * np.maximum(np.abs(h), 1e-3 * diagonal) + 1e-5 * nearby)
+
+
+@given(segment=segments(), f=frequencies(), n=st.integers(2, 200))
+def test_cutting_a_segment_into_many_changes_nothing(segment: Segment, f: np.ndarray, n: int) -> None:
+    whole = Part([segment]).receptance(f)
+    found = Part([replace(segment, length=segment.length / n)] * n).receptance(f)
+    nearby = np.abs(Part([segment]).receptance(f * (1 + 1e-9)) - whole).max(axis=(1, 2), keepdims=True)
+    size = np.abs(whole).max(axis=(1, 2), keepdims=True)
+    assert np.all(np.abs(found - whole) <= 1e-9 * size + 1e-4 * nearby)
+
+
+@given(assembly=assemblies(), f=frequencies(), share=st.floats(0.01, 0.99))
+def test_looking_inside_changes_nothing_outside(assembly: Assembly, f: np.ndarray, share: float) -> None:
+    tool = assembly.elements["tool"]
+    assert isinstance(tool, Part)
+    points = both_ends(assembly)
+    inside = [*points, Coordinate("tool", share * tool.length)]
+    plain = assembly.receptance(f, response=points, excitation=points)
+    cut = assembly.receptance(f, response=inside, excitation=inside)[:, :4, :4]
+    nearby = np.abs(assembly.receptance(f * (1 + 1e-9), response=points, excitation=points) - plain)
+    diagonal = np.sqrt(np.abs(np.einsum("nii,njj->nij", plain, plain)))
+    assert np.all(np.abs(cut - plain) <= 1e-9 * np.maximum(np.abs(plain), 1e-3 * diagonal) + 1e-4 * nearby)
+
+
+@given(f=frequencies(), share=st.floats(0.0, 1.0))
+def test_a_place_inside_is_the_end_of_a_shorter_piece(f: np.ndarray, share: float) -> None:
+    """Motion along a bar, seen by position, is that of the ends of a bar made of two pieces."""
+    bar = Segment(length=0.12, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.01))
+    x = 0.01 + 0.1 * share
+    whole = Assembly([Part([bar], name="bar")])
+    pieces = [Part([replace(bar, length=length)], name=name) for name, length in (("a", x), ("b", bar.length - x))]
+    seen = whole.receptance(f, response=Coordinate("bar", x, "theta"), excitation=Coordinate("bar", x))
+    expected = Assembly(pieces).receptance(f, response=Coordinate("a", "end", "theta"), excitation=Coordinate("b", 0.0))
+    np.testing.assert_allclose(seen, expected, rtol=1e-9, atol=1e-12 * np.abs(whole.receptance(f)).max())
+
+
+@pytest.mark.parametrize(
+    "parameters", [(), ("joint.k_y", "tool.segment[0].length", "holder.segment[*].youngs_modulus", "sensor.mass")]
+)
+def test_threads_do_not_change_a_bit(parameters: tuple[str, ...]) -> None:
+    assembly = rich()
+    points = [*both_ends(assembly), Coordinate("tool", 0.02), Coordinate("holder", 0.0, "theta")]
+    assert len(LINES) > 2000
+    alone = assembly.derivatives(LINES, parameters, response=points, excitation=points, threads=1)
+    for threads in (2, 3, 8):
+        found = assembly.derivatives(LINES, parameters, response=points, excitation=points, threads=threads)
+        np.testing.assert_array_equal(found[0], alone[0])
+        np.testing.assert_array_equal(found[1], alone[1])
+    part = assembly.elements["holder"]
+    assert isinstance(part, Part)
+    for method in (part.receptance, part.axial_receptance, part.torsional_receptance):
+        np.testing.assert_array_equal(method(LINES, threads=1), method(LINES, threads=3))
+
+
+def test_the_environment_variable_sets_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    assembly = rich()
+    alone = assembly.receptance(LINES, threads=1)
+    monkeypatch.setenv("RECEPTANCE_THREADS", "2")
+    np.testing.assert_array_equal(assembly.receptance(LINES), alone)
+    monkeypatch.setenv("RECEPTANCE_THREADS", "two")
+    with pytest.raises(ValueError, match="RECEPTANCE_THREADS is 'two'"):
+        assembly.receptance(LINES)
+
+
+@settings(max_examples=20)
+@given(assembly=assemblies(), seed=st.integers(0, 2**32 - 1))
+def test_a_line_does_not_depend_on_its_neighbours(assembly: Assembly, seed: int) -> None:
+    """A line in a batch is that line alone, within rounding: blocks of lines share only their code."""
+    rng = np.random.default_rng(seed)
+    f = np.sort(np.exp(rng.uniform(np.log(10.0), np.log(2e4), 37)))
+    points = both_ends(assembly)
+    names = assembly.parameters[:6]
+    batch, slopes = assembly.derivatives(f, names, response=points, excitation=points)
+    for index in rng.choice(len(f), 5, replace=False):
+        line = f[index : index + 1]
+        one, slope = assembly.derivatives(line, names, response=points, excitation=points)
+        nearby = np.abs(assembly.receptance(line * (1 + 1e-9), response=points, excitation=points) - one).max()
+        assert_same(batch[index : index + 1], one, 1e-10 + 1e-5 * nearby / np.abs(one).max())
+        size = np.abs(slope).max(axis=(0, 1, 2))
+        excess = np.abs(slopes[index] - slope[0]) / np.where(size > 0.0, size, 1.0)
+        assert np.all(excess <= 1e-8 + 1e-3 * nearby / np.abs(one).max())
+
+
+def test_repeated_calls_give_the_same_bits() -> None:
+    assembly = rich()
+    first = assembly.derivatives(LINES, assembly.parameters)
+    for _ in range(3):
+        again = assembly.derivatives(LINES, assembly.parameters)
+        np.testing.assert_array_equal(first[0], again[0])
+        np.testing.assert_array_equal(first[1], again[1])
+
+
+def test_parameters_do_not_change_the_receptance() -> None:
+    assembly = rich()
+    plain = assembly.receptance(LINES)
+    np.testing.assert_allclose(assembly.derivatives(LINES, assembly.parameters)[0], plain, rtol=1e-10)
+    np.testing.assert_allclose(assembly.derivatives(LINES, ("joint.k_y",))[0], plain, rtol=1e-10)

@@ -1,0 +1,146 @@
+"""Segments and parts: what is refused, in which words, and what is computed."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Material, Part, ResonanceError, Segment
+
+GOOD: dict[str, Any] = {"length": 0.1, "outer_diameter": 0.05, "inner_diameter": 0.02, "material": STEEL}
+BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "words"),
+    [
+        ("length", 0.0, "length is 0, expected more than zero m"),
+        ("length", -0.1, "length is -0.1"),
+        ("length", float("nan"), "length is nan, expected a finite number of m"),
+        ("length", float("inf"), "length is inf"),
+        ("outer_diameter", 0.0, "outer_diameter is 0"),
+        ("outer_diameter", -0.05, "outer_diameter is -0.05"),
+        ("outer_diameter", float("nan"), "outer_diameter is nan"),
+        ("inner_diameter", -0.01, "inner_diameter is -0.01, expected zero or more m"),
+        ("inner_diameter", 0.05, "inner_diameter is 0.05 m, expected less than the outer diameter 0.05 m"),
+        ("inner_diameter", 0.06, "inner_diameter is 0.06 m"),
+        ("inner_diameter", float("nan"), "inner_diameter is nan"),
+        ("shear", "euler", "shear is 'euler', expected one of cowper, hutchinson"),
+    ],
+)
+def test_values_without_meaning_are_named(quantity: str, value: object, words: str) -> None:
+    with pytest.raises(ValueError, match=f"Segment: {words}"):
+        Segment(**{**GOOD, quantity: value})
+
+
+@pytest.mark.parametrize("quantity", ["length", "outer_diameter", "inner_diameter"])
+@pytest.mark.parametrize("value", ["0.1", None, True, [0.1, 0.2], 1j])
+def test_what_is_no_number_is_a_type_error(quantity: str, value: object) -> None:
+    with pytest.raises(TypeError, match=f"Segment: {quantity} is "):
+        Segment(**{**GOOD, quantity: value})
+
+
+@pytest.mark.parametrize(("quantity", "value"), [("material", "steel"), ("material", None), ("core", 7850.0)])
+def test_materials_must_be_materials(quantity: str, value: object) -> None:
+    with pytest.raises(TypeError, match=f"Segment: {quantity} is {value!r}, expected a Material"):
+        Segment(**{**GOOD, quantity: value})
+
+
+def test_a_core_needs_a_bore() -> None:
+    with pytest.raises(ValueError, match="core is given but inner_diameter is 0"):
+        Segment(length=0.1, outer_diameter=0.05, material=STEEL, core=CARBIDE)
+
+
+def test_masses_and_lengths() -> None:
+    tube = Segment(**GOOD)
+    assert tube.mass == pytest.approx(7850.0 * np.pi / 4 * (0.05**2 - 0.02**2) * 0.1)
+    filled = replace(tube, core=CARBIDE)
+    assert filled.mass == pytest.approx(tube.mass + CARBIDE.density * np.pi / 4 * 0.02**2 * 0.1)
+    part = Part([tube, filled, BAR])
+    assert part.mass == pytest.approx(tube.mass + filled.mass + BAR.mass)
+    assert part.length == pytest.approx(0.3)
+    assert part.table().shape == (3, 14)
+
+
+def test_a_core_of_the_same_material_is_a_solid() -> None:
+    f = [10.0, 3000.0, 20e3]
+    # Not the whole matrix: the shear coefficient of a ring with a core is the sum of two, not that of a solid.
+    slender = [Segment(length=1.0, outer_diameter=0.01, inner_diameter=inner, material=STEEL, core=core)
+               for inner, core in ((0.005, STEEL), (0.0, None))]  # fmt: skip
+    found, expected = (Part([segment]).receptance(f[:1])[0, 0, 0] for segment in slender)
+    assert found == pytest.approx(expected, rel=1e-3)
+    axial, solid = (Part([segment]).axial_receptance(f) for segment in slender)
+    np.testing.assert_allclose(axial, solid, rtol=1e-12)
+
+
+def test_the_shear_models_differ_a_little() -> None:
+    thick = Segment(length=0.05, outer_diameter=0.05, material=STEEL)
+    f = Part([thick]).natural_frequencies(60e3)[0]
+    g = Part([replace(thick, shear="hutchinson")]).natural_frequencies(60e3)[0]
+    assert f != g
+    assert f == pytest.approx(g, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("segments", "error", "words"),
+    [
+        ([], ValueError, "Part: segments is empty, expected at least one Segment"),
+        (["bar"], TypeError, r"Part: segments\[0\] is 'bar', expected a Segment"),
+        ([BAR, STEEL], TypeError, r"Part: segments\[1\] is "),
+        ([BAR, None], TypeError, r"Part: segments\[1\] is None"),
+    ],
+)
+def test_parts_are_made_of_segments(segments: list[Any], error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        Part(segments)
+    with pytest.raises(error, match=words.replace("Part", "Part 'tool'")):
+        Part(segments, name="tool")
+
+
+def test_one_segment_needs_no_list() -> None:
+    assert Part(BAR) == Part([BAR]) == Part(iter((BAR,)), name="other")
+
+
+def test_objects_are_frozen_equal_and_portable() -> None:
+    part = Part([Segment(**GOOD, core=CARBIDE, shear="hutchinson"), BAR], name="holder")
+    again = pickle.loads(pickle.dumps(part))
+    assert again == part
+    assert again.name == "holder"
+    assert hash(again) == hash(part)
+    with pytest.raises(FrozenInstanceError):
+        part.name = "tool"  # type: ignore[misc]
+    with pytest.raises(FrozenInstanceError):
+        BAR.length = 1.0  # type: ignore[misc]
+    assert eval(repr(part), {"Part": Part, "Segment": Segment, "Material": Material}) == part
+    assert "<table>" in part._repr_html_()
+    assert part._repr_html_().count("<tr>") == 3
+
+
+@pytest.mark.parametrize("method", ["receptance", "axial_receptance", "torsional_receptance"])
+def test_frequencies_are_checked(method: str) -> None:
+    function = getattr(Part([BAR]), method)
+    with pytest.raises(ValueError, match=r"frequency_hz\[1\] is -5 Hz"):
+        function([1.0, -5.0])
+    with pytest.raises(ValueError, match="empty"):
+        function([])
+    size = 4 if method == "receptance" else 2
+    assert function(100.0).shape == (1, size, size)
+
+
+def test_a_resonance_met_to_the_last_digit_is_huge_and_finite() -> None:
+    """A lossless rod at half a wave: its float64 frequency is off by a rounding, and the answer says how little."""
+    part = Part([BAR])
+    f = np.sqrt(STEEL.youngs_modulus / STEEL.density) / (2 * BAR.length)
+    at, beside = np.abs(part.axial_receptance([f, 1.001 * f]))
+    assert np.all(np.isfinite(at))
+    assert at.min() > 1e9 * beside.max()
+
+
+def test_a_receptance_that_overflows_is_a_resonance_error() -> None:
+    """At 1e-200 Hz a free body moves more than any float64 holds: an error, not an infinity."""
+    with pytest.raises(ResonanceError, match="not finite"):
+        Part([BAR]).receptance([1e-200])
