@@ -1,7 +1,7 @@
 //! The elements of a model on a block of frequency lines.
 
 use crate::branch::Branch;
-use crate::combine::centre;
+use crate::combine::Centre;
 use crate::kernel::{Choice, Kernel, Segment};
 use crate::lane::C;
 use crate::model::{Model, Spring};
@@ -41,11 +41,20 @@ pub struct Block<S: Simd, const D: usize> {
     pub weights: Vec<[f64; D]>,
     /// Compliance of each joint.
     pub compliances: Vec<Mat<S, D>>,
-    /// Where each joint's stiffness is diagonal (beyond the node, along x), and its compliances there; no
-    /// place where it is diagonal at the node itself.
-    pub centres: Vec<Option<(C<S>, Mat<S, D>)>>,
-    /// Impedance of the point elements of each node, and whether it couples translation and rotation.
-    pub points: Vec<Option<(Mat<S, D>, bool)>>,
+    /// Where each joint's stiffness is diagonal.
+    pub centres: Vec<Centre<S, D>>,
+    /// Joints that couple translation and rotation.
+    pub coupled: Vec<bool>,
+    /// The point elements of each node: impedances at the node, and springs that are diagonal beyond it.
+    pub points: Vec<Option<Points<S, D>>>,
+}
+
+/// Point elements of a node.
+pub struct Points<S: Simd, const D: usize> {
+    /// Impedances at the node.
+    pub impedance: [C<S>; D],
+    /// Springs whose translation and rotation are coupled.
+    pub beyond: Vec<Centre<S, D>>,
 }
 
 impl Spring {
@@ -111,10 +120,12 @@ impl<const D: usize> Prepared<D> {
         }
         into.compliances.clear();
         into.centres.clear();
+        into.coupled.clear();
         for joint in &self.joints {
             let stiffness = joint.stiffness::<S, D>(simd, into.iw);
             into.compliances.push(small::inverse(&stiffness));
-            into.centres.push((D == 2 && joint.couples()).then(|| centre(&stiffness)));
+            into.centres.push(Centre::new(&stiffness, joint.couples()));
+            into.coupled.push(D == 2 && joint.couples());
         }
         into.points.clear();
         for (masses, springs) in &self.points {
@@ -122,21 +133,24 @@ impl<const D: usize> Prepared<D> {
                 into.points.push(None);
                 continue;
             }
-            let mut impedance = small::zeros::<S, D>(simd);
+            let mut impedance = [C::zero(simd); D];
+            let mut beyond = Vec::new();
             for spring in springs {
                 let stiffness = spring.stiffness::<S, D>(simd, into.iw);
+                if D == 2 && spring.couples() {
+                    beyond.push(Centre::new(&stiffness, true));
+                    continue;
+                }
                 for i in 0..D {
-                    for j in 0..D {
-                        impedance[i][j] = impedance[i][j] + stiffness[i][j];
-                    }
+                    impedance[i] = impedance[i] + stiffness[i][i];
                 }
             }
             for inertia in masses {
                 for i in 0..D {
-                    impedance[i][i] = impedance[i][i] - into.w2.scale(inertia[i]);
+                    impedance[i] = impedance[i] - into.w2.scale(inertia[i]);
                 }
             }
-            into.points.push(Some((impedance, springs.iter().any(Spring::couples))));
+            into.points.push(Some(Points { impedance, beyond }));
         }
     }
 }
@@ -154,6 +168,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
             weights: Vec::new(),
             compliances: Vec::new(),
             centres: Vec::new(),
+            coupled: Vec::new(),
             points: Vec::new(),
         }
     }

@@ -6,48 +6,141 @@ use crate::small::{self, Mat};
 use crate::sweep::Record;
 use pulp::Simd;
 
-/// Adds a diagonal impedance or compliance, one degree of freedom after the other.
+/// What is added at a node: to the loads per displacement, or to the displacements per load.
+#[derive(Copy, Clone, PartialEq, Eq)]
+pub enum Kind {
+    /// Impedances.
+    Impedance,
+    /// Compliances.
+    Compliance,
+}
+
+/// Adds impedances or compliances, one degree of freedom after the other.
 #[inline(always)]
 pub fn add_diagonal<S: Simd, const D: usize>(
     plane: &Plane<S, D>,
-    matrix: &Mat<S, D>,
-    kind: impl Fn(C<S>) -> Added<S>,
+    values: &[C<S>; D],
+    kind: Kind,
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
-    let (mut plane, mut back) = plane.add(0, kind(matrix[0][0]), weights[0]);
-    for i in 1..D {
-        let (next, step) = plane.add(i, kind(matrix[i][i]), weights[i]);
+    let mut plane = *plane;
+    let mut back = small::identity(values[0].simd);
+    for i in 0..D {
+        let added = match kind {
+            Kind::Impedance => Added::Impedance(values[i]),
+            Kind::Compliance => Added::Compliance(values[i]),
+        };
+        let (next, step) = plane.add(i, added, weights[i]);
         plane = next;
-        back = small::mul(&back, &step);
+        back = if i == 0 { step } else { small::mul(&back, &step) };
     }
     (plane, back)
 }
 
-/// The offset e and the compliances at which a full stiffness is diagonal: K = T^T diag T, T = [[1, e], [0, 1]].
-#[inline(always)]
-pub fn centre<S: Simd, const D: usize>(stiffness: &Mat<S, D>) -> (C<S>, Mat<S, D>) {
-    let offset = stiffness[0][D - 1] * stiffness[0][0].recip();
-    let mut compliance = small::zeros(offset.simd);
-    compliance[0][0] = stiffness[0][0].recip();
-    compliance[D - 1][D - 1] = offset.neg_mul_add(stiffness[0][D - 1], stiffness[D - 1][D - 1]).recip();
-    (offset, compliance)
+/// A full symmetric stiffness as a diagonal one beyond the node: K = T^T diag T with T = [[1, e], [0, 1]].
+#[derive(Copy, Clone)]
+pub struct Centre<S: Simd, const D: usize> {
+    /// The offset e along x.
+    pub offset: C<S>,
+    /// The diagonal stiffness there.
+    pub stiffness: [C<S>; D],
+    /// Its inverse.
+    pub compliance: [C<S>; D],
 }
 
-/// Adds a compliance that is diagonal a distance beyond the node.
+impl<S: Simd, const D: usize> Centre<S, D> {
+    /// The centre of a stiffness; without coupling it is at the node.
+    #[inline(always)]
+    pub fn new(stiffness: &Mat<S, D>, couples: bool) -> Self {
+        let zero = C::zero(stiffness[0][0].simd);
+        let mut out = Self { offset: zero, stiffness: [zero; D], compliance: [zero; D] };
+        for i in 0..D {
+            out.stiffness[i] = stiffness[i][i];
+        }
+        if D == 2 && couples {
+            let coupling = stiffness[0][D - 1];
+            out.offset = coupling * stiffness[0][0].recip();
+            out.stiffness[D - 1] = out.offset.neg_mul_add(coupling, stiffness[D - 1][D - 1]);
+        }
+        for i in 0..D {
+            out.compliance[i] = out.stiffness[i].recip();
+        }
+        out
+    }
+}
+
+/// Adds what is diagonal a distance beyond the node; returns also the plane there, after the addition, and
+/// its independent variables from those of the result.
 ///
 /// A nearly singular joint (a hinge beyond the node, say) has one huge compliance; added at the node as a
 /// full matrix it would drown the digits of the other direction.
 #[inline(always)]
 pub fn add_beyond<S: Simd, const D: usize>(
     plane: &Plane<S, D>,
-    offset: C<S>,
-    compliance: &Mat<S, D>,
+    centre: &Centre<S, D>,
+    kind: Kind,
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
-    let (there, to_there) = shifted(plane, offset, weights);
-    let (added, step) = add_diagonal(&there, compliance, Added::Compliance, weights);
-    let (here, to_here) = shifted(&added, -offset, weights);
-    (here, small::mul(&small::mul(&to_there, &step), &to_here))
+    let (added, to_there) = beyond(plane, centre, kind, weights);
+    let (here, to_here) = shifted(&added, -centre.offset, weights);
+    (here, small::mul(&to_there, &to_here))
+}
+
+/// The plane at the centre after the addition, and the way back from it.
+#[inline(always)]
+fn beyond<S: Simd, const D: usize>(
+    plane: &Plane<S, D>,
+    centre: &Centre<S, D>,
+    kind: Kind,
+    weights: &[f64; D],
+) -> (Plane<S, D>, Mat<S, D>) {
+    let (there, to_there) = shifted(plane, centre.offset, weights);
+    let values = if kind == Kind::Impedance { &centre.stiffness } else { &centre.compliance };
+    let (added, step) = add_diagonal(&there, values, kind, weights);
+    (added, small::mul(&to_there, &step))
+}
+
+/// Force and relative motion of a joint whose far side has the plane `before`, from the independent variables
+/// after it.
+///
+/// Both are taken at the centre: a full compliance times the force at the node would be a difference of
+/// large numbers where the joint is nearly singular.
+#[inline(always)]
+pub fn in_joint<S: Simd, const D: usize>(
+    before: &Plane<S, D>,
+    centre: &Centre<S, D>,
+    couples: bool,
+    after: &Plane<S, D>,
+    independent: &[C<S>; D],
+    weights: &[f64; D],
+) -> JointState<S, D> {
+    let mut force = after.state(independent).1;
+    let mut gap = force;
+    if D == 1 || !couples {
+        for i in 0..D {
+            gap[i] = centre.compliance[i] * force[i];
+        }
+        return JointState { force, gap };
+    }
+    let (added, _) = beyond(before, centre, Kind::Compliance, weights);
+    let (_, to_here) = shifted(&added, -centre.offset, weights);
+    let there = added.state(&small::apply(&to_here, independent)).1;
+    for i in 0..D {
+        gap[i] = centre.compliance[i] * there[i];
+    }
+    gap[0] = centre.offset.neg_mul_add(gap[D - 1], gap[0]);
+    force[0] = there[0];
+    force[D - 1] = centre.offset.mul_add(there[0], there[D - 1]);
+    JointState { force, gap }
+}
+
+/// Force from the first on the second node of a joint, and motion of the first relative to the second.
+#[derive(Copy, Clone)]
+pub struct JointState<S: Simd, const D: usize> {
+    /// The force and the moment.
+    pub force: [C<S>; D],
+    /// The relative displacement and rotation.
+    pub gap: [C<S>; D],
 }
 
 /// The plane seen from a rigid offset along x.
@@ -93,7 +186,7 @@ pub fn join<S: Simd, const D: usize>(
     let (plane, inverse) = Plane::pivot(&u, &f, weights);
     let back = small::mul(&small::mul(&two.independent, &s2), &inverse);
     let other = small::mul(&small::mul(&one.independent, &s1), &inverse);
-    Record { plane, back, other }
+    Record { plane, back, other, weights: *weights }
 }
 
 /// A plane in weighted sums s = u - i f.

@@ -6,7 +6,6 @@ use crate::model::{Model, Spring, Table};
 use crate::request::Parameter;
 use crate::section;
 use crate::sensitivity;
-use crate::small;
 use crate::sweep::Field;
 use num_complex::Complex64;
 use pulp::Simd;
@@ -82,10 +81,8 @@ impl<const D: usize> Gradient<D> {
             },
             Self::Length { row } => sensitivities[*row].as_ref().map_or(zero, |found| found.length),
             Self::Joint { row, column, spring } => {
-                let compliance = &block.compliances[*row];
-                let left = small::apply(compliance, &left.joints[*row]);
-                let right = small::apply(compliance, &right.joints[*row]);
-                spring_derivative(spring, *column, block.iw, &left, &right)
+                let (left, right) = (&left.joints[*row].gap, &right.joints[*row].gap);
+                spring_derivative(spring, *column, block.iw, left, right)
             }
             Self::Mass { node, direction } => {
                 if *direction >= D {

@@ -213,6 +213,14 @@ impl<const D: usize> Search<D> {
                 derivative.extend(self.slopes(model, w, &gradients));
             }
         }
+        if let Some(index) = derivative.iter().position(|value: &f64| !value.is_finite()) {
+            let hz = angular[index / gradients.len()] / core::f64::consts::TAU;
+            return Err(Error::NaturalFrequency(format!(
+                "the derivative of the mode at {hz:e} Hz by parameter {} is not finite: some number is too \
+                 large or too small for floating point",
+                index % gradients.len()
+            )));
+        }
         Ok(NaturalFrequencies { angular, derivative })
     }
 
@@ -248,7 +256,6 @@ impl<const D: usize> Search<D> {
     /// d w / d p = -G_p / G_w, G being the work of a change in the mode of frequency w.
     fn slopes(&self, model: &Model, w: f64, gradients: &[Gradient<D>]) -> Vec<f64> {
         let simd = Scalar::new();
-        let zero = C::zero(simd);
         let mut block = Block::empty(simd);
         let mut records = Vec::new();
         self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, &mut block);
@@ -258,11 +265,8 @@ impl<const D: usize> Search<D> {
         };
         let (_, f) = top.plane.basis();
         let mode = null_vector(&f, &block.weights_of_first());
-        let mut field = Field {
-            nodes: vec![[zero; D]; self.nodes],
-            joints: vec![[zero; D]; self.prepared.joints.len()],
-            states: (0..self.prepared.segments.len()).map(|_| Vec::new()).collect(),
-        };
+        let (joints, segments) = (self.prepared.joints.len(), self.prepared.segments.len());
+        let mut field = Field::empty(simd, self.nodes, joints, segments);
         block.downwards(&self.plan, &records, mode, true, &mut field, 0);
         let mut by_w = 0.0;
         let mut sensitivities = Vec::new();

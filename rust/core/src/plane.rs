@@ -278,7 +278,34 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         let (independent, dependent) = best.split(u, f);
         let inverse = small::scale(&small::adjugate(&independent), determinant.recip());
         best.x = small::mul(&dependent, &inverse);
+        if D == 2 {
+            best.reconcile(&dependent, &inverse);
+        }
         (best, inverse)
+    }
+
+    /// The two couplings of a reciprocal structure are equal (opposite where only one degree of freedom has
+    /// f independent); the one that is the smaller difference of products has the digits.
+    #[inline(always)]
+    fn reconcile(&mut self, dependent: &Mat<S, D>, inverse: &Mat<S, D>) {
+        let simd = self.x[0][0].simd;
+        let last = D - 1;
+        let mut sizes = [R::splat(simd, 0.0); 2];
+        for (row, size) in sizes.iter_mut().enumerate() {
+            for k in 0..D {
+                let product = dependent[row * last][k] * inverse[k][last - row * last];
+                *size = size.max(product.norm_sqr());
+            }
+        }
+        let one = C::real(simd, 1.0);
+        let mut sign = one;
+        for i in 0..D {
+            sign = C::select(self.swapped[i], -sign, sign);
+        }
+        let upper = sizes[1].greater(sizes[0]);
+        let (first, second) = (self.x[0][last], self.x[last][0]);
+        self.x[0][last] = C::select(upper, first, sign * second);
+        self.x[last][0] = C::select(upper, sign * first, second);
     }
 }
 

@@ -164,8 +164,11 @@ impl<'a, const D: usize> Job<'a, D> {
                 arch.dispatch(Lines { job: self, w, h, dh, force });
             });
         })?;
-        if let Some(index) = receptance.iter().position(|value| !value.is_finite()) {
-            let line = index / pairs;
+        let lines = [(&receptance, pairs), (&derivative, wide), (&force, forces)];
+        let broken = lines.into_iter().filter_map(|(values, a_line)| {
+            values.iter().position(|value| !value.is_finite()).map(|index| index / a_line)
+        });
+        if let Some(line) = broken.min() {
             return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
         }
         Ok(Response { receptance, derivative, force })
@@ -195,18 +198,13 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Lines { job, w, h, dh, force } = self;
-        let zero = C::zero(simd);
         let mut block = Block::empty(simd);
         let mut records: Vec<Record<S, D>> = Vec::new();
         let segments = job.prepared.segments.len();
         let mut fields: Vec<Field<S, D>> = job
             .loads
             .iter()
-            .map(|_| Field {
-                nodes: vec![[zero; D]; job.nodes],
-                joints: vec![[zero; D]; job.prepared.joints.len()],
-                states: (0..segments).map(|_| Vec::new()).collect(),
-            })
+            .map(|_| Field::empty(simd, job.nodes, job.prepared.joints.len(), segments))
             .collect();
         let mut sensitivities: Vec<Option<sensitivity::Sensitivity<S, D>>> =
             (0..segments).map(|_| None).collect();
@@ -254,7 +252,7 @@ impl<const D: usize> Job<'_, D> {
         let mut lanes = [Complex64::ZERO; MAX_LANES];
         for (load, &excited) in self.excited.iter().enumerate() {
             for i in 0..D {
-                fields[excited].joints[row][i].store(&mut lanes);
+                fields[excited].joints[row].force[i].store(&mut lanes);
                 for lane in 0..lines {
                     force[((start + lane) * self.excited.len() + load) * D + i] = lanes[lane];
                 }

@@ -7,7 +7,7 @@
 //! series; for waves it is taken in closed form. The density of the length is constant along a segment.
 
 use crate::kernel::{Choice, Kernel, Segment, Wave, parity};
-use crate::lane::C;
+use crate::lane::{C, R};
 use crate::series;
 use crate::sweep::State;
 use num_complex::Complex64;
@@ -52,33 +52,39 @@ pub fn segment<S: Simd, const D: usize>(
     for i in 0..D {
         out.kinetic[i] = out.kinetic[i] * w2;
     }
-    if let (Some(left), Some(right)) = (left.last(), right.last()) {
-        out.length = length_density(segment, w2, left, right);
+    if let (Some(left), Some(right)) = (ends(left), ends(right)) {
+        // The density is the same at both ends; where both fields have decayed it is no small difference.
+        let near = length_density(segment, w2, &left[0], &right[0]);
+        let far = length_density(segment, w2, &left[1], &right[1]);
+        out.length = C::select(near.1.greater(far.1), far.0, near.0);
     }
     out
 }
 
-/// -r^T J A s: the derivative by the length, the same at every x.
+/// -r^T J A s, the derivative by the length, and the square of its largest term.
 #[inline(always)]
 fn length_density<S: Simd, const D: usize>(
     segment: &Segment<D>,
     w2: C<S>,
     left: &State<S, D>,
     right: &State<S, D>,
-) -> C<S> {
+) -> (C<S>, R<S>) {
     let simd = w2.simd;
     let mut sum = C::zero(simd);
+    let mut size = R::splat(simd, 0.0);
     for i in 0..D {
-        let inertia = w2.scale(segment.per_length.kinetic[i]);
-        sum = inertia.mul_add(left.u[i] * right.u[i], sum);
+        let moved = w2.scale(segment.per_length.kinetic[i]) * (left.u[i] * right.u[i]);
         let compliance = C::splat(simd, segment.per_length.compliance[i]);
-        sum = compliance.mul_add(left.n[i] * right.n[i], sum);
+        let strained = compliance * (left.n[i] * right.n[i]);
+        sum = sum + moved + strained;
+        size = size.max(moved.norm_sqr()).max(strained.norm_sqr());
     }
     if D == 2 {
-        sum = left.u[1].mul_add(right.n[0], sum);
-        sum = left.n[0].mul_add(right.u[1], sum);
+        let turned = [left.u[1] * right.n[0], left.n[0] * right.u[1]];
+        sum = sum + turned[0] + turned[1];
+        size = size.max(turned[0].norm_sqr()).max(turned[1].norm_sqr());
     }
-    sum
+    (sum, size)
 }
 
 /// One piece of a rod: T = [[C, a l S], [-mu l S, C]] with C, S functions of z = -a mu l^2.

@@ -2,11 +2,11 @@
 
 use crate::block::Block;
 use crate::branch::Branch;
-use crate::combine::{add_beyond, add_diagonal, join};
+use crate::combine::{JointState, Kind, add_beyond, add_diagonal, in_joint, join};
 use crate::kernel::{Kernel, oriented};
 use crate::lane::C;
 use crate::model::Step;
-use crate::plane::{Added, Plane};
+use crate::plane::Plane;
 use crate::small::{self, Mat};
 use pulp::Simd;
 
@@ -19,6 +19,8 @@ pub struct Record<S: Simd, const D: usize> {
     pub back: Mat<S, D>,
     /// The same for the other branch of a join.
     pub other: Mat<S, D>,
+    /// The weights by which the chart was chosen.
+    pub weights: [f64; D],
 }
 
 /// Displacements and internal forces at a cut (for rods one of each), the forces oriented along x.
@@ -34,8 +36,8 @@ pub struct State<S: Simd, const D: usize> {
 pub struct Field<S: Simd, const D: usize> {
     /// Displacements of each node.
     pub nodes: Vec<[C<S>; D]>,
-    /// Force from the first on the second node of each joint.
-    pub joints: Vec<[C<S>; D]>,
+    /// Force and relative motion of each joint.
+    pub joints: Vec<JointState<S, D>>,
     /// States at the ends of the pieces of each segment, from smaller to larger x; empty if not asked for.
     pub states: Vec<Vec<State<S, D>>>,
 }
@@ -53,6 +55,18 @@ pub struct Blind;
 impl<S: Simd, const D: usize> Observer<S, D> for Blind {
     #[inline(always)]
     fn passed(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, _: &Mat<S, D>) {}
+}
+
+impl<S: Simd, const D: usize> Field<S, D> {
+    /// A field to be filled.
+    pub fn empty(simd: S, nodes: usize, joints: usize, segments: usize) -> Self {
+        let zero = [C::zero(simd); D];
+        Self {
+            nodes: vec![zero; nodes],
+            joints: vec![JointState { force: zero, gap: zero }; joints],
+            states: (0..segments).map(|_| Vec::new()).collect(),
+        }
+    }
 }
 
 impl<S: Simd, const D: usize> Block<S, D> {
@@ -84,7 +98,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     if !records.is_empty() {
                         waiting.push(plane);
                     }
-                    records.push(Record { plane: Plane::free(simd), back: zero, other: zero });
+                    records.push(Record { plane: Plane::free(simd), back: zero, other: zero, weights });
                 }
                 Step::Segment { row, forward, .. } => {
                     weights = self.weights[row];
@@ -94,22 +108,23 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     let (u, f) = plane.basis();
                     let near_u = small::mul_add(&self.compliances[row], &f, &u);
                     observer.passed(&u, &near_u, &self.compliances[row]);
-                    let (plane, back) = match &self.centres[row] {
-                        Some((offset, compliance)) => add_beyond(&plane, *offset, compliance, &weights),
-                        None => add_diagonal(&plane, &self.compliances[row], Added::Compliance, &weights),
+                    let (plane, back) = if self.coupled[row] {
+                        add_beyond(&plane, &self.centres[row], Kind::Compliance, &weights)
+                    } else {
+                        add_diagonal(&plane, &self.centres[row].compliance, Kind::Compliance, &weights)
                     };
-                    records.push(Record { plane, back, other: zero });
+                    records.push(Record { plane, back, other: zero, weights });
                 }
                 Step::Point { node } => {
-                    if let Some((impedance, coupled)) = &self.points[node] {
-                        let (plane, back) = if *coupled {
-                            let (u, f) = plane.basis();
-                            let f = small::mul_add(impedance, &u, &f);
-                            Plane::pivot(&u, &f, &weights)
-                        } else {
-                            add_diagonal(&plane, impedance, Added::Impedance, &weights)
-                        };
-                        records.push(Record { plane, back, other: zero });
+                    if let Some(points) = &self.points[node] {
+                        let (mut plane, mut back) =
+                            add_diagonal(&plane, &points.impedance, Kind::Impedance, &weights);
+                        for centre in &points.beyond {
+                            let (next, step) = add_beyond(&plane, centre, Kind::Impedance, &weights);
+                            plane = next;
+                            back = small::mul(&back, &step);
+                        }
+                        records.push(Record { plane, back, other: zero, weights });
                     }
                 }
                 Step::Branch { index } => {
@@ -118,7 +133,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     }
                     let (plane, near) = branches[index].plane(simd, self.w2, self.real, self.most);
                     weights = near;
-                    records.push(Record { plane, back: zero, other: zero });
+                    records.push(Record { plane, back: zero, other: zero, weights });
                 }
                 Step::Join => {
                     let first = waiting.pop().unwrap_or(plane);
@@ -149,7 +164,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     let near_f = small::mul_add(&ff, &f, &small::mul(&fu, &u));
                     observer.passed(&u, &near_u, &uf);
                     let (next, back) = Plane::pivot(&near_u, &near_f, weights);
-                    records.push(Record { plane: next, back, other: back });
+                    records.push(Record { plane: next, back, other: back, weights: *weights });
                     plane = next;
                 }
             }
@@ -179,7 +194,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 let far = small::mul_add(&in_back, &reflection, &arrived);
                 let (next, coordinates) = Plane::pivot(&near_u, &near_f, weights);
                 let back = small::mul(&rechart, &small::mul(&far, &coordinates));
-                records.push(Record { plane: next, back, other: back });
+                records.push(Record { plane: next, back, other: back, weights: *weights });
             }
         }
     }
@@ -230,8 +245,19 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     field.nodes[far] = records[at].plane.state(&independent).0;
                 }
                 Step::Joint { row, forward, far } => {
+                    let weights = records[at].weights;
+                    let (before, after) = (&records[at - 1].plane, &records[at].plane);
+                    let found = in_joint(
+                        before,
+                        &self.centres[row],
+                        self.coupled[row],
+                        after,
+                        &independent,
+                        &weights,
+                    );
                     let sign = if forward { 1.0 } else { -1.0 };
-                    field.joints[row] = scaled(records[at].plane.state(&independent).1, sign);
+                    field.joints[row] =
+                        JointState { force: scaled(found.force, sign), gap: scaled(found.gap, sign) };
                     independent = small::apply(&records[at].back, &independent);
                     at -= 1;
                     field.nodes[far] = records[at].plane.state(&independent).0;

@@ -15,6 +15,14 @@ pub fn table<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>, columns: usiz
         let message = format!("{name}: shape is ({}, {}), expected (n, {columns})", shape[0], shape[1]);
         return Err(PyValueError::new_err(message));
     }
+    c_contiguous(name, array)
+}
+
+/// The values of a two-dimensional array in C order: one in Fortran order would be read transposed.
+pub fn c_contiguous<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [f64]> {
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err(format!("{name}: expected a C-contiguous array")));
+    }
     contiguous(name, array.as_slice())
 }
 

@@ -1,6 +1,6 @@
 //! The functions of the extension.
 
-use crate::arrays::{contiguous, coordinates, indices, model, parameters};
+use crate::arrays::{c_contiguous, contiguous, coordinates, indices, model, parameters};
 use crate::errors::CoreError;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
@@ -143,7 +143,7 @@ pub fn joint_normal_matrix<'py>(
         joint: spring("joint", &joint)?,
         columns: &columns,
     };
-    let planes = contiguous("planes", planes.as_slice())?;
+    let planes = c_contiguous("planes", &planes)?;
     let measured = contiguous("log_measured", log_measured.as_slice())?;
     let weights = contiguous("weights", weights.as_slice())?;
     let matrix = py
