@@ -39,9 +39,7 @@ def plain_constants(row):
         q = (inner / outer) ** 2
         if row[13]:
             top = 6 * (1 + nu) ** 2 * (1 + q) ** 2
-            kappa = top / (
-                7 + 34 * q + 7 * q**2 + nu * (12 + 48 * q + 12 * q**2) + nu**2 * (4 + 16 * q + 4 * q**2)
-            )
+            kappa = top / (7 + 34 * q + 7 * q**2 + nu * (12 + 48 * q + 12 * q**2) + nu**2 * (4 + 16 * q + 4 * q**2))
         else:
             kappa = 6 * (1 + nu) * (1 + q) ** 2 / ((7 + 6 * nu) * (1 + q) ** 2 + (20 + 12 * nu) * q)
         area, second = np.pi / 4 * (outer**2 - inner**2), np.pi / 64 * (outer**4 - inner**4)
@@ -268,9 +266,7 @@ def test_natural_frequencies_of_an_assembly():
     rigidly = Joint(5e7, 2e5, 0.0, 0.0)
     f = np.linspace(100.0, limit, 4000)
     stiffness = np.array([1 / plain_assembly(2 * np.pi * x, tool, holder, rigidly)[0, 0].real for x in f])
-    zero = np.flatnonzero(
-        (stiffness[:-1] < 0) & (stiffness[1:] > 0) | (stiffness[:-1] > 0) & (stiffness[1:] < 0)
-    )
+    zero = np.flatnonzero((stiffness[:-1] < 0) & (stiffness[1:] > 0) | (stiffness[:-1] > 0) & (stiffness[1:] < 0))
     step = f[1] - f[0]
     smooth = [i for i in zero if max(abs(stiffness[i]), abs(stiffness[i + 1])) < np.median(np.abs(stiffness))]
     assert len(smooth) == found.size

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown
 

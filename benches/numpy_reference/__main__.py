@@ -60,9 +60,7 @@ def main() -> None:
     whole = TipSeries(chain, HIGHEST)
     report("ten segments, tip, whole-chain series", lambda: whole(w, out=tip))
     report("ten segments, tip, whole-chain series, complex w", lambda: whole(w - 20j, out=tip))
-    report(
-        "ten segments, tip, whole-chain series, with set-up", lambda: TipSeries(chain, HIGHEST)(w, out=tip)
-    )
+    report("ten segments, tip, whole-chain series, with set-up", lambda: TipSeries(chain, HIGHEST)(w, out=tip))
     report("ten segments, tip, whole-chain series, set-up", lambda: TipSeries(chain, HIGHEST), None)
     for name, merge in (("merged", True), ("each segment", False)):
         transfer = TransferChain(chain, HIGHEST, merge=merge)

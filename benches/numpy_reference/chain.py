@@ -53,9 +53,7 @@ def chain_generators(
             _quarter(np.zeros((2, 2)), 0, 2),
         )
     for node in {row[0] for row in (*masses, *grounds)}:
-        held = sum(
-            (_stiffness(row[1:]) for row in grounds if row[0] == node), np.zeros((2, 2), dtype=complex)
-        )
+        held = sum((_stiffness(row[1:]) for row in grounds if row[0] == node), np.zeros((2, 2), dtype=complex))
         moved = sum((np.diag(row[1:3]) for row in masses if row[0] == node), np.zeros((2, 2)))
         found[node, 1] = (_quarter(held, 2, 0), _quarter(-(reference**2) * moved, 2, 0))
     return [found[key] for key in sorted(found)], float(wave_span(constants, reference).sum())
@@ -104,9 +102,7 @@ class TipSeries:
         minors = minors[:, :, 0]
         self.series = Series(np.stack([minors[2], -minors[1], -minors[3], minors[5]]), highest)
 
-    def __call__(
-        self, angular_frequency: NDArray, out: Complex | None = None, block: int = SERIES_BLOCK
-    ) -> Complex:
+    def __call__(self, angular_frequency: NDArray, out: Complex | None = None, block: int = SERIES_BLOCK) -> Complex:
         """Tip receptance (n, 2, 2) over (y, theta) at (n,) real or complex angular frequencies [rad/s]."""
         w = np.asarray(angular_frequency)
         result = np.empty((w.size, 2, 2), dtype=np.complex128) if out is None else out
@@ -159,9 +155,7 @@ class BothEndsSeries:
         self.numerators = Series(entries.reshape(16, degree), highest, self.series.powers)
         self.determinant = Series(minors[vm, None, :, yt], highest, self.series.powers)
 
-    def planes(
-        self, angular_frequency: NDArray, out: Complex | None = None, block: int = BOTH_ENDS_BLOCK
-    ) -> Complex:
+    def planes(self, angular_frequency: NDArray, out: Complex | None = None, block: int = BOTH_ENDS_BLOCK) -> Complex:
         """The ten distinct entries, (10, n), in the order of ``ENTRIES``."""
         w = np.asarray(angular_frequency)
         result = np.empty((10, w.size), dtype=np.complex128) if out is None else out
@@ -170,9 +164,7 @@ class BothEndsSeries:
                 np.multiply(rows[:, k], inverse, out=result[k, start : start + n])
         return result
 
-    def __call__(
-        self, angular_frequency: NDArray, out: Complex | None = None, block: int = BOTH_ENDS_BLOCK
-    ) -> Complex:
+    def __call__(self, angular_frequency: NDArray, out: Complex | None = None, block: int = BOTH_ENDS_BLOCK) -> Complex:
         """Receptance (n, 4, 4) over (y1, theta1, y2, theta2)."""
         w = np.asarray(angular_frequency)
         result = np.empty((w.size, 4, 4), dtype=np.complex128) if out is None else out

@@ -128,9 +128,7 @@ class TransferChain:
     merge : whether short neighbours become one matrix.
     """
 
-    def __init__(
-        self, segments: Real, highest: float, limit: float = TRANSFER_LIMIT, merge: bool = True
-    ) -> None:
+    def __init__(self, segments: Real, highest: float, limit: float = TRANSFER_LIMIT, merge: bool = True) -> None:
         constants = segment_constants(segments)
         spans = wave_span(constants, highest)
         pieces = []

@@ -74,9 +74,14 @@ def value_in_segment(segment: Any, field: str) -> float:
     return float(getattr(segment.material if field in MATERIAL_FIELDS else segment, field))
 
 
-def replace_in_segment(segment: Any, field: str, value: float) -> Any:
-    if field.startswith("core."):
-        return replace(segment, core=replace(segment.core, **{field.removeprefix("core."): value}))
-    if field in MATERIAL_FIELDS:
-        return replace(segment, material=replace(segment.material, **{field: value}))
-    return replace(segment, **{field: value})
+def replace_in_segment(segment: Any, fields: dict[str, float]) -> Any:
+    """Return the segment with other values of some fields."""
+    own = {name: value for name, value in fields.items() if name not in MATERIAL_FIELDS and "." not in name}
+    material = {name: value for name, value in fields.items() if name in MATERIAL_FIELDS}
+    core = {name.removeprefix("core."): value for name, value in fields.items() if name.startswith("core.")}
+    changes: dict[str, Any] = dict(own)
+    if material:
+        changes["material"] = replace(segment.material, **material)
+    if core:
+        changes["core"] = replace(segment.core, **core)
+    return replace(segment, **changes)

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
 def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     """Return `value` as a finite float, or raise with the owner, the quantity and what was found."""
     expected = f"a finite number{' of ' + unit if unit else ''}"
-    if isinstance(value, (bool, str)) or value is None:
+    if isinstance(value, (bool, np.bool_, str)) or value is None:
         raise TypeError(f"{owner}: {quantity} is {value!r}, expected {expected}")
     try:
         result = float(value)
     except (TypeError, ValueError):
         raise TypeError(f"{owner}: {quantity} is {value!r}, expected {expected}") from None
+    except OverflowError:
+        raise ValueError(f"{owner}: {quantity} is too large a number, expected {expected}") from None
     if not math.isfinite(result):
         raise ValueError(f"{owner}: {quantity} is {result}, expected {expected}")
     return result

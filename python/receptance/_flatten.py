@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,7 +112,7 @@ def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[floa
         cuts = [start, *inside, end]
         columns = list(segment.columns())
         rows_of.append([])
-        for left, right in zip(cuts[:-1], cuts[1:], strict=True):
+        for left, right in pairwise(cuts):
             far = flat.new_node()
             rows_of[-1].append(len(flat.segments))
             # A segment that is not split keeps its length to the last digit.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,6 +16,7 @@ from receptance._addresses import edges_of, named, names_of, replace_in_segment,
 from receptance._flatten import Flat, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
+from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
 
 if TYPE_CHECKING:
@@ -73,6 +76,8 @@ class Assembly:
                     f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
                     "springs in series are one PointJoint"
                 )
+        # An assembly never changes, so it is flattened once for each set of coordinates.
+        self._flats: dict[tuple[Coordinate, ...], Flat] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
         self._attachments = dict(zip(names_of(points), points, strict=True))
         double = self._elements.keys() & self._attachments.keys()
@@ -189,7 +194,7 @@ class Assembly:
     def natural_frequency_derivatives(
         self, upper_hz: float, parameters: Sequence[str]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Natural frequencies in Hz, `(n_modes,)`, and their derivatives in Hz per SI unit, `(n_modes, n_parameters)`."""
+        """Natural frequencies in Hz, `(n_modes,)`, and derivatives in Hz per SI unit, `(n_modes, n_parameters)`."""
         return self._modes(upper_hz, _listed(parameters))
 
     def get(self, address: str) -> float:
@@ -218,18 +223,21 @@ class Assembly:
         """
         elements: dict[str, Any] = {**self._elements, **self._attachments}
         changes: dict[str, dict[str, float]] = {}
+        in_segments: dict[tuple[str, int], dict[str, float]] = {}
         for address, value in values.items():
             owner, rest = self._owner(address)
             name = address.split(".", 1)[0]
             if isinstance(owner, Part):
-                part = elements[name]
-                segments = list(part.segments)
-                for i, field in segment_fields(address, part, rest):
-                    segments[i] = replace_in_segment(segments[i], field, value)
-                elements[name] = Part(segments, name=part.name)
+                for i, field in segment_fields(address, owner, rest):
+                    in_segments.setdefault((name, i), {})[field] = value
             else:
                 self._entries(address, self._flatten(()))
                 changes.setdefault(name, {})[rest] = value
+        # All values of an element at once: a bore and its outside may only be right together.
+        for (name, i), fields in in_segments.items():
+            segments = list(elements[name].segments)
+            segments[i] = replace_in_segment(segments[i], fields)
+            elements[name] = Part(segments, name=elements[name].name)
         for name, fields in changes.items():
             elements[name] = replace(elements[name], **fields)
         for name, attachment in self._attachments.items():
@@ -268,7 +276,8 @@ class Assembly:
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = [self._points(flat, side) for side in sides]
         count = _checks.thread_count(threads)
-        return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count)
+        with self._interfaces_by_name(flat):
+            return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count)
 
     def _evaluate(
         self,
@@ -284,7 +293,8 @@ class Assembly:
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
-        h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count)
+        with self._interfaces_by_name(flat):
+            h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count)
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -296,10 +306,28 @@ class Assembly:
         upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
         flat = self._flatten(())
         rows, matrix = self._weights(flat, addresses)
-        angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows)
+        with self._interfaces_by_name(flat):
+            angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows)
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
+    @contextmanager
+    def _interfaces_by_name(self, flat: Flat) -> Iterator[None]:
+        """Call a singular interface by the joint's name: the core knows only its row."""
+        try:
+            yield
+        except SingularInterfaceError as error:
+            joints = [name for name, element in self._elements.items() if isinstance(element, PointJoint)]
+            rows = {flat.entries[f"{name}.k_y"][0][1]: name for name in joints}
+            named = re.sub(r"^joint (\d+)", lambda found: f"joint {rows[int(found[1])]!r}", str(error))
+            raise SingularInterfaceError(named) from None
+
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
+        found = self._flats.get(points)
+        if found is None:
+            found = self._flats[points] = self._flattened(points)
+        return found
+
+    def _flattened(self, points: tuple[Coordinate, ...]) -> Flat:
         positions: dict[str, set[float]] = {}
         attached = []
         for point in points:

@@ -72,7 +72,8 @@ class Segment:
         set_(self, "inner_diameter", inner)
         if inner >= self.outer_diameter:
             raise ValueError(
-                f"Segment: inner_diameter is {inner:g} m, expected less than the outer diameter {self.outer_diameter:g} m"
+                f"Segment: inner_diameter is {inner:g} m, expected less than the outer diameter "
+                f"{self.outer_diameter:g} m"
             )
         if not isinstance(self.material, Material):
             raise TypeError(f"Segment: material is {self.material!r}, expected a Material")

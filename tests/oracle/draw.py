@@ -90,9 +90,7 @@ def case(rng: Rng) -> Case:
     points = [0, far]
     if model.n_nodes > 2 and rng.random() < 0.3:
         points.append(int(rng.choice([n for n in range(model.n_nodes) if n not in points])))
-    observed = np.array(
-        [[node, direction] for node in points for direction in (flat.Y, flat.THETA)], dtype=float
-    )
+    observed = np.array([[node, direction] for node in points for direction in (flat.Y, flat.THETA)], dtype=float)
     label += f", {n_segments} segments, {len(model.joints)} joints, {'lossy' if lossy else 'lossless'}"
     return Case(model, w, observed, observed.copy(), f"{label}, from {w[0].real / (2.0 * np.pi):.6g} Hz")
 
@@ -249,9 +247,7 @@ def _assemble(rng: Rng, segments: Rows, start_hz: float, *, damped: bool, branch
     if rng.random() < 0.2:
         masses.append(_point_mass(rng, int(rng.integers(far + 1))))
     if rng.random() < 0.2:
-        grounds.append(
-            [far if rng.random() < 0.6 else int(rng.integers(far + 1)), *spring(rng, w, damped=damped)]
-        )
+        grounds.append([far if rng.random() < 0.6 else int(rng.integers(far + 1)), *spring(rng, w, damped=damped)])
     if branch:
         _add_branch(rng, segments, joints, w, far, damped=damped)
     return flat.make(segments, joints, masses, grounds), far

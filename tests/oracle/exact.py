@@ -114,9 +114,7 @@ def derivative_complex128(
     tables: Tables, w: ArrayLike, excitations: ArrayLike, responses: ArrayLike, parameters: ArrayLike
 ) -> NDArray[np.complex128]:
     """Return the derivative of one or many lines, rounded; the parameters are the last axis."""
-    lines = [
-        derivative(tables, complex(line), excitations, responses, parameters) for line in np.atleast_1d(w)
-    ]
+    lines = [derivative(tables, complex(line), excitations, responses, parameters) for line in np.atleast_1d(w)]
     rounded = _rounded(lines)
     return rounded if np.ndim(w) else rounded[0]
 
@@ -258,9 +256,7 @@ class _Line:
         return 1.0
 
 
-def _converged(
-    evaluate: Callable[[int], list[Scalar]], first_digits: int, ar: Arithmetic
-) -> tuple[list[Scalar], int]:
+def _converged(evaluate: Callable[[int], list[Scalar]], first_digits: int, ar: Arithmetic) -> tuple[list[Scalar], int]:
     """Return the values at the first precision that agrees with the one before it, and its digits."""
     before = evaluate(first_digits)
     digits = first_digits

@@ -18,9 +18,7 @@ PHASE_STEP = 0.1
 RELATIVE_STEP = 0.01
 
 
-def resonance_above(
-    row: NDArray, w: float, ends: Ends, highest: float, *, ar: Arithmetic = DEFAULT
-) -> float | None:
+def resonance_above(row: NDArray, w: float, ends: Ends, highest: float, *, ar: Arithmetic = DEFAULT) -> float | None:
     """Return the resonance of a segment that follows a frequency, as the nearest float64.
 
     Parameters

@@ -31,9 +31,7 @@ def leaves_first(elements: Sequence[Element], n_nodes: int) -> list[int]:
     return root_first[::-1]
 
 
-def eliminate(
-    elements: Sequence[Element], n_nodes: int, loads: Sequence[int], zero: Scalar
-) -> dict[int, list[Scalar]]:
+def eliminate(elements: Sequence[Element], n_nodes: int, loads: Sequence[int], zero: Scalar) -> dict[int, list[Scalar]]:
     """Solve the assembled system for unit loads.
 
     Parameters

@@ -87,9 +87,7 @@ def wave_numbers_squared(s: Section, w2: Scalar, ar: Arithmetic) -> tuple[Scalar
     return product / (half + root), -(half + root)
 
 
-def halves(
-    s: Section, length: Scalar, w2: Scalar, ar: Arithmetic, *, standing: bool = False
-) -> tuple[Half, Half]:
+def halves(s: Section, length: Scalar, w2: Scalar, ar: Arithmetic, *, standing: bool = False) -> tuple[Half, Half]:
     """Return the even and the odd half (by the symmetry of y) of a segment's motion at its right-hand end.
 
     Each wave is scaled by exp(-lambda L/2), or only by its modulus if `standing`: then every value is real

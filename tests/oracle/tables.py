@@ -53,9 +53,7 @@ def is_continuous(table: int, column: int) -> bool:
     return in_table and COLUMNS[table][column] != "shear_model"
 
 
-def make(
-    segments: ArrayLike = (), joints: ArrayLike = (), masses: ArrayLike = (), grounds: ArrayLike = ()
-) -> Tables:
+def make(segments: ArrayLike = (), joints: ArrayLike = (), masses: ArrayLike = (), grounds: ArrayLike = ()) -> Tables:
     """Return `Tables` from any sequences of rows, empty tables with their right number of columns."""
     given = (segments, joints, masses, grounds)
     return Tables(*(

@@ -80,9 +80,7 @@ def by_exponential(row: list[float], w: complex) -> list[list[mpmath.mpc]]:
 
 
 @pytest.mark.parametrize(("row", "frequencies", "turning"), REFERENCE_BEAMS)
-def test_reference_natural_frequencies(
-    row: list[float], frequencies: tuple[float, ...], turning: float
-) -> None:
+def test_reference_natural_frequencies(row: list[float], frequencies: tuple[float, ...], turning: float) -> None:
     """The exact resonances, the finite elements and the published table agree; the receptance peaks there."""
     model = make([row])
     by_elements = elements.natural_frequencies(model, 1.01 * frequencies[-1])
@@ -151,12 +149,8 @@ def test_cantilever_static_compliance() -> None:
 def test_two_masses_and_a_joint() -> None:
     """The joint's law with every term in it, against the 4x4 system written out."""
     w = 800.0 - 3.0j
-    model = make(
-        (), [joint(0, 1, 1e5, 20.0, -900.0, (3.0, 1e-3, -0.02), 0.1)], [[0, 0.2, 1e-4], [1, 0.5, 3e-4]]
-    )
-    k = (1 + 0.1j) * np.array([[1e5, -900.0], [-900.0, 20.0]]) + 1j * w * np.array(
-        [[3.0, -0.02], [-0.02, 1e-3]]
-    )
+    model = make((), [joint(0, 1, 1e5, 20.0, -900.0, (3.0, 1e-3, -0.02), 0.1)], [[0, 0.2, 1e-4], [1, 0.5, 3e-4]])
+    k = (1 + 0.1j) * np.array([[1e5, -900.0], [-900.0, 20.0]]) + 1j * w * np.array([[3.0, -0.02], [-0.02, 1e-3]])
     whole = np.block([[k, -k], [-k, k]]) - w**2 * np.diag([0.2, 1e-4, 0.5, 3e-4])
     np.testing.assert_allclose(
         exact.receptance_complex128(model, w, ends(1), ends(1)), np.linalg.inv(whole), rtol=1e-10
@@ -277,9 +271,7 @@ def test_rigid_modes_are_counted() -> None:
 def test_joint_derivatives_are_products_of_relative_motions() -> None:
     model, w = rich_assembly(), 9e3
     points, inner = ends(4), [(1, 0), (1, 1), (2, 0), (2, 1)]
-    found = exact.derivative(
-        model, w, points, points, [(1, 0, 2), (1, 0, 3), (1, 0, 4), (1, 0, 5), (1, 0, 8)]
-    )
+    found = exact.derivative(model, w, points, points, [(1, 0, 2), (1, 0, 3), (1, 0, 4), (1, 0, 5), (1, 0, 8)])
     motions = exact.receptance(model, w, points, inner)
     with mpmath.workdps(60):
         loss = 1 + mpmath.mpc(0, 1) * mpmath.mpf(0.01)
@@ -323,9 +315,7 @@ def test_derivatives_where_the_parameter_is_zero() -> None:
     found = exact.derivative_complex128(model, [5e3, 6e3], [(0, 0)], [(0, 0)], parameters)
     assert found.shape == (2, 1, 1, 4)
     np.testing.assert_array_equal(found[..., :2], 0.0)
-    motions = exact.receptance_complex128(model, [5e3, 6e3], [(0, 0)], [(1, 0), (1, 1), (2, 0), (2, 1)])[
-        ..., 0
-    ]
+    motions = exact.receptance_complex128(model, [5e3, 6e3], [(0, 0)], [(1, 0), (1, 1), (2, 0), (2, 1)])[..., 0]
     y, theta = motions[:, 0] - motions[:, 2], motions[:, 1] - motions[:, 3]
     np.testing.assert_allclose(found[:, 0, 0, 2], -2 * y * theta, rtol=1e-13)
     assert np.all(np.abs(found[..., 3]) > 0.0)

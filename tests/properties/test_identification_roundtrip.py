@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, identify
 

@@ -67,7 +67,8 @@ def rigid_body(part: Part) -> tuple[float, float, float]:
 
 @given(part=parts())
 def test_a_rigid_body_at_low_frequency(part: Part) -> None:
-    f = np.array([1e-5 * first_mode(part)])
+    # A thin stub on a heavy body bends under its own end's load far below the first mode of the whole.
+    f = np.array([1e-7 * first_mode(part)])
     mass, centre, inertia = rigid_body(part)
     assert part.mass == pytest.approx(mass, rel=1e-12)
     arms = np.array([[1.0, 0.0 - centre], [0.0, 1.0], [1.0, part.length - centre], [0.0, 1.0]])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Material, Part, ResonanceError, Segment
+from receptance import CARBIDE, STEEL, Material, Part, ReceptanceWarning, ResonanceError, Segment
 
 GOOD: dict[str, Any] = {"length": 0.1, "outer_diameter": 0.05, "inner_diameter": 0.02, "material": STEEL}
 BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
@@ -144,3 +144,9 @@ def test_a_receptance_that_overflows_is_a_resonance_error() -> None:
     """At 1e-200 Hz a free body moves more than any float64 holds: an error, not an infinity."""
     with pytest.raises(ResonanceError, match="not finite"):
         Part([BAR]).receptance([1e-200])
+
+
+@pytest.mark.parametrize(("quantity", "value"), [("length", 62.3), ("outer_diameter", 12.7)])
+def test_dimensions_in_millimetres_are_noticed(quantity: str, value: float) -> None:
+    with pytest.warns(ReceptanceWarning, match=f"{quantity} is {value:g} m.*millimetres"):
+        Segment(**({"length": 0.1, "outer_diameter": 0.02, "material": STEEL} | {quantity: value}))

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from receptance import (
     CARBIDE,
     STEEL,
     Assembly,
     Coordinate,
     Part,
-    PointJoint,
     ReceptanceError,
     ReceptanceWarning,
     Segment,

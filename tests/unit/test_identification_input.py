@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from receptance import STEEL, Assembly, Coordinate, Part, PointJoint, ReceptanceWarning, Segment
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, find_bands, identify
 

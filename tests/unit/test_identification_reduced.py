@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from receptance import Coordinate, GroundSpring, PointMass, Unknown, identify
 from receptance.identification.reduced import JointResidual, only_joint
 from receptance.identification.residuals import FRFResidual
@@ -21,7 +22,12 @@ def both(frf, unknowns, unit="logarithm", chosen=None):
 
 @pytest.mark.parametrize(
     "places",
-    [{}, {"response": NOSE}, {"response": NOSE, "excitation": NOSE}, {"excitation": Coordinate("holder", "end", "theta")}],
+    [
+        {},
+        {"response": NOSE},
+        {"response": NOSE, "excitation": NOSE},
+        {"excitation": Coordinate("holder", "end", "theta")},
+    ],
 )
 def test_sum_of_squares_gradient_and_curvature_are_those_of_the_whole_model(places):
     unknowns = [*STIFFNESSES, COUPLING, *DASHPOTS, LOSS]
@@ -46,7 +52,10 @@ def test_sum_of_squares_gradient_and_curvature_are_those_of_the_whole_model(plac
 
 def test_bands_weights_attachments_and_threads_enter_alike():
     assembly = make_assembly()
-    more = [PointMass(mass=0.002, part="tool", position=0.01), GroundSpring(k_y=1e5, c_y=3.0, part="holder", position="end")]
+    more = [
+        PointMass(mass=0.002, part="tool", position=0.01),
+        GroundSpring(k_y=1e5, c_y=3.0, part="holder", position="end"),
+    ]
     assembly = type(assembly)(assembly.elements.values(), more)
     spread = np.linspace(0.01, 0.1, LINES.size)
     frf = simulate(assembly, standard_deviation=spread)

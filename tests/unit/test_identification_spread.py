@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from receptance import Assembly, Part, PointJoint
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, identify
 from receptance.identification.spread import covariance_of, quantile

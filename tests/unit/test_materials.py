@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from receptance import CARBIDE, STEEL, Material
+from receptance import CARBIDE, STEEL, Material, ReceptanceWarning
 
 GOOD: dict[str, Any] = {"youngs_modulus": 210e9, "density": 7850.0, "poisson_ratio": 0.3, "loss_factor": 0.001}
 
@@ -50,10 +50,10 @@ def test_poisson_ratios_at_the_limits(ratio: float) -> None:
 
 
 def test_values_and_shear_modulus() -> None:
-    material = Material(youngs_modulus=200, density=3, poisson_ratio=0.25)
-    assert material.shear_modulus == 80.0
+    material = Material(youngs_modulus=200_000_000, density=3, poisson_ratio=0.25)
+    assert material.shear_modulus == 80e6
     assert isinstance(material.youngs_modulus, float)
-    assert material.columns() == (200.0, 3.0, 0.25, 0.0)
+    assert material.columns() == (200e6, 3.0, 0.25, 0.0)
     assert STEEL.loss_factor == CARBIDE.loss_factor == 0.0
 
 
@@ -68,3 +68,8 @@ def test_objects_are_frozen_equal_and_portable() -> None:
     assert eval(repr(material)) == material
     with pytest.raises(ValueError, match="density is -1"):
         replace(material, density=-1.0)
+
+
+def test_a_modulus_in_gigapascals_is_noticed() -> None:
+    with pytest.warns(ReceptanceWarning, match="youngs_modulus is 210 Pa.*GPa"):
+        Material(youngs_modulus=210, density=7850, poisson_ratio=0.3)

@@ -14,10 +14,9 @@ use crate::model::{Model, Motion, Spring};
 use crate::request::{Coordinate, Request};
 use crate::response::{LINES_PER_TASK, receptance};
 use crate::small::{self, Mat};
-use crate::threads::with_threads;
+use crate::threads::on_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
 
 /// Real planes of a reduction: w, H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each.
 pub const REDUCTION_PLANES: usize = 18;
@@ -136,14 +135,11 @@ pub fn joint_normal_matrix(
             return Err(Error::Index { what: "joint column", index, value: column.0 as f64, expected });
         }
     }
-    let tasks = lines.div_ceil(LINES_PER_TASK);
+    let tasks = (0..lines.div_ceil(LINES_PER_TASK)).collect();
     let arch = Arch::new();
-    let sums: Vec<[f64; TRIANGLE]> = with_threads(threads, tasks, || {
-        let task = |task| {
-            let range = task * LINES_PER_TASK..lines.min((task + 1) * LINES_PER_TASK);
-            arch.dispatch(Normal { planes, log_measured, weights, fitted, range })
-        };
-        (0..tasks).into_par_iter().map(task).collect()
+    let sums: Vec<[f64; TRIANGLE]> = on_threads(threads, tasks, |task| {
+        let range = task * LINES_PER_TASK..lines.min((task + 1) * LINES_PER_TASK);
+        arch.dispatch(Normal { planes, log_measured, weights, fitted, range })
     })?;
     let size = fitted.columns.len() + 1;
     let mut matrix = vec![0.0; size * size];

@@ -29,4 +29,3 @@ pub use model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spri
 pub use natural::{NaturalFrequencies, natural_frequencies};
 pub use request::{Coordinate, Parameter, Request, Response};
 pub use response::{instruction_set, receptance};
-pub use threads::with_threads;

@@ -17,7 +17,6 @@ use crate::sensitivity::{self, Sensitivity};
 use crate::series;
 use crate::small::{self, Mat};
 use crate::sweep::{Blind, Field, Observer};
-use crate::threads::with_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
@@ -68,10 +67,10 @@ pub fn natural_frequencies(
             return Err(Error::SingularInterface { row, frequency_hz: 0.0, k_y, k_theta, k_ytheta });
         }
     }
-    with_threads(1, 0, || match model.motion.degrees() {
+    match model.motion.degrees() {
         1 => Search::<1>::new(&model).run(&model, upper, most, parameters),
         _ => Search::<2>::new(&model).run(&model, upper, most, parameters),
-    })?
+    }
 }
 
 /// The model without what loses energy.

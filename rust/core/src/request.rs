@@ -62,7 +62,7 @@ pub(crate) fn check(model: &Model, w: &[Complex64], request: &Request) -> Result
 const MOST_WAVES: f64 = 1.6e4;
 
 fn check_waves(model: &Model, w: &[Complex64]) -> Result<()> {
-    let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm()));
+    let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr())).sqrt();
     for (row, columns) in model.segments.iter().enumerate() {
         let square = match model.motion.degrees() {
             1 => Segment::<1>::new(columns, model.motion).wave_number_square(highest * highest),

@@ -10,10 +10,9 @@ use crate::request::{Coordinate, Request, Response, check};
 use crate::sensitivity;
 use crate::small::Mat;
 use crate::sweep::{Blind, Field, Record};
-use crate::threads::with_threads;
+use crate::threads::on_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
 
 /// Lines that one task takes: a multiple of every block width, so that the blocks, and with them every
 /// bit of the result, do not depend on the number of threads.
@@ -99,7 +98,7 @@ impl<'a, const D: usize> Job<'a, D> {
 
     /// Takes branches in which nothing is observed or differentiated as a whole.
     fn shorten(&mut self, model: &Model, w: &[Complex64]) {
-        let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm()));
+        let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr())).sqrt();
         let observed = |node: usize| {
             self.request.responses.iter().any(|point| point.node == node)
                 || self.gradients.iter().any(|gradient| gradient.node() == Some(node))
@@ -154,25 +153,31 @@ impl<'a, const D: usize> Job<'a, D> {
         let mut derivative = vec![Complex64::ZERO; w.len() * wide];
         let mut force = vec![Complex64::ZERO; w.len() * forces];
         let arch = Arch::new();
-        with_threads(threads, w.len() / LINES_PER_TASK, || {
-            let pieces = chunks(&mut receptance, pairs, w.len())
-                .into_iter()
-                .zip(chunks(&mut derivative, wide, w.len()))
-                .zip(chunks(&mut force, forces, w.len()))
-                .collect::<Vec<_>>();
-            w.par_chunks(LINES_PER_TASK).zip(pieces).for_each(|(w, ((h, dh), force))| {
-                arch.dispatch(Lines { job: self, w, h, dh, force });
-            });
+        let tasks = w
+            .chunks(LINES_PER_TASK)
+            .zip(chunks(&mut receptance, pairs, w.len()))
+            .zip(chunks(&mut derivative, wide, w.len()))
+            .zip(chunks(&mut force, forces, w.len()))
+            .collect();
+        let broken = on_threads(threads, tasks, |(((w, h), dh), force)| {
+            arch.dispatch(Lines { job: self, w, h: &mut *h, dh: &mut *dh, force: &mut *force });
+            first_broken([(h, pairs), (dh, wide), (force, forces)])
         })?;
-        let lines = [(&receptance, pairs), (&derivative, wide), (&force, forces)];
-        let broken = lines.into_iter().filter_map(|(values, a_line)| {
-            values.iter().position(|value| !value.is_finite()).map(|index| index / a_line)
-        });
-        if let Some(line) = broken.min() {
-            return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
+        for (task, broken) in broken.into_iter().enumerate() {
+            if let Some(line) = broken.map(|line| task * LINES_PER_TASK + line) {
+                return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
+            }
         }
         Ok(Response { receptance, derivative, force })
     }
+}
+
+/// The first line of a task with a value that is not finite, the values of a line standing together.
+fn first_broken(outputs: [(&mut [Complex64], usize); 3]) -> Option<usize> {
+    let lines = outputs.into_iter().filter_map(|(values, a_line)| {
+        values.iter().position(|value| !value.is_finite()).map(|index| index / a_line)
+    });
+    lines.min()
 }
 
 /// The parts of an output that belong to each task, empty ones where there is nothing a line.

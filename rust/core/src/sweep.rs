@@ -90,7 +90,14 @@ impl<S: Simd, const D: usize> Block<S, D> {
         let mut waiting = Vec::new();
         let mut weights = self.weights_of_first();
         let zero = small::zeros(simd);
-        for step in plan {
+        for (index, step) in plan.iter().enumerate() {
+            // The chart has to suit what comes next: beside a far stiffer past, all that is left of a nearly
+            // singular joint is one row.
+            let next = plan[index..].iter().find_map(|step| match step {
+                Step::Segment { row, .. } => Some(self.weights[*row]),
+                _ => None,
+            });
+            weights = next.unwrap_or(weights);
             let current = records.last().map(|record| record.plane);
             let plane = current.unwrap_or(Plane::free(simd));
             match *step {
@@ -101,7 +108,6 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     records.push(Record { plane: Plane::free(simd), back: zero, other: zero, weights });
                 }
                 Step::Segment { row, forward, .. } => {
-                    weights = self.weights[row];
                     self.through_segment(row, forward, plane, records, observer);
                 }
                 Step::Joint { row, .. } => {
