@@ -53,7 +53,9 @@ pub struct Block<S: Simd, const D: usize> {
 pub struct Points<S: Simd, const D: usize> {
     /// Impedances at the node.
     pub impedance: [C<S>; D],
-    /// Springs whose translation and rotation are coupled.
+    /// Couplings of springs that are far from singular.
+    pub coupling: Option<C<S>>,
+    /// Springs close to singular, which are added where they are diagonal.
     pub beyond: Vec<Centre<S, D>>,
 }
 
@@ -61,6 +63,11 @@ impl Spring {
     /// Whether translation and rotation are coupled.
     pub fn couples(&self) -> bool {
         self.k[2] != 0.0 || self.c[2] != 0.0
+    }
+
+    /// Whether coupling takes away most of the stiffness or of the damping in some direction.
+    fn nearly_singular(&self) -> bool {
+        [self.k, self.c].iter().any(|[y, theta, both]| *both != 0.0 && both * both > 0.5 * y * theta)
     }
 
     /// The dynamic stiffness (1 + i eta) k + i w c.
@@ -135,11 +142,16 @@ impl<const D: usize> Prepared<D> {
             }
             let mut impedance = [C::zero(simd); D];
             let mut beyond = Vec::new();
+            let mut coupling = None;
             for spring in springs {
                 let stiffness = spring.stiffness::<S, D>(simd, into.iw);
-                if D == 2 && spring.couples() {
+                if D == 2 && spring.nearly_singular() {
                     beyond.push(Centre::new(&stiffness, true));
                     continue;
+                }
+                if D == 2 && spring.couples() {
+                    let before = coupling.unwrap_or(C::zero(simd));
+                    coupling = Some(before + stiffness[0][D - 1]);
                 }
                 for i in 0..D {
                     impedance[i] = impedance[i] + stiffness[i][i];
@@ -150,7 +162,7 @@ impl<const D: usize> Prepared<D> {
                     impedance[i] = impedance[i] - into.w2.scale(inertia[i]);
                 }
             }
-            into.points.push(Some(Points { impedance, beyond }));
+            into.points.push(Some(Points { impedance, coupling, beyond }));
         }
     }
 }

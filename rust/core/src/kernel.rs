@@ -21,7 +21,7 @@ const FEW_PIECES: usize = 4;
 const LEAST_RATIO: f64 = 1e-3;
 
 /// Waves are used where every |lambda L| is at least this: shorter segments lose digits in them.
-const LEAST_PHASE: f64 = 0.3;
+const LEAST_PHASE: f64 = 1.5;
 
 /// A uniform segment: coefficients and length.
 #[derive(Copy, Clone, Debug)]

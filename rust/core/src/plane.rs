@@ -224,6 +224,17 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         self.in_chart(choose(&u, &f, weights).0)
     }
 
+    /// The plane after a coupling impedance z was added: z theta more force and z y more moment.
+    #[inline(always)]
+    pub fn coupled(&self, z: C<S>, weights: &[f64; D]) -> (Self, Mat<S, D>) {
+        let (u, mut f) = self.basis();
+        for j in 0..D {
+            f[0][j] = z.mul_add(u[D - 1][j], f[0][j]);
+            f[D - 1][j] = z.mul_add(u[0][j], f[D - 1][j]);
+        }
+        Self::pivot(&u, &f, weights)
+    }
+
     /// The same plane in another chart, with the way back.
     ///
     /// Entry by entry like `add`; where both degrees change, at once, because one at a time might divide by

@@ -18,6 +18,9 @@ use pulp::{Arch, Simd, WithSimd};
 /// bit of the result, do not depend on the number of threads.
 pub(crate) const LINES_PER_TASK: usize = 32 * MAX_LANES;
 
+/// Most that the squared frequencies of the lines of one block may differ by, as a ratio.
+const MOST_APART: f64 = 16.0;
+
 /// One load case: a unit load at the root of a plan.
 struct Load {
     plan: usize,
@@ -213,8 +216,11 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
             .collect();
         let mut sensitivities: Vec<Option<sensitivity::Sensitivity<S, D>>> =
             (0..segments).map(|_| None).collect();
-        for (start, lines) in w.chunks(S::F64_LANES).enumerate() {
-            let start = start * S::F64_LANES;
+        let mut next = 0;
+        while next < w.len() {
+            let start = next;
+            let lines = together(&w[start..w.len().min(start + S::F64_LANES)]);
+            next += lines.len();
             job.prepared.block(simd, lines, false, &mut block);
             for (index, (root, plan)) in job.plans.iter().enumerate() {
                 block.upwards(simd, plan, &job.prepared.branches, &mut records, &mut Blind);
@@ -313,6 +319,15 @@ impl<const D: usize> Job<'_, D> {
             }
         }
     }
+}
+
+/// Lines of like frequency from the first on: those far apart want kernels and charts of their own.
+fn together(lines: &[Complex64]) -> &[Complex64] {
+    let like = |line: &&Complex64| {
+        let ratio = line.norm_sqr() / lines[0].norm_sqr();
+        (1.0 / MOST_APART..=MOST_APART).contains(&ratio)
+    };
+    &lines[..lines.iter().take_while(like).count().max(1)]
 }
 
 /// A column of a matrix.

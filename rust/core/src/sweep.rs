@@ -125,6 +125,11 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     if let Some(points) = &self.points[node] {
                         let (mut plane, mut back) =
                             add_diagonal(&plane, &points.impedance, Kind::Impedance, &weights);
+                        if let Some(coupling) = points.coupling {
+                            let (next, step) = plane.coupled(coupling, &weights);
+                            plane = next;
+                            back = small::mul(&back, &step);
+                        }
                         for centre in &points.beyond {
                             let (next, step) = add_beyond(&plane, centre, Kind::Impedance, &weights);
                             plane = next;
