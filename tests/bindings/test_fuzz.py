@@ -356,3 +356,66 @@ def test_huge_node_numbers_are_refused_without_memory() -> None:
         assert grown < 50_000, f"{grown} kB"
     """
     run_alone(script)
+
+
+def reduction() -> dict[str, Any]:
+    """Arguments of a reduction to a joint that works."""
+    start = good()
+    tip = np.array([[0.0, 0.0]])
+    w = np.linspace(1e3, 1e4, 11) + 0j
+    tables = {name: start[name] for name in ("segments", "joints", "masses", "grounds")}
+    return {"angular_frequency": w, **tables, "joint": 0, "response": tip, "excitation": tip.copy(), "threads": 1}
+
+
+def normal_matrix() -> dict[str, Any]:
+    """Arguments of a normal matrix that works."""
+    arguments = reduction()
+    spring = np.ascontiguousarray(arguments["joints"][0, 2:])
+    return {
+        "planes": _core.reduce_joint(**arguments),
+        "log_measured": np.zeros(11, dtype=np.complex128),
+        "weights": np.ones(11),
+        "reference": spring,
+        "joint": spring.copy(),
+        "columns": np.array([0.0, 1.0]),
+        "slopes": np.ones(2),
+        "threads": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments"), [("reduce_joint", reduction), ("joint_normal_matrix", normal_matrix)]
+)
+@settings(max_examples=400)
+@given(data=st.data())
+def test_fits_of_a_joint_answer_or_refuse(function: str, arguments: Any, data: st.DataObject) -> None:
+    changed = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in arguments().items()}
+    name = data.draw(st.sampled_from(sorted(changed)))
+    value = changed[name]
+    if not isinstance(value, np.ndarray):
+        changed[name] = data.draw(st.sampled_from([-1, 1, 7, 2**40, 2**70, 0.5, None, "one"]))
+        if name == "threads" and changed[name] in (2**40, 7):
+            changed[name] = 2
+    else:
+        how = data.draw(st.sampled_from(["number", "shorter", "transposed", "type", "dimensions"]))
+        if how == "number":
+            value.flat[data.draw(st.integers(0, value.size - 1))] = data.draw(st.sampled_from(ODD))
+        elif how == "shorter":
+            changed[name] = np.ascontiguousarray(value[:-1])
+        elif how == "transposed":
+            changed[name] = value.T
+        elif how == "type":
+            changed[name] = value.real.astype(np.float32)
+        else:
+            changed[name] = value[None]
+    found, refused = None, ""
+    try:
+        found = getattr(_core, function)(**changed)
+    except ALLOWED as error:
+        refused = str(error)
+    if found is None:
+        assert refused
+        assert "panick" not in refused
+    else:
+        assert found.dtype == np.float64
+        assert found.flags.c_contiguous

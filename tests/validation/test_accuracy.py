@@ -16,12 +16,11 @@ from validation import accuracy, plain_formulations
 from validation.accuracy import DRIVE, INNER, TRANSFER, Report
 
 FRESH_CASES = 200
-LEAST_SHARE = 0.99
-BOUNDS = {TRANSFER: 1e-4, INNER: 1e-3}
-"""The entries that are not drive points at the ends, where they break the rule. Of two reciprocal entries one is
-right; the other's way back from the root can cancel where a part is very light or very soft for its frequency.
-Over 9500 random models of four seeds (16 500 lines) 99.8 % of the lines kept the rule; the worst between the ends
-was 1e-5 off, the worst at an inner node 1e-4."""
+BOUNDS = {TRANSFER: 1e-6, INNER: 1e-5}
+"""The entries that are not drive points at the ends. Of two reciprocal entries one is right; the other's way back
+from the root can cancel where a part is very light or very soft for its frequency. Over four seeds (8,000 models,
+19,872 lines) one line in twenty thousand broke the rule between the ends, by 6e-9, and one in two thousand at an inner
+node, by 6e-9 at most."""
 
 REFERENCE_BEAMS = {
     "steel": (segment(0, 1, 0.125, 0.010, (200e9, 7800.0, 0.29)), (2837.30, 7597.40, 14325.63, 22605.17)),
@@ -35,19 +34,25 @@ POINTS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 Summarise = Callable[[str, str, object], None]
 
 
-def assert_rule(report: Report) -> None:
-    """Every entry at both ends, and of the others nearly all, none of them far off."""
+def assert_rule(report: Report, *, rare: bool = False) -> None:
+    """Every entry at both ends, and of the others nearly all, none of them far off.
+
+    On a seed that nobody has seen, `rare` allows what one line in twenty thousand was found to do: a small excess
+    beside a resonance, where the sensitivity that the rule goes by is itself an estimate from eight draws.
+    """
     where = f"seed {report.seed} (accuracy_report.py --seed {report.seed} --cases {report.cases} repeats this)\n"
     assert not report.refused, where + "\n".join(report.refused)
     for name, tally in report.rows():
         if name.endswith(DRIVE):
-            assert tally.lines_over == 0, f"{name}, {where}" + "\n".join(tally.offenders)
+            assert tally.lines_over <= (1 if rare else 0), f"{name}, {where}" + "\n".join(tally.offenders)
+            assert tally.worst_over <= 1e-5, f"{name}, {where}" + "\n".join(tally.offenders)
     for place, bound in BOUNDS.items():
         tally = report.receptance[place]
-        assert tally.share_within >= LEAST_SHARE, f"{place}: {tally.share_within}, {where}" + "\n".join(tally.offenders)
-        assert tally.worst_over <= bound, f"{place}: {where}" + "\n".join(tally.offenders)
+        allowed = 1 + int(0.002 * tally.lines)
+        assert tally.lines_over <= allowed, f"{place}, {where}" + "\n".join(tally.offenders)
+        assert tally.worst_over <= bound, f"{place}, {where}" + "\n".join(tally.offenders)
     slope = report.derivative[TRANSFER]
-    assert slope.share_within >= LEAST_SHARE, where + "\n".join(slope.offenders)
+    assert slope.lines_over <= 1 + int(0.002 * slope.lines), where + "\n".join(slope.offenders)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +95,7 @@ def test_fresh_random_models_keep_the_rule(summarise: Summarise) -> None:
     print(f"fresh seed {seed}")
     found = accuracy.run(seed, FRESH_CASES)
     summarise("accuracy, fresh seed", found.text(), found.as_json())
-    assert_rule(found)
+    assert_rule(found, rare=True)
 
 
 @pytest.mark.parametrize("ends", ENDS)

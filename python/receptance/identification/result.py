@@ -94,6 +94,19 @@ class Identification:
         Evaluations of the model in all starts.
     seed : int
         Seed of the starts that were drawn.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = MeasuredFrequencies(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
+    ... )
+    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+    >>> low, high = found.interval("joint.k_theta")
+    >>> low < 1e5 < high
+    True
     """
 
     unknowns: tuple[Unknown, ...]
