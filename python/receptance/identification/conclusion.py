@@ -46,7 +46,7 @@ def conclude(
     variables = problem.variables
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
-    residual = problem.residual(best.variables)
+    residual = problem.value(best.variables)
     inverse, correlation = covariance_of(quick.jacobian(best.variables))
     factor = 1.0 if known else variance_factor(residual, count, loss)
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)

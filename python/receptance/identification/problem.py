@@ -39,6 +39,11 @@ class Problem:
         self._evaluate(x)
         return self._residual
 
+    def value(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals at a point where the model has a value, without their derivatives."""
+        values = self.variables.to_values(x)
+        return np.concatenate([residual.value(values) for residual in self.residuals])
+
     def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives of the residuals with respect to the variables."""
         self._evaluate(x)

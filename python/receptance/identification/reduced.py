@@ -129,6 +129,10 @@ class JointResidual:
         jacobian[:, self._columns] = factor[:, :-1]
         return factor[:, -1].copy(), jacobian
 
+    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return compressed residuals alone; see `residuals.Residual`."""
+        return self.evaluate(values, np.zeros(values.size))[0]
+
 
 def _factor(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return C with C^T C = N for a positive semidefinite N, singular ones included."""

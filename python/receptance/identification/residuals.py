@@ -57,6 +57,9 @@ class Residual(Protocol):
         `InfeasibleError` where the model has no value.
         """
 
+    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals alone."""
+
 
 class _Model:
     """An assembly as a function of those unknowns that it has."""
@@ -149,6 +152,22 @@ class FRFResidual:
                 return self._percent(ratio, relative, slopes)
             return self._logarithm(ratio, relative, slopes)
 
+    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals alone; see `Residual`."""
+        assembly = self._model.at(values)
+        response, excitation = (place.on(assembly) for place in self._places)
+        try:
+            h = assembly.receptance(self._lines, response=response, excitation=excitation, threads=self._threads)
+        except (ReceptanceError, ValueError) as error:
+            raise InfeasibleError(str(error)) from None
+        ratio = self._measured / h
+        if self._percentage:
+            return 100.0 / np.abs(ratio) - 100.0
+        residual = np.stack([np.log(np.abs(ratio)), np.angle(ratio)])
+        if self._weight is not None:
+            residual *= self._weight
+        return residual.reshape(-1)
+
     def _logarithm(
         self, ratio: NDArray[np.complex128], relative: NDArray[np.complex128], slopes: NDArray[np.float64]
     ) -> Pair:
@@ -215,3 +234,7 @@ class FrequencyResidual:
         jacobian = np.zeros((self.size, self._count))
         jacobian[:, model.columns] = slope[self._rows] * slopes[model.columns] / self._unit_hz[:, None]
         return (found[self._rows] - self._measured) / self._unit_hz, jacobian
+
+    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals alone; see `Residual`."""
+        return self.evaluate(values, np.zeros(self._count))[0]
