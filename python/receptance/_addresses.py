@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from receptance._flatten import MATERIAL_FIELDS
+from receptance._flatten import MATERIAL_FIELDS, Flat
 from receptance.beams import Part
+from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
 
 _KIND = {Part: "part", PointJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
@@ -85,3 +87,20 @@ def replace_in_segment(segment: Any, fields: dict[str, float]) -> Any:
     if core:
         changes["core"] = replace(segment.core, **core)
     return replace(segment, **changes)
+
+
+def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
+    """Return addresses as a tuple; one address alone is a list of one."""
+    return (addresses,) if isinstance(addresses, str) else tuple(addresses)
+
+
+@contextmanager
+def interfaces_by_name(elements: Mapping[str, Any], flat: Flat) -> Iterator[None]:
+    """Call a singular interface by the joint's name: the core knows only its row."""
+    try:
+        yield
+    except SingularInterfaceError as error:
+        joints = [name for name, element in elements.items() if isinstance(element, PointJoint)]
+        rows = {flat.entries[f"{name}.k_y"][0][1]: name for name in joints}
+        text = re.sub(r"^joint (\d+)", lambda found: f"joint {rows[int(found[1])]!r}", str(error))
+        raise SingularInterfaceError(text) from None

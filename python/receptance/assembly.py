@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,11 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks, _core
-from receptance._addresses import edges_of, named, names_of, replace_in_segment, segment_fields, value_in_segment
+from receptance._addresses import (
+    edges_of,
+    interfaces_by_name,
+    listed,
+    named,
+    names_of,
+    replace_in_segment,
+    segment_fields,
+    value_in_segment,
+)
 from receptance._flatten import Flat, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
-from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
 
 if TYPE_CHECKING:
@@ -175,7 +181,7 @@ class Assembly:
         >>> slope.shape
         (2, 2)
         """
-        return self._evaluate(frequency_hz, _listed(parameters), response, excitation, threads)
+        return self._evaluate(frequency_hz, listed(parameters), response, excitation, threads)
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies up to `upper_hz`, ascending, in Hz; rigid-body modes are left out.
@@ -195,7 +201,7 @@ class Assembly:
         self, upper_hz: float, parameters: Sequence[str]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequencies in Hz, `(n_modes,)`, and derivatives in Hz per SI unit, `(n_modes, n_parameters)`."""
-        return self._modes(upper_hz, _listed(parameters))
+        return self._modes(upper_hz, listed(parameters))
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` the segments must agree."""
@@ -276,7 +282,7 @@ class Assembly:
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = [self._points(flat, side) for side in sides]
         count = _checks.thread_count(threads)
-        with self._interfaces_by_name(flat):
+        with interfaces_by_name(self._elements, flat):
             return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count)
 
     def _evaluate(
@@ -293,7 +299,7 @@ class Assembly:
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
-        with self._interfaces_by_name(flat):
+        with interfaces_by_name(self._elements, flat):
             h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count)
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
@@ -306,20 +312,9 @@ class Assembly:
         upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
         flat = self._flatten(())
         rows, matrix = self._weights(flat, addresses)
-        with self._interfaces_by_name(flat):
+        with interfaces_by_name(self._elements, flat):
             angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows)
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
-
-    @contextmanager
-    def _interfaces_by_name(self, flat: Flat) -> Iterator[None]:
-        """Call a singular interface by the joint's name: the core knows only its row."""
-        try:
-            yield
-        except SingularInterfaceError as error:
-            joints = [name for name, element in self._elements.items() if isinstance(element, PointJoint)]
-            rows = {flat.entries[f"{name}.k_y"][0][1]: name for name in joints}
-            named = re.sub(r"^joint (\d+)", lambda found: f"joint {rows[int(found[1])]!r}", str(error))
-            raise SingularInterfaceError(named) from None
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
         found = self._flats.get(points)
@@ -407,8 +402,3 @@ class Assembly:
         return self._elements == other._elements and self._attachments == other._attachments
 
     __hash__ = None  # type: ignore[assignment]
-
-
-def _listed(parameters: str | Sequence[str]) -> tuple[str, ...]:
-    """Return addresses as a tuple; one address alone is a list of one."""
-    return (parameters,) if isinstance(parameters, str) else tuple(parameters)
