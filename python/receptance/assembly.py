@@ -86,8 +86,7 @@ class Assembly:
         self._flats: dict[tuple[Coordinate, ...], Flat] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
         self._attachments = dict(zip(names_of(points), points, strict=True))
-        double = self._elements.keys() & self._attachments.keys()
-        if double:
+        if double := self._elements.keys() & self._attachments.keys():
             raise ValueError(f"Assembly: the name {sorted(double)[0]!r} is given to two elements")
         for name, attachment in self._attachments.items():
             self._place(f"attachment {name!r}", attachment.part, attachment.position)
@@ -317,10 +316,9 @@ class Assembly:
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
-        found = self._flats.get(points)
-        if found is None:
-            found = self._flats[points] = self._flattened(points)
-        return found
+        if points not in self._flats:
+            self._flats[points] = self._flattened(points)
+        return self._flats[points]
 
     def _flattened(self, points: tuple[Coordinate, ...]) -> Flat:
         positions: dict[str, set[float]] = {}
@@ -355,11 +353,8 @@ class Assembly:
         return name, x
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
-        rows = []
-        for point in side:
-            place = self._place("coordinate", point.part, point.position)
-            rows.append([float(flat.nodes[place]), float(point.direction == "theta")])
-        return np.array(rows)
+        nodes = [flat.nodes[self._place("coordinate", point.part, point.position)] for point in side]
+        return np.array([[node, point.direction == "theta"] for node, point in zip(nodes, side, strict=True)], float)
 
     def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distinct table entries that the addresses move, and the matrix from them to the addresses."""
