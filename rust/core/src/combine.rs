@@ -69,8 +69,7 @@ impl<S: Simd, const D: usize> Centre<S, D> {
     }
 }
 
-/// Adds what is diagonal a distance beyond the node; returns also the plane there, after the addition, and
-/// its independent variables from those of the result.
+/// Adds what is diagonal a distance beyond the node; returns also the way back as `Plane::pivot` does.
 ///
 /// A nearly singular joint (a hinge beyond the node, say) has one huge compliance; added at the node as a
 /// full matrix it would drown the digits of the other direction.
