@@ -169,14 +169,8 @@ def _draw_transfer(axes: Axes, study: ER32Study) -> None:
     # Room for the legend above the largest error.
     largest = _largest(study)
     axes.set_ylim(-1.2 * largest, 1.7 * largest)
-    axes.legend(
-        frameon=False,
-        fontsize=9,
-        ncols=2,
-        loc="upper left",
-        title=f"rms: ours {study.transfer_rms_percent:.2f} %, paper {study.published_transfer_rms_percent:.2f} %",
-        title_fontsize=9,
-        alignment="left",
+    _add_titled_legend(
+        axes, f"rms: ours {study.transfer_rms_percent:.2f} %, paper {study.published_transfer_rms_percent:.2f} %"
     )
 
 
@@ -252,15 +246,7 @@ def _draw_bias(axes: Axes, study: ER32Study) -> None:
     )
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xticks(range(count + 1), [*(f"{d:g}" for d in bias.diameter_mm), "mean"])
-    axes.legend(
-        frameon=False,
-        fontsize=9,
-        ncols=2,
-        loc="upper left",
-        title=f"p = {bias.p_value:.2g} for the mean, sign test p = {bias.sign_test_p_value:.3g}",
-        title_fontsize=9,
-        alignment="left",
-    )
+    _add_titled_legend(axes, f"p = {bias.p_value:.2g} for the mean, sign test p = {bias.sign_test_p_value:.3g}")
     low, high = axes.get_ylim()
     axes.set_ylim(low - 0.06 * (high - low), high + 0.45 * (high - low))
 
@@ -290,3 +276,8 @@ def _draw_causes(axes: Axes, study: ER32Study) -> None:
     axes.set_yticks(range(len(rows)), [labels[name] for name, _ in rows], fontsize=9)
     axes.set_ylim(len(rows) - 0.4, -0.8)
     axes.set_xlim(0.0, 1.12 * max(size, *(value for _, value in rows)))
+
+
+def _add_titled_legend(axes: Axes, title: str) -> None:
+    """Two columns under a line that says what the panel comes to."""
+    axes.legend(frameon=False, fontsize=9, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")
