@@ -1,0 +1,176 @@
+"""From the measurements of a campaign to observations that a fit or a comparison takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from receptance.campaign.assembling import place, with_sensor
+from receptance.campaign.conditions import Condition, parse_condition
+from receptance.campaign.frequencies import deviations_of, frequencies_of
+from receptance.identification import MeasuredFrequencies, MeasuredFRF
+
+if TYPE_CHECKING:
+    from receptance.assembly import Assembly
+    from receptance.campaign.building import Built
+    from receptance.campaign.lines import Path
+    from receptance.campaign.measurement_models import CampaignTable, FrequenciesTable, FRFTable
+    from receptance.campaign.tolerances import Effects
+    from receptance.campaign.workshop import Workshop
+    from receptance.coordinates import Coordinate
+
+__all__ = ["Measurement", "build_measurement"]
+
+Observation = MeasuredFRF | MeasuredFrequencies
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measurement:
+    """A measurement of a campaign.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the file.
+    assembly : str
+        Name of the assembly that was measured.
+    role : {"identify", "hold out"}
+        Whether the fit sees it.
+    observation : MeasuredFRF or MeasuredFrequencies
+        What was measured, of the assembly with the sensor on it.
+    sensor : str or None
+        Name of the sensor that sat at the response coordinate.
+    file : str or None
+        Name of the data file.
+    conditions : dict of str to Condition
+        What describes the measurement.
+    effects : dict
+        Errors by the campaign's tolerances, by error and address: standard deviation in SI units.
+    notes : tuple of str
+        What was changed in the data or is suspicious.
+    """
+
+    name: str
+    assembly: str
+    role: str
+    observation: Observation
+    sensor: str | None
+    file: str | None
+    conditions: dict[str, Condition] = field(default_factory=dict)
+    effects: Effects = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the fit does not see it."""
+        return self.role == "hold out"
+
+
+class _Reader:
+    """Reads one measurement; every mistake is added at its place."""
+
+    def __init__(self, name: str, campaign: CampaignTable, built: Built, folder: FilePath, workshop: Workshop) -> None:
+        self.name = name
+        self.table = campaign.measurements[name]
+        self.path: Path = ("measurements", name)
+        self.built = built
+        self.folder = folder
+        self.workshop = workshop
+
+    def observation(self) -> Observation | None:
+        """Return the observation, or None after its mistakes are added."""
+        there = not self.workshop.problems.at((*self.path, "file"))
+        assembly = self.built.assemblies.get(self.table.assembly)
+        sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
+        if assembly is None or (self.table.sensor is not None and sensor is None):
+            return None
+        at = place((*self.path, "response"), self.table.response, assembly, self.workshop)
+        if self.table.kind == "frf":
+            excited = place((*self.path, "excitation"), self.table.excitation, assembly, self.workshop)
+            if at is None or excited is None or not there:
+                return None
+            return self._frf(self.table, with_sensor(assembly, sensor, at), at, excited)
+        if at is None or not there:
+            return None
+        return self._frequencies(self.table, with_sensor(assembly, sensor, at))
+
+    def _frequencies(self, table: FrequenciesTable, assembly: Assembly) -> MeasuredFrequencies | None:
+        make, path = self.workshop.make, self.path
+        if (table.file is None) == (table.frequencies is None):
+            what = "neither frequencies nor a file" if table.file is None else "frequencies and a file"
+            self.workshop.problems.add(path, f"has {what}, expected one of the two")
+            return None
+        source: Path = (*path, "frequencies" if table.file is None else "file")
+        found = make(source, frequencies_of, table, self.folder)
+        if found is None:
+            return None
+        frequency_hz, modes, spread = found
+        given = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, frequency_hz)
+        if self.workshop.problems.at((*path, "standard_deviation")):
+            return None
+        return make(
+            path if table.modes is None else (*path, "modes"),
+            MeasuredFrequencies,
+            assembly=assembly,
+            frequency_hz=frequency_hz,
+            modes=modes,
+            standard_deviation_hz=given or spread,
+            label=self.name,
+        )
+
+    def _frf(
+        self, table: FRFTable, assembly: Assembly, response: Coordinate, excitation: Coordinate
+    ) -> MeasuredFRF | None:
+        from receptance.campaign import frf_files
+
+        make, path = self.workshop.make, self.path
+        shares = [
+            make((*path, key), frf_files.deviation_share, getattr(table, key))
+            for key in ("standard_deviation", "floor")
+        ]
+        found = make((*path, "file"), frf_files.read, table, self.folder)
+        if found is None or any(self.workshop.problems.at((*path, key)) for key in ("standard_deviation", "floor")):
+            return None
+        for note in found.notes:
+            self.workshop.note(path, note)
+        at = make(path, frf_files.placed, frf_files.weighed(found, shares[0]), table, response, excitation, self.name)
+        if at is None:
+            return None
+        place: Path = path if table.bands is None else (*path, "bands")
+        return make(place, frf_files.observe, at, table, assembly, response, excitation, shares[1] or 0.0)
+
+
+def build_measurement(
+    name: str,
+    campaign: CampaignTable,
+    built: Built,
+    effects: dict[str, Effects],
+    folder: FilePath,
+    workshop: Workshop,
+) -> Measurement | None:
+    """Return a measurement with its data read, or None after its mistakes are added."""
+    table = campaign.measurements[name]
+    before = len(workshop.notes)
+    observation = _Reader(name, campaign, built, folder, workshop).observation()
+    conditions = {
+        key: workshop.make(("measurements", name, "conditions", key), parse_condition, value)
+        for key, value in table.conditions.items()
+    }
+    if observation is None:
+        return None
+    own = dict(effects.get(table.assembly, {}))
+    if table.sensor is not None:
+        for error, moved in effects.get(f"sensor {table.sensor}", {}).items():
+            own[error] = {**own.get(error, {}), **moved}
+    return Measurement(
+        name=name,
+        assembly=table.assembly,
+        role=table.role,
+        observation=observation,
+        sensor=table.sensor,
+        file=table.file,
+        conditions={key: value for key, value in conditions.items() if value is not None},
+        effects=own,
+        notes=tuple(workshop.notes[before:]),
+    )
