@@ -106,8 +106,8 @@ class Campaign:
 
         Raises
         ------
-        ValueError
-            Nothing is unknown, nothing is measured, or more is unknown than measured.
+        CampaignError
+            Nothing is unknown, nothing is measured, or more is unknown than measured. It is a ValueError.
         ReceptanceError
             The model has no value at any of the starts.
         """
@@ -133,8 +133,8 @@ class Campaign:
 
         Raises
         ------
-        ValueError
-            Nothing is held out and every assembly was measured.
+        CampaignError
+            Nothing is held out and every assembly was measured; or as in `identify`.
         """
         from receptance.campaign.prediction import predict_campaign
 

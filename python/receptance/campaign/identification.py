@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance.campaign.deviations import parse_share
 from receptance.campaign.plain import plain
+from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.spread import quantile
@@ -142,27 +143,29 @@ def identify_campaign(
     say = progress or (lambda _: None)
     seen = campaign.to_identify
     if not campaign.unknowns:
-        raise ValueError(f"{campaign.title}: there is nothing to identify, expected `unknowns` in the campaign file")
+        raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")
     if not seen:
-        raise ValueError(
-            f'{campaign.title}: there is nothing to identify from, expected a measurement with the role "identify"'
-        )
+        text = 'there is nothing to identify from, expected a measurement with the role "identify"'
+        raise CampaignError.about(campaign.file, text)
     unknowns, left_out = _observed_unknowns(campaign)
     settings = campaign.table.settings
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
     say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {settings.starts} starts")
     width = band_width_percent(settings)
-    fit = identify(
-        observations,
-        unknowns,
-        objective=settings.objective,
-        band_width_percent=width,
-        starts=settings.starts,
-        seed=settings.seed,
-        max_evaluations=settings.max_evaluations,
-        threads=threads,
-    )
+    try:
+        fit = identify(
+            observations,
+            unknowns,
+            objective=settings.objective,
+            band_width_percent=width,
+            starts=settings.starts,
+            seed=settings.seed,
+            max_evaluations=settings.max_evaluations,
+            threads=threads,
+        )
+    except ValueError as error:
+        raise CampaignError.about(campaign.file, str(error)) from error
     say("propagating the tolerances")
     effects = [measured.effects for measured in seen.values()]
     propagation = Propagation(fit, observations, effects, width)
@@ -189,7 +192,7 @@ def _observed_unknowns(campaign: Campaign) -> tuple[list[Unknown], list[str]]:
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
     if not kept:
-        raise ValueError(f"{campaign.title}: no assembly that was measured for identification has any of the unknowns")
+        raise CampaignError.about(campaign.file, "no assembly that was measured for identification has an unknown")
     return kept, notes
 
 

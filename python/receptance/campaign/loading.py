@@ -120,8 +120,8 @@ def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
         text = file.read_bytes().decode("utf-8-sig")
         data = tomllib.loads(text)
     except UnicodeDecodeError as error:
-        problem = Problem((), f"byte {error.start} is not UTF-8, expected a TOML file, which is text in UTF-8")
-        raise CampaignError(file, [problem]) from None
+        text = f"byte {error.start} is not UTF-8, expected a TOML file, which is text in UTF-8"
+        raise CampaignError.about(file, text) from None
     except tomllib.TOMLDecodeError as error:
         match = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         what = str(error).partition(" (at line")[0]

@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF, match_peaks
 from receptance.campaign.plain import plain
+from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation
 from receptance.identification import MeasuredFRF
 from receptance.identification.spread import quantile
@@ -121,10 +122,8 @@ def predict_campaign(
     say = progress or (lambda _: None)
     held_out, unmeasured = campaign.held_out, campaign.unmeasured
     if not held_out and not unmeasured:
-        raise ValueError(
-            f'{campaign.title}: there is nothing to predict, expected a measurement with the role "hold out" or an '
-            "assembly without measurements"
-        )
+        text = 'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without any'
+        raise CampaignError.about(campaign.file, text)
     if identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
     propagation = Propagation(None, [], []) if identified is None else identified.propagation
@@ -269,18 +268,16 @@ def _lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
     seen = [float(measured.observation.frequency_hz[-1].real) for measured in campaign.measurements.values()]
     upper = asked.upper if asked.upper is not None else max(seen, default=None)
     if upper is None:
-        raise ValueError(
-            f"{campaign.title}: nothing says up to which frequency to predict, expected `prediction.upper`"
-        )
+        text = "nothing says up to which frequency to predict, expected `prediction.upper`"
+        raise CampaignError.about(campaign.file, text)
     modes = assembly.natural_frequencies(upper)
     lower = asked.lower if asked.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     if lower >= upper:
-        raise ValueError(
-            f"{campaign.title}: the prediction goes from {lower:g} to {upper:g} Hz, expected `prediction.lower` below "
-            "`prediction.upper`"
-        )
+        text = f"the prediction goes from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
+        raise CampaignError.about(campaign.file, text)
     step = asked.step if asked.step is not None else (upper - lower) / _LINES
     count = int((upper - lower) / step * (1.0 + 1e-12)) + 1
     if count > _MOST_LINES:
-        raise ValueError(f"{campaign.title}: {count} lines are too many to predict, expected at most {_MOST_LINES}")
+        text = f"{count} lines are too many to predict, expected at most {_MOST_LINES}; give a larger `prediction.step`"
+        raise CampaignError.about(campaign.file, text)
     return lower + step * np.arange(count, dtype=np.float64)

@@ -48,7 +48,7 @@ class Problem:
 
 
 class CampaignError(ValueError):
-    """A campaign file with mistakes.
+    """A campaign file with mistakes, or one that does not hold what was asked for.
 
     Attributes
     ----------
@@ -60,8 +60,16 @@ class CampaignError(ValueError):
         self.file = str(file)
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
         count = len(self.problems)
+        if count == 1 and not self.problems[0].path and self.problems[0].line is None:
+            super().__init__(f"{self.file}: {self.problems[0].text}")
+            return
         head = f"{self.file} has {'a mistake' if count == 1 else f'{count} mistakes'}:"
         super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
+
+    @classmethod
+    def about(cls, file: FilePath | str, text: str) -> CampaignError:
+        """Return an error about a campaign as a whole."""
+        return cls(file, [Problem((), text)])
 
     def __reduce__(self) -> tuple[type[CampaignError], tuple[str, tuple[Problem, ...]]]:
         return type(self), (self.file, self.problems)

@@ -143,9 +143,9 @@ def split(text: Any, expected: str) -> tuple[float, str]:
     if not isinstance(text, str):
         raise ValueError(f"is {shown(text)}, expected {expected}")
     match = _TEXT.fullmatch(text)
+    if _DECIMAL_COMMA.match(text):
+        raise ValueError(f"is {shown(text)}, expected {expected}; decimals are written with a point")
     if match is None:
-        if _DECIMAL_COMMA.match(text):
-            raise ValueError(f"is {shown(text)}, expected {expected}; decimals are written with a point")
         raise ValueError(f"is {shown(text)}, expected {expected}")
     number = float(match["number"])
     if not math.isfinite(number):

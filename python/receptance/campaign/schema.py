@@ -61,8 +61,10 @@ def _plain(node: Any) -> Any:
     if not isinstance(node, dict):
         return node
     found = {key: _plain(value) for key, value in node.items() if not (key == "title" and isinstance(value, str))}
-    if "default" in found and found["default"] in (None, {}, [], ""):
+    if "default" in found and (found["default"] in (None, [], "") or isinstance(found["default"], dict)):
         del found["default"]
+    if "patternProperties" in found:
+        found.setdefault("additionalProperties", False)
     choices = found.get("anyOf")
     if isinstance(choices, list):
         kept = [choice for choice in choices if choice != {"type": "null"}]

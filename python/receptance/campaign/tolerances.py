@@ -90,7 +90,7 @@ def _inherited(
             first = f"{name}.segment[{index}]"
             yield from _fields(place, first, segment.tolerance)
             for prefix, material in ((first, segment.material), (f"{first}.core", segment.core)):
-                if material is not None:
+                if material in campaign.materials:
                     yield from _fields(("materials", material), prefix, campaign.materials[material].tolerance)
     for name in attachments:
         yield from _fields(("attachments", name), name, campaign.attachments[name].tolerance)

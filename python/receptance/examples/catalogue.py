@@ -32,13 +32,18 @@ class Example:
     folder : str
         Where its files are kept in the package.
     data : callable or None
-        Makes the data files from the campaign file; None where there are none.
+        Makes the data files; None where there are none.
     """
 
     name: str
     title: str
     folder: str
     data: Callable[..., Mapping[str, bytes]] | None = None
+
+    @property
+    def campaign(self) -> str:
+        """The campaign file."""
+        return (resources.files("receptance.examples") / self.folder / "campaign.toml").read_text(encoding="utf-8")
 
     def files(self, progress: Say | None = None) -> dict[str, bytes]:
         """Return the content of all its files by name."""
@@ -47,7 +52,7 @@ class Example:
             file.name: file.read_bytes() for file in kept.iterdir() if file.name.endswith((".toml", ".md", ".csv"))
         }
         if self.data is not None:
-            found |= self.data(found["campaign.toml"].decode(), progress or (lambda _: None))
+            found |= self.data(progress or (lambda _: None))
         return dict(sorted(found.items()))
 
 
