@@ -10,8 +10,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.coordinates import Coordinate
+    from receptance.frf.frf import FRF
 
-__all__ = ["FORMS", "Form", "check_form", "conversion", "unit_of"]
+__all__ = ["FORMS", "Form", "check_form", "conversion", "converted", "unit_of"]
 
 Form = Literal["receptance", "mobility", "accelerance"]
 """Displacement, velocity or acceleration per load."""
@@ -39,6 +40,22 @@ def conversion(frequency_hz: NDArray[Any], old: Form, new: Form) -> NDArray[np.c
     for _ in range(abs(power)):
         factor = factor * s
     return 1.0 / factor if power < 0 else factor
+
+
+def converted(frf: FRF, form: Any) -> tuple[dict[str, Any], slice]:
+    """Return the fields that change in another form, and the lines that are left; see `FRF.to`."""
+    new = check_form(repr(frf), form)
+    if new == frf.form:
+        return {}, slice(None)
+    lines = frf.complex_frequency_hz
+    if lines[0] != 0.0 or FORMS.index(new) > FORMS.index(frf.form):
+        return {"form": new, "values": frf.values * conversion(lines, frf.form, new)[:, None, None]}, slice(None)
+    if lines.size == 1:
+        raise ValueError(f"{frf!r}: at 0 Hz {frf.form} says nothing of {new}, and there is no other line")
+    motions = dict(zip(FORMS, ("displacement", "velocity", "acceleration"), strict=True))
+    note = f"the line at 0 Hz is dropped: {motions[frf.form]} says nothing of {motions[new]} there"
+    values = frf.values[1:] * conversion(lines[1:], frf.form, new)[:, None, None]
+    return {"form": new, "values": values, "notes": (*frf.notes, note)}, slice(1, None)
 
 
 def unit_of(form: Form, response: Coordinate, excitation: Coordinate) -> str:

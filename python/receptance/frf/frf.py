@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -9,24 +10,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.coordinates import Coordinate
+from receptance.errors import ReceptanceWarning
 from receptance.frf import arrays
-from receptance.frf.forms import FORMS, Form, check_form, conversion, unit_of
-from receptance.frf.places import pick, places
+from receptance.frf.creation import checked
+from receptance.frf.forms import Form, converted, unit_of
+from receptance.frf.places import picked
+from receptance.frf.record import Record, set_fields
+from receptance.frf.resampling import resampled
+from receptance.frf.showing import as_dataset, as_html
+from receptance.frf.variance import half_width_of, pool_entries, variance_from_coherence
 
 if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf.places import Pick, Side
 
 __all__ = ["FRF"]
 
-_PER_LINE = ("values", "coherence", "log_variance", "degrees_of_freedom", "correlated_lines", "usable")
-_PER_ENTRY = ("values", "coherence", "log_variance", "degrees_of_freedom")
-
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class FRF:
+class FRF(Record):
     """A frequency response function between some excitations and responses.
 
     Parameters
@@ -96,23 +101,6 @@ class FRF:
     'm/s^2/N'
     """
 
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    form: Form
-    responses: tuple[Coordinate, ...]
-    excitations: tuple[Coordinate, ...]
-    decay_rate: float
-    coherence: NDArray[np.float64] | None
-    averages: int | None
-    log_variance: NDArray[np.float64] | None
-    degrees_of_freedom: NDArray[np.float64] | None
-    correlated_lines: NDArray[np.float64]
-    usable: NDArray[np.bool_] | None
-    labels: tuple[tuple[str, ...], tuple[str, ...]] | None
-    label: str
-    source: str
-    notes: tuple[str, ...]
-
     def __init__(
         self,
         *,
@@ -133,34 +121,9 @@ class FRF:
         source: str = "",
         notes: Sequence[str] = (),
     ) -> None:
-        owner = f"FRF {label!r}" if label else "FRF"
-        lines = arrays.lines(owner, frequency_hz)
-        response = arrays.response_values(owner, values, lines)
-        shape = response.shape
-        if isinstance(notes, str):
-            raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
-        quality, clipped = arrays.coherences(owner, coherence, lines, shape)
-        found: dict[str, Any] = {
-            "frequency_hz": lines,
-            "values": response,
-            "form": check_form(owner, form),
-            "responses": places(owner, "responses", responses, shape[1]),
-            "excitations": places(owner, "excitations", excitations, shape[2]),
-            "decay_rate": _checks.not_negative(owner, "decay_rate", decay_rate, unit="1/s"),
-            "coherence": quality,
-            "averages": arrays.count(owner, "averages", averages),
-            "log_variance": arrays.per_entry(owner, "log_variance", log_variance, shape, at_least=0.0),
-            "degrees_of_freedom": arrays.per_entry(
-                owner, "degrees_of_freedom", degrees_of_freedom, shape, at_least=0.0, above=True
-            ),
-            "correlated_lines": arrays.per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0),
-            "usable": arrays.mask(owner, usable, lines.size),
-            "labels": arrays.text_pair(owner, labels, (shape[1], shape[2])),
-            "label": str(label),
-            "source": str(source),
-            "notes": tuple(str(note) for note in notes) + ((clipped,) if clipped else ()),
-        }
-        _set(self, arrays.without_bad_zero_line(owner, found))
+        given = {name: value for name, value in locals().items() if name != "self"}
+        set_fields(self, checked(**given))
+        self._look_at_drive_points()
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -211,20 +174,8 @@ class FRF:
         >>> mass.to("receptance").notes
         ('the line at 0 Hz is dropped: acceleration says nothing of displacement there',)
         """
-        owner = repr(self)
-        new = check_form(owner, form)
-        if new == self.form:
-            return self
-        source = self
-        motion = {"receptance": "displacement", "mobility": "velocity", "accelerance": "acceleration"}
-        if FORMS.index(new) < FORMS.index(self.form) and self.complex_frequency_hz[0] == 0.0:
-            if self.frequency_hz.size == 1:
-                raise ValueError(f"{owner}: {self.form} at 0 Hz says nothing of {new}, and there is no other line")
-            source = self._lines(slice(1, None))._noted(
-                f"the line at 0 Hz is dropped: {motion[self.form]} says nothing of {motion[new]} there"
-            )
-        factor = conversion(source.complex_frequency_hz, self.form, new)
-        return source._made(form=new, values=source.values * factor[:, None, None])
+        changes, kept = converted(self, form)
+        return self._lines(kept)._made(**changes)
 
     def select(
         self,
@@ -248,24 +199,12 @@ class FRF:
         TypeError, ValueError
             Something that is not there, or is there several times, and a band without lines.
         """
-        owner = repr(self)
-        names = self.labels or (None, None)
-        rows = pick(owner, "responses", responses, self.responses, names[0])
-        columns = pick(owner, "excitations", excitations, self.excitations, names[1])
-        low = -np.inf if low_hz is None else _checks.number(owner, "low_hz", low_hz, unit="Hz")
-        high = np.inf if high_hz is None else _checks.number(owner, "high_hz", high_hz, unit="Hz")
+        low = -np.inf if low_hz is None else _checks.number(repr(self), "low_hz", low_hz, unit="Hz")
+        high = np.inf if high_hz is None else _checks.number(repr(self), "high_hz", high_hz, unit="Hz")
         inside = (self.frequency_hz >= low) & (self.frequency_hz <= high)
         if not inside.any():
-            raise ValueError(f"{owner}: there is no line from {low:g} to {high:g} Hz")
-        entries = {name: getattr(self, name) for name in _PER_ENTRY}
-        changes: dict[str, Any] = {
-            name: array[:, rows][:, :, columns] for name, array in entries.items() if array is not None
-        }
-        if self.labels is not None:
-            changes["labels"] = (tuple(names[0][i] for i in rows), tuple(names[1][i] for i in columns))  # type: ignore[index]
-        changes["responses"] = tuple(self.responses[i] for i in rows)
-        changes["excitations"] = tuple(self.excitations[i] for i in columns)
-        return self._made(**changes)._lines(inside)
+            raise ValueError(f"{self!r}: there is no line from {low:g} to {high:g} Hz")
+        return self._lines(inside)._entries(*picked(self, responses, excitations))
 
     def masked(self) -> FRF:
         """Return the usable lines alone; all where no band is stated.
@@ -281,18 +220,116 @@ class FRF:
             raise ValueError(f"{self!r}: no line is usable")
         return self._lines(self.usable)
 
+    def resample(self, frequency_hz: ArrayLike) -> FRF:
+        """Return the FRF on other lines, which may not stand closer than the measured ones.
+
+        Lines that were measured keep their values exactly; others lie on a cubic spline. Variances and coherence lie on
+        straight lines between neighbours: a mean of two lines knows no more than one.
+
+        Parameters
+        ----------
+        frequency_hz : array_like
+            `(m,)` ascending lines in Hz, inside those measured.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Lines outside the measured ones, or closer together than these: that would invent resolution.
+
+        Warns
+        -----
+        ReceptanceWarning
+            A peak too sharp for its lines: under four in the half-power band, 1 % and more are lost between them.
+
+        Examples
+        --------
+        >>> from receptance import FRF
+        >>> frf = FRF(frequency_hz=[10.0, 20.0, 30.0, 40.0], values=[4.0, 3.0, 2.0, 1.0])
+        >>> frf.resample([15.0, 30.0]).values.ravel().real
+        array([3.5, 2. ])
+        """
+        changes, sharp = resampled(self, arrays.lines(repr(self), frequency_hz))
+        if sharp:
+            warnings.warn(f"{self!r}: {sharp}", ReceptanceWarning, stacklevel=2)
+        return self._made(**changes)
+
+    def log_interval(self, level: float = 0.95) -> NDArray[np.float64]:
+        """Half-width `(n, n_responses, n_excitations)` of the interval for the real and the imaginary part of the log.
+
+        Student's t with the degrees of freedom of the variance, the normal distribution where there are none.
+
+        Raises
+        ------
+        ValueError
+            No variance, or a level that is not between 0 and 1.
+
+        Examples
+        --------
+        >>> from receptance import FRF
+        >>> frf = FRF(frequency_hz=[10.0], values=[1e-6], log_variance=1e-4, degrees_of_freedom=4)
+        >>> frf.log_interval().round(4).item()
+        0.0278
+        """
+        if self.log_variance is None:
+            raise ValueError(f"{self!r} has no variance; with coherence and averages: with_coherence_variance()")
+        return half_width_of(self.log_variance, self.degrees_of_freedom, level)
+
+    def with_coherence_variance(
+        self, *, averages: int | None = None, pool: bool = True, half_width: int | None = None
+    ) -> FRF:
+        """Return the FRF with the variance that follows from its coherence and its number of averages.
+
+        Parameters
+        ----------
+        averages : int, optional
+            Where the FRF does not know it.
+        pool : bool, optional
+            Whether neighbouring lines are pooled, see `receptance.frf.variance`.
+        half_width : int, optional
+            Lines to each side that are pooled; by default as many as are needed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            No coherence, or fewer than two averages.
+        """
+        n = self.averages if averages is None else averages
+        if self.coherence is None:
+            raise ValueError(f"{self!r} has no coherence, so its variance is not known")
+        if n is None:
+            raise ValueError(f"{self!r} does not know how many were averaged: give averages")
+        variance, freedom = variance_from_coherence(self.coherence, n)
+        known = np.full(self.shape, freedom)
+        if pool:
+            variance, known = pool_entries(self, variance, known, half_width)
+        return self._made(averages=int(n), log_variance=variance, degrees_of_freedom=known)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return an `xarray.Dataset` over frequency_hz, response and excitation; needs xarray.
+
+        The values are the variable `frf`; coherence, log_variance and so on where they are known. Units, long names and
+        everything else are attributes.
+        """
+        return as_dataset(self)
+
+    def plot(self) -> Figure:
+        """Return a figure of magnitude, phase and, where it is known, coherence; see `receptance.plot.frf.draw_frf`."""
+        from receptance.plot.frf import draw_frf
+
+        return draw_frf(self)
+
     def conjugated(self) -> FRF:
         """Return the complex conjugate, for files written for e^(-i w t), with a note."""
-        return self.with_(values=self.values.conj(), notes=(*self.notes, "conjugated on request"))
+        return self._replaced({"values": self.values.conj(), "notes": (*self.notes, "conjugated on request")}, 4)
 
     def flipped(self) -> FRF:
         """Return the FRF with the other sign, for a sensor or hammer that faces the other way, with a note."""
-        return self.with_(values=-self.values, notes=(*self.notes, "sign changed on request"))
+        return self._replaced({"values": -self.values, "notes": (*self.notes, "sign changed on request")}, 4)
 
     def with_coordinates(self, responses: Side = None, excitations: Side = None) -> FRF:
         """Return the FRF with other coordinates; None leaves a side as it is."""
-        changes = {"responses": responses, "excitations": excitations}
-        return self.with_(**{name: side for name, side in changes.items() if side is not None})
+        sides = {"responses": responses, "excitations": excitations}
+        return self._replaced({name: side for name, side in sides.items() if side is not None}, 4)
 
     def with_(self, **changes: Any) -> FRF:
         """Return the FRF with other fields, checked as on creation.
@@ -307,23 +344,10 @@ class FRF:
         for name in changes:
             if name not in names:
                 raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(names)}")
-        return FRF(**{name: changes.get(name, getattr(self, name)) for name in names})
+        return self._replaced(changes, 4)
 
-    def _made(self, **changes: Any) -> FRF:
-        """Return a copy with some fields changed that need no check."""
-        other = object.__new__(FRF)
-        _set(other, {**{field.name: getattr(self, field.name) for field in fields(self)}, **changes})
-        return other
-
-    def _noted(self, note: str) -> FRF:
-        return self._made(notes=(*self.notes, note))
-
-    def _lines(self, chosen: NDArray[np.bool_] | slice) -> FRF:
-        kept = {name: getattr(self, name) for name in ("frequency_hz", *_PER_LINE)}
-        return self._made(**{name: array[chosen] for name, array in kept.items() if array is not None})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        _set(self, state)
+    def _repr_html_(self) -> str:
+        return as_html(self)
 
     def __repr__(self) -> str:
         units = sorted({unit for row in self.units for unit in row})
@@ -334,12 +358,3 @@ class FRF:
             f"FRF({name}{self.form} in {', '.join(units)}, {n_out} x {n_in}, {n} lines from {self.frequency_hz[0]:g} "
             f"to {self.frequency_hz[-1]:g} Hz{window})"
         )
-
-
-def _set(target: FRF, values: dict[str, Any]) -> None:
-    """Fill a frozen dataclass; its arrays are its own, contiguous, and stay as they are."""
-    for name, value in values.items():
-        if isinstance(value, np.ndarray) and value.flags.writeable:
-            value = np.array(value, order="C")
-            value.setflags(write=False)
-        object.__setattr__(target, name, value)

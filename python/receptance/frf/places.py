@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 from receptance.coordinates import Coordinate
 
 if TYPE_CHECKING:
+    from receptance.frf.frf import FRF
+
     Side = Coordinate | str | Sequence[Coordinate | str] | None
     Pick = Coordinate | str | int | Sequence[Coordinate | str | int] | None
 
-__all__ = ["Unplaced", "describe", "pick", "places"]
+__all__ = ["Unplaced", "describe", "picked", "places"]
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -60,7 +62,16 @@ def _place(owner: str, quantity: str, one: Any) -> Coordinate:
     )
 
 
-def pick(
+def picked(frf: FRF, responses: Pick, excitations: Pick) -> tuple[list[int], list[int]]:
+    """Return which responses and excitations of an FRF are wanted; see `FRF.select`."""
+    names = frf.labels or (None, None)
+    return (
+        _pick(repr(frf), "responses", responses, frf.responses, names[0]),
+        _pick(repr(frf), "excitations", excitations, frf.excitations, names[1]),
+    )
+
+
+def _pick(
     owner: str, quantity: str, wanted: Pick, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None
 ) -> list[int]:
     """Return which of a side's coordinates are wanted: by number, by coordinate, or by label in the file."""
