@@ -52,26 +52,36 @@ def frequencies(frequency_hz: ArrayLike) -> NDArray[Any]:
     if array.ndim > 1:
         raise ValueError(f"frequency_hz has shape {array.shape}, expected one dimension")
     array = np.atleast_1d(array)
-    array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64)
+    array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
     if array.size == 0:
         raise ValueError("frequency_hz is empty, expected at least one line")
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
+    # Comparisons, not differences: arrays of the size of the lines cost as much as short assemblies do.
+    real = array.real
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array))
         raise ValueError(f"frequency_hz[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
-    bad = np.flatnonzero(array.real <= 0.0)
-    if bad.size:
+    if not (real > 0.0).all():
+        bad = np.flatnonzero(real <= 0.0)
         raise ValueError(
             f"frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
             "(a free structure has no receptance at 0 Hz: leave that line out)"
         )
-    bad = np.flatnonzero(np.diff(array.real) <= 0.0)
-    if bad.size:
-        first, second = array[bad[0]].real, array[bad[0] + 1].real
+    if not (real[1:] > real[:-1]).all():
+        bad = np.flatnonzero(real[1:] <= real[:-1])
+        first, second = real[bad[0]], real[bad[0] + 1]
         raise ValueError(
             f"frequency_hz is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
             "sort the lines and leave out repeated ones"
         )
     return array
+
+
+def angular_frequencies(frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+    """Return the checked frequency lines in rad/s, complex, in an array of their own."""
+    lines = frequencies(frequency_hz)
+    w = np.zeros(lines.shape, np.complex128)
+    np.multiply(lines, 2.0 * np.pi, out=w if lines.dtype.kind == "c" else w.real)
+    return w
 
 
 def thread_count(threads: int | None) -> int:

@@ -18,8 +18,10 @@ __all__ = [
     "ReceptanceError",
     "ResonanceError",
     "SingularInterfaceError",
+    "fit_joint",
     "instruction_set",
     "joint_normal_matrix",
+    "joint_residual",
     "natural_frequencies",
     "receptance",
     "reduce_joint",
@@ -64,7 +66,7 @@ def reduce_joint(
 ) -> NDArray[np.float64]: ...
 def joint_normal_matrix(
     planes: NDArray[np.float64],
-    log_measured: NDArray[np.complex128],
+    measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
     joint: NDArray[np.float64],
@@ -72,4 +74,26 @@ def joint_normal_matrix(
     slopes: NDArray[np.float64],
     threads: int,
 ) -> NDArray[np.float64]: ...
+def joint_residual(
+    planes: NDArray[np.float64],
+    measured: NDArray[np.complex128],
+    weights: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    joint: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]: ...
+def fit_joint(
+    planes: list[NDArray[np.float64]],
+    measured: list[NDArray[np.complex128]],
+    weights: list[NDArray[np.float64]],
+    references: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    variables: NDArray[np.float64],
+    logarithmic: NDArray[np.bool_],
+    bounds: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    tolerance: float,
+    evaluations: int,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]: ...
 def instruction_set() -> str: ...

@@ -275,7 +275,7 @@ class Assembly:
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz).astype(np.complex128)
+        w = _checks.angular_frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
@@ -292,7 +292,7 @@ class Assembly:
         excitation: Coordinate | Sequence[Coordinate] | None,
         threads: int | None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz).astype(np.complex128)
+        w = _checks.angular_frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten(tuple(point for side in sides for point in side))
         points = [self._points(flat, side) for side in sides]

@@ -193,7 +193,7 @@ class Part:
     def _receptance(
         self, frequency_hz: ArrayLike, motion: int, ends: NDArray[np.float64], threads: int | None
     ) -> NDArray[np.complex128]:
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz).astype(np.complex128)
+        w = _checks.angular_frequencies(frequency_hz)
         tables = (self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
         count = _checks.thread_count(threads)
         return _core.receptance(w, motion, *tables, ends, ends, np.zeros((0, 3)), count)[0]

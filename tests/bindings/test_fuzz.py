@@ -373,7 +373,7 @@ def normal_matrix() -> dict[str, Any]:
     spring = np.ascontiguousarray(arguments["joints"][0, 2:])
     return {
         "planes": _core.reduce_joint(**arguments),
-        "log_measured": np.zeros(11, dtype=np.complex128),
+        "measured": np.full(11, 1e-7 - 1e-8j),
         "weights": np.ones(11),
         "reference": spring,
         "joint": spring.copy(),
@@ -383,31 +383,60 @@ def normal_matrix() -> dict[str, Any]:
     }
 
 
+def residual() -> dict[str, Any]:
+    """Arguments of residuals that work."""
+    return {name: value for name, value in normal_matrix().items() if name not in ("columns", "slopes")}
+
+
+def fit() -> dict[str, Any]:
+    """Arguments of a fit that works."""
+    one = normal_matrix()
+    return {
+        **{name: [one[name]] for name in ("planes", "measured", "weights")},
+        "references": one["reference"][None].copy(),
+        "joints": one["joint"][None].copy(),
+        "variables": np.array([[0.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0]]),
+        "logarithmic": np.ones(2, dtype=np.bool_),
+        "bounds": np.array([[5.0, 3.0], [10.0, 8.0]]),
+        "starts": np.array([[7.0, 5.0], [8.0, 6.0]]),
+        "tolerance": 1e-8,
+        "evaluations": 20,
+        "threads": 1,
+    }
+
+
 @pytest.mark.parametrize(
-    ("function", "arguments"), [("reduce_joint", reduction), ("joint_normal_matrix", normal_matrix)]
+    ("function", "arguments"),
+    [
+        ("reduce_joint", reduction),
+        ("joint_normal_matrix", normal_matrix),
+        ("joint_residual", residual),
+        ("fit_joint", fit),
+    ],
 )
 @settings(max_examples=400)
 @given(data=st.data())
 def test_fits_of_a_joint_answer_or_refuse(function: str, arguments: Any, data: st.DataObject) -> None:
     changed = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in arguments().items()}
     name = data.draw(st.sampled_from(sorted(changed)))
-    value = changed[name]
+    holder, key = (changed[name], 0) if isinstance(changed[name], list) else (changed, name)
+    value = holder[key]
     if not isinstance(value, np.ndarray):
-        changed[name] = data.draw(st.sampled_from([-1, 1, 7, 2**40, 2**70, 0.5, None, "one"]))
-        if name == "threads" and changed[name] in (2**40, 7):
-            changed[name] = 2
+        holder[key] = data.draw(st.sampled_from([-1, 1, 7, 2**40, 2**70, 0.5, None, "one"]))
+        if name == "threads" and holder[key] in (2**40, 7):
+            holder[key] = 2
     else:
         how = data.draw(st.sampled_from(["number", "shorter", "transposed", "type", "dimensions"]))
         if how == "number":
             value.flat[data.draw(st.integers(0, value.size - 1))] = data.draw(st.sampled_from(ODD))
         elif how == "shorter":
-            changed[name] = np.ascontiguousarray(value[:-1])
+            holder[key] = np.ascontiguousarray(value[:-1])
         elif how == "transposed":
-            changed[name] = value.T
+            holder[key] = value.T
         elif how == "type":
-            changed[name] = value.real.astype(np.float32)
+            holder[key] = value.real.astype(np.float32)
         else:
-            changed[name] = value[None]
+            holder[key] = value[None]
     found, refused = None, ""
     try:
         found = getattr(_core, function)(**changed)
@@ -417,5 +446,6 @@ def test_fits_of_a_joint_answer_or_refuse(function: str, arguments: Any, data: s
         assert refused
         assert "panick" not in refused
     else:
-        assert found.dtype == np.float64
-        assert found.flags.c_contiguous
+        for array in found if isinstance(found, tuple) else (found,):
+            assert array.dtype in (np.float64, np.int64)
+            assert array.flags.c_contiguous

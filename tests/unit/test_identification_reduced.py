@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from receptance import Coordinate, GroundSpring, PointMass, Unknown, identify
+from receptance import Coordinate, GroundSpring, MeasuredFRF, PointMass, Unknown, identify
+from receptance.identification.problem import Problem
 from receptance.identification.reduced import JointResidual, only_joint
-from receptance.identification.residuals import FRFResidual
+from receptance.identification.residuals import FRFResidual, InfeasibleError
 from receptance.identification.unknowns import Variables
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, simulate
 
@@ -88,3 +89,81 @@ def test_the_fit_reaches_the_truth_from_soft_and_from_stiff():
         for address, value in TRUE.items():
             assert found.values[address] == pytest.approx(value, rel=1e-6)
         assert len(found.residuals[0]) == 2 * LINES.size
+
+
+def reduced_problem(frfs, unknowns):
+    variables = Variables(tuple(unknowns))
+    return Problem([JointResidual(frf, variables, "logarithm", None, "joint", 1) for frf in frfs], variables)
+
+
+def test_the_residuals_of_all_lines_are_those_of_the_whole_model():
+    frf = simulate(make_assembly())
+    variables, whole, reduced = both(frf, STIFFNESSES)
+    values = np.array([2e8, 4e4])
+    assert reduced.value(values) == pytest.approx(whole.value(values), rel=1e-8, abs=1e-10)
+    with pytest.raises(InfeasibleError, match="k_ytheta"):
+        both(frf, [*STIFFNESSES, COUPLING])[2].value(np.array([1e6, 1e2, 1e9]))
+
+
+@pytest.mark.parametrize("lines", [LINES, np.linspace(100.0, 15e3, 7001)])
+def test_the_core_ends_where_scipy_ends(lines):
+    """Noisy data of two overhangs: the same optimum, to a small part of a standard error, from every start."""
+    seed = 3
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    frfs = []
+    for overhang in (0.05, 0.0623):
+        clean = simulate(make_assembly(overhang=overhang), lines)
+        noise = np.exp(0.05 * (rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)))
+        frfs.append(MeasuredFRF(assembly=clean.assembly, frequency_hz=lines, receptance=clean.receptance * noise))
+    problem = reduced_problem(frfs, [*STIFFNESSES, *DASHPOTS])
+    starts = problem.variables.draw(6, seed)
+    ours = problem.fit_all(starts, 200, 1e-10)
+    theirs = [problem.fit(x, None, 200, 1e-10, None) for x in starts]
+    optimum = min(theirs, key=lambda run: run.cost)
+    best, reference = optimum.cost, optimum.variables
+    jacobian = problem.jacobian(reference)
+    errors = 0.05 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    reached = [run for run in ours if run.cost < best * (1 + 1e-9)]
+    assert len(reached) >= sum(run.cost < best * (1 + 1e-9) for run in theirs) > 0
+    for run in reached:
+        assert run.converged
+        assert np.all(np.abs(run.variables - reference) < 1e-3 * errors)
+
+
+def test_a_bound_that_holds_the_optimum_back_is_reached_by_both():
+    frf = simulate(make_assembly())
+    unknowns = [
+        Unknown(address="joint.k_y", lower=1e6, upper=4e8, start=2e8),
+        Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=2e5),
+    ]
+    problem = reduced_problem([frf], unknowns)
+    start = problem.variables.start
+    (ours,), theirs = problem.fit_all(start[None], 200, 1e-10), problem.fit(start, None, 200, 1e-10, None)
+    assert ours.converged
+    assert ours.values["joint.k_y"] == pytest.approx(4e8, rel=1e-6)
+    assert ours.cost <= theirs.cost * (1 + 1e-6)
+    assert ours.values["joint.k_theta"] == pytest.approx(theirs.values["joint.k_theta"], rel=1e-4)
+
+
+def test_the_ends_do_not_depend_on_the_number_of_threads():
+    frf = simulate(make_assembly(), np.linspace(100.0, 15e3, 5001))
+    variables = Variables((*STIFFNESSES, *DASHPOTS))
+    starts = variables.draw(5, 1)
+    ends = [
+        Problem([JointResidual(frf, variables, "logarithm", None, "joint", threads)], variables).fit_all(x, 50, 1e-10)
+        for threads, x in ((1, starts), (2, starts), (1, starts[:1]), (2, starts[:1]))
+    ]
+    for one, two in (ends[:2], ends[2:]):
+        assert [run.values for run in one] == [run.values for run in two]
+
+
+def test_a_start_without_a_model_says_why():
+    frf = simulate(make_assembly())
+    unknowns = [*STIFFNESSES, Unknown(address="joint.k_ytheta", lower=-1e10, upper=1e10, start=9e9)]
+    problem = reduced_problem([frf], unknowns)
+    lost = problem.variables.start
+    (run,) = problem.fit_all(lost[None], 50, 1e-8)
+    assert run.cost == np.inf
+    assert not run.converged
+    assert "k_ytheta" in run.message

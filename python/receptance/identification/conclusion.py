@@ -42,11 +42,11 @@ def conclude(
     seed: int,
     notes: list[str],
 ) -> Identification:
-    """Return the result of the best run; `quick` has the curvature of `problem`, from fewer numbers."""
+    """Return the result of the best run; `quick` has the residuals and the curvature of `problem`, for less work."""
     variables = problem.variables
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
-    residual = problem.value(best.variables)
+    residual = quick.value(best.variables)
     inverse, correlation = covariance_of(quick.jacobian(best.variables))
     factor = 1.0 if known else variance_factor(residual, count, loss)
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)

@@ -43,8 +43,9 @@ def identify(
     """Identify parameters of assemblies from what was measured on them.
 
     One least-squares problem over all observations: an unknown is shared by every observation whose assembly has
-    its address. SciPy's trust-region reflective method runs from several starts on analytic derivatives; the best
-    end is kept.
+    its address. The fit runs from several starts on analytic derivatives, and the best end is kept: SciPy's
+    trust-region reflective method, or, where all observations are receptances of which only one joint is unknown and
+    the objective is "log", Levenberg and Marquardt's method with projected steps, all starts in one call of the core.
 
     Parameters
     ----------
@@ -141,7 +142,7 @@ def identify(
             ],
             variables,
         )
-        runs = [quick.fit(start, None, max_evaluations, tolerance, None) for start in x]
+        runs = quick.fit_all(x, max_evaluations, tolerance)
     if not np.isfinite(min(run.cost for run in runs)):
         raise ReceptanceError(f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}")
     notes = [note for observation in observed for note in getattr(observation, "notes", ())]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.identification.reduced import JointResidual
 from receptance.identification.residuals import InfeasibleError, Residual
 from receptance.identification.result import Start
 
@@ -107,6 +108,29 @@ class Problem:
             converged=bool(found.status > 0),
             message=str(found.message),
         )
+
+    def fit_all(self, starts: NDArray[np.float64], most: int, tolerance: float) -> list[Start]:
+        """Run the fits from all starts, in the core where it knows all residuals."""
+        joints = [residual for residual in self.residuals if isinstance(residual, JointResidual)]
+        if len(joints) < len(self.residuals):
+            return [self.fit(x, None, most, tolerance, None) for x in starts]
+        ends = JointResidual.fit_together(joints, self.variables, starts, most, tolerance)
+        return [
+            Start(
+                start=self._named(x),
+                values=self._named(end.x),
+                variables=end.x,
+                cost=end.cost,
+                evaluations=end.evaluations,
+                converged=end.status > 0,
+                message=self._why_not(x) if end.status < 0 else end.message,
+            )
+            for x, end in zip(starts, ends, strict=True)
+        ]
+
+    def _why_not(self, x: NDArray[np.float64]) -> str:
+        self._evaluate(x)
+        return self.reason
 
     def _minimise(self, x: NDArray[np.float64], smoothing: float | None, most: int, tolerance: float) -> Any:
         from scipy.optimize import least_squares  # slow to import

@@ -1,13 +1,15 @@
 """A receptance of which only one joint is unknown: the rest of the assembly is evaluated once.
 
-The core then returns the normal matrix of residuals and derivatives instead of both, so that a fit costs little
-more than the small algebra of the joint, and SciPy works on a handful of numbers. Same residuals, same
-derivatives: any factor of the normal matrix has the same sum of squares, gradient and curvature.
+The core then works with the normal matrix of residuals and derivatives instead of both, so that a fit costs little
+more than the small algebra of the joint. Where other observations are fitted as well, SciPy works on a factor of that
+matrix, a handful of numbers with the same sum of squares, gradient and curvature; where there are none, the core runs
+the whole fit, many starts in one call.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +26,14 @@ if TYPE_CHECKING:
 
 __all__ = ["JointResidual", "only_joint"]
 
+_ENDED = {
+    -1: "the model has no value there",
+    0: "the evaluations were used up",
+    1: "no slope is left",
+    2: "the cost changes no more",
+    3: "the variables change no more",
+}
+
 
 def only_joint(frf: MeasuredFRF, variables: Variables) -> str | None:
     """Return the name of the joint that all unknowns of the observation belong to, if there is just one."""
@@ -33,7 +43,9 @@ def only_joint(frf: MeasuredFRF, variables: Variables) -> str | None:
 
 
 class JointResidual:
-    """The complex log residual of a receptance, compressed to as many numbers as there are unknowns, and one.
+    """The complex log residual of a receptance of which one joint is unknown.
+
+    For a fit it is compressed to as many numbers as there are unknowns, and one.
 
     Parameters
     ----------
@@ -76,8 +88,8 @@ class JointResidual:
             excitation=frf.excitation,
             threads=threads,
         )
-        self._log_measured = np.log(frf.receptance[select])
-        self._weights = np.ones(self._log_measured.size)
+        self._measured = np.ascontiguousarray(frf.receptance[select])
+        self._weights = np.ones(self._measured.size)
         if unit == "standard deviations" and frf.standard_deviation is not None:
             self._weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
 
@@ -107,14 +119,11 @@ class JointResidual:
 
     def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
         """Return compressed residuals and their derivatives; see `residuals.Residual`."""
-        joint = self._reference.copy()
-        joint[self._fields.astype(int)] = values[self._columns]
-        columns: dict[str, Any] = dict(zip(PointJoint.columns_of, joint.tolist(), strict=True))
+        joint = self._joint(values)
         try:
-            PointJoint(**columns)  # says what is indefinite or holds nothing
             normal = _core.joint_normal_matrix(
                 self._planes,
-                self._log_measured,
+                self._measured,
                 self._weights,
                 self._reference,
                 joint,
@@ -130,8 +139,62 @@ class JointResidual:
         return factor[:, -1].copy(), jacobian
 
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return compressed residuals alone; see `residuals.Residual`."""
-        return self.evaluate(values, np.zeros(values.size))[0]
+        """Return the residuals of all lines, not compressed, as `residuals.FRFResidual` does."""
+        joint = self._joint(values)
+        found = _core.joint_residual(self._planes, self._measured, self._weights, self._reference, joint, self._threads)
+        return found.reshape(-1)
+
+    def _joint(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        joint = self._reference.copy()
+        joint[self._fields.astype(int)] = values[self._columns]
+        columns: dict[str, Any] = dict(zip(PointJoint.columns_of, joint.tolist(), strict=True))
+        try:
+            PointJoint(**columns)  # says what is indefinite or holds nothing
+        except ValueError as error:
+            raise InfeasibleError(str(error)) from None
+        return joint
+
+    @staticmethod
+    def fit_together(
+        residuals: Sequence[JointResidual],
+        variables: Variables,
+        starts: NDArray[np.float64],
+        most: int,
+        tolerance: float,
+    ) -> list[Ending]:
+        """Fit the joint from every start, in the core; the least sum of squares within the bounds."""
+        numbers = np.full((len(residuals), len(PointJoint.columns_of)), -1.0)
+        for row, one in zip(numbers, residuals, strict=True):
+            row[one._fields.astype(int)] = one._columns
+        found = _core.fit_joint(
+            [one._planes for one in residuals],
+            [one._measured for one in residuals],
+            [one._weights for one in residuals],
+            np.array([one._reference for one in residuals]),
+            np.array([one._reference for one in residuals]),
+            numbers,
+            variables.logarithmic,
+            np.ascontiguousarray(variables.limits),
+            np.ascontiguousarray(starts),
+            tolerance,
+            most,
+            residuals[0]._threads,
+        )
+        return [Ending(x, float(cost), int(n), int(status)) for x, cost, n, status in zip(*found, strict=True)]
+
+
+class Ending(NamedTuple):
+    """Where a fit in the core ended: the variables, half the sum of squares, evaluations, SciPy's status."""
+
+    x: NDArray[np.float64]
+    cost: float
+    evaluations: int
+    status: int
+
+    @property
+    def message(self) -> str:
+        """Why it ended, in words."""
+        return _ENDED[self.status]
 
 
 def _factor(normal: NDArray[np.float64]) -> NDArray[np.float64]:

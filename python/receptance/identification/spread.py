@@ -38,12 +38,12 @@ def variance_factor(residual: NDArray[np.float64], unknowns: int, smoothing: flo
     if n <= unknowns:
         return float("inf")
     if smoothing is None:
-        return float(residual @ residual) / (n - unknowns)
+        return float(np.sum(np.square(residual))) / (n - unknowns)
     robust = float(np.median(np.abs(residual))) / 0.6745
     width = float(np.hypot(smoothing, robust * n**-0.2))
     psi = residual / np.sqrt(1.0 + (residual / smoothing) ** 2)
     slope = smoothing / width * float(np.mean((1.0 + (residual / width) ** 2) ** -1.5))
-    return float(psi @ psi) / (n - unknowns) / slope**2
+    return float(np.sum(np.square(psi))) / (n - unknowns) / slope**2
 
 
 def covariance_of(jacobian: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,180 +1,141 @@
-//! Fits in which only one joint changes: everything else is evaluated once.
+//! The complex log residual of a receptance that is reduced to one joint, and its normal matrix.
 //!
-//! With the assembly known at a reference stiffness K_0, let H_0 be the observed receptance, F_e and F_r the
-//! force in the joint under unit loads at the excited and at the measured coordinate, and Y the force per gap
-//! imposed in the joint. Another stiffness adds the compliance D = K^-1 - K_0^-1, so that
-//!     H = H_0 + F_r^T D (1 + Y D)^-1 F_e,
-//! an exact low-rank update. Starting from the assembled structure it loses nothing where the parts alone
-//! have huge rigid-body receptances that cancel in a plain coupling.
+//! See `reduction` for how the receptance follows from the joint's stiffness.
 
 use crate::error::{Error, Result};
 use crate::gradient::spring_derivative;
 use crate::lane::{C, MAX_LANES, R};
-use crate::model::{Model, Motion, Spring};
-use crate::request::{Coordinate, Request};
-use crate::response::{LINES_PER_TASK, receptance};
+use crate::model::Spring;
+use crate::reduction::REDUCTION_PLANES;
+use crate::response::LINES_PER_TASK;
 use crate::small::{self, Mat};
 use crate::threads::on_threads;
+use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Real planes of a reduction: w, H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each.
-pub const REDUCTION_PLANES: usize = 18;
-
 /// Most columns of a spring.
-const SPRING_COLUMNS: usize = 7;
+pub(crate) const SPRING_COLUMNS: usize = 7;
 
 /// Entries of the upper triangle over the columns and the residual.
 const TRIANGLE: usize = (SPRING_COLUMNS + 1) * (SPRING_COLUMNS + 2) / 2;
 
-/// What is fitted, and at which stiffness of the joint it is to be evaluated.
-pub struct Fitted<'a> {
-    /// The seven columns of the reference joint.
-    pub reference: [f64; SPRING_COLUMNS],
-    /// The seven columns of the joint now.
-    pub joint: [f64; SPRING_COLUMNS],
-    /// Columns to differentiate by, and the derivative of each by the fitted variable.
-    pub columns: &'a [(usize, f64)],
+/// A measured receptance beside the model reduced to one joint.
+#[derive(Copy, Clone)]
+pub struct Reduced<'a> {
+    /// The planes of `reduce_joint`, one after the other.
+    planes: &'a [f64],
+    measured: &'a [Complex64],
+    weights: &'a [f64],
+    /// The seven columns of the joint at which the model was reduced.
+    reference: [f64; SPRING_COLUMNS],
 }
 
-/// Reduces a model to one joint; the planes one after the other, each as long as `w`.
-///
-/// # Errors
-/// As `receptance`, and where the model is not in bending or has no such joint.
-pub fn reduce_joint(
-    model: &Model,
-    joint: usize,
-    w: &[Complex64],
-    response: Coordinate,
-    excitation: Coordinate,
-    threads: usize,
-) -> Result<Vec<f64>> {
-    if model.motion != Motion::Bending || joint >= model.joints.len() {
-        let expected = format!("a joint below {} of a model in bending", model.joints.len());
-        return Err(Error::Index { what: "joint", index: 0, value: joint as f64, expected });
-    }
-    let (nodes, spring) = model.joints[joint];
-    let request = Request {
-        excitations: vec![excitation, response],
-        responses: vec![response],
-        parameters: Vec::new(),
-        joint: Some(joint),
-    };
-    let whole = receptance(model, w, &request, threads)?;
-    let first = face(model, joint, nodes[0], w, threads)?;
-    let second = face(model, joint, nodes[1], w, threads)?;
-    let mut planes = vec![0.0; REDUCTION_PLANES * w.len()];
-    for (line, &w_line) in w.iter().enumerate() {
-        let stiffness = complex_stiffness(&spring, w_line);
-        let at = |side: &[Complex64]| [side[4 * line], side[4 * line + 1], side[4 * line + 3]];
-        let y = inverse(add(inverse(stiffness), add(at(&first), at(&second))));
-        let force = &whole.force[4 * line..4 * line + 4];
-        let mut values = [Complex64::ZERO; REDUCTION_PLANES / 2];
-        values[0] = w_line;
-        values[1] = whole.receptance[2 * line];
-        values[2..4].copy_from_slice(&force[2..]);
-        values[4..6].copy_from_slice(&force[..2]);
-        values[6..9].copy_from_slice(&y);
-        for (plane, value) in values.into_iter().enumerate() {
-            planes[2 * plane * w.len() + line] = value.re;
-            planes[(2 * plane + 1) * w.len() + line] = value.im;
-        }
-    }
-    Ok(planes)
-}
-
-/// Receptance of one side at its face of the joint, (n, 2, 2).
-fn face(model: &Model, joint: usize, node: usize, w: &[Complex64], threads: usize) -> Result<Vec<Complex64>> {
-    let (side, number) = model.side(joint, node);
-    let node = number[node].unwrap_or(0);
-    let points = vec![Coordinate { node, direction: 0 }, Coordinate { node, direction: 1 }];
-    let request = Request { excitations: points.clone(), responses: points, ..Request::default() };
-    Ok(receptance(&side, w, &request, threads)?.receptance)
-}
-
-fn complex_stiffness(spring: &Spring, w: Complex64) -> [Complex64; 3] {
-    let entry = |i: usize| {
-        Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + Complex64::I * w * spring.c[i]
-    };
-    [entry(0), entry(2), entry(1)]
-}
-
-fn add(a: [Complex64; 3], b: [Complex64; 3]) -> [Complex64; 3] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-fn inverse(a: [Complex64; 3]) -> [Complex64; 3] {
-    let inverse = (a[0] * a[2] - a[1] * a[1]).inv();
-    [a[2] * inverse, -a[1] * inverse, a[0] * inverse]
-}
-
-/// Normal matrix of the weighted complex log residual log(measured/H) and its derivatives.
-///
-/// Over the columns and, last, the residual: A^T A with A = [J | r], rows the real and imaginary parts of all
-/// lines times `weights`. Returned as a full symmetric matrix, row by row.
-///
-/// # Errors
-/// Planes, logarithms and weights of different lengths, or a column that a spring does not have.
-pub fn joint_normal_matrix(
-    planes: &[f64],
-    log_measured: &[Complex64],
-    weights: &[f64],
-    fitted: &Fitted,
-    threads: usize,
-) -> Result<Vec<f64>> {
-    let lines = log_measured.len();
-    for (index, length) in [planes.len() / REDUCTION_PLANES, weights.len()].into_iter().enumerate() {
-        if length != lines || !planes.len().is_multiple_of(REDUCTION_PLANES) {
-            let expected = format!("{lines} lines");
-            return Err(Error::Index { what: "reduction array", index, value: length as f64, expected });
-        }
-    }
-    for (index, column) in fitted.columns.iter().enumerate() {
-        if column.0 >= SPRING_COLUMNS || index >= SPRING_COLUMNS {
-            let expected = format!("at most {SPRING_COLUMNS} columns below {SPRING_COLUMNS}");
-            return Err(Error::Index { what: "joint column", index, value: column.0 as f64, expected });
-        }
-    }
-    let tasks = (0..lines.div_ceil(LINES_PER_TASK)).collect();
-    let arch = Arch::new();
-    let sums: Vec<[f64; TRIANGLE]> = on_threads(threads, tasks, |task| {
-        let range = task * LINES_PER_TASK..lines.min((task + 1) * LINES_PER_TASK);
-        arch.dispatch(Normal { planes, log_measured, weights, fitted, range })
-    })?;
-    let size = fitted.columns.len() + 1;
-    let mut matrix = vec![0.0; size * size];
-    // Summed in the order of the lines, whichever thread was first.
-    for sum in sums {
-        let mut entry = 0;
-        for i in 0..size {
-            for j in i..size {
-                matrix[i * size + j] += sum[entry];
-                entry += 1;
+impl<'a> Reduced<'a> {
+    /// Planes, measured receptance and a weight for each line.
+    ///
+    /// # Errors
+    /// Arrays of different lengths.
+    pub fn new(
+        planes: &'a [f64],
+        measured: &'a [Complex64],
+        weights: &'a [f64],
+        reference: [f64; SPRING_COLUMNS],
+    ) -> Result<Self> {
+        let lines = measured.len();
+        for (index, length) in [planes.len() / REDUCTION_PLANES, weights.len()].into_iter().enumerate() {
+            if length != lines || !planes.len().is_multiple_of(REDUCTION_PLANES) {
+                let expected = format!("{lines} lines");
+                return Err(Error::Index { what: "reduction array", index, value: length as f64, expected });
             }
         }
+        Ok(Self { planes, measured, weights, reference })
     }
-    for i in 0..size {
-        for j in 0..i {
-            matrix[i * size + j] = matrix[j * size + i];
+
+    /// Planes, measured receptance and weights.
+    pub(crate) fn parts(&self) -> (&'a [f64], &'a [Complex64], &'a [f64]) {
+        (self.planes, self.measured, self.weights)
+    }
+
+    /// Other lines of the same receptance.
+    pub(crate) fn of<'b>(
+        &self,
+        planes: &'b [f64],
+        measured: &'b [Complex64],
+        weights: &'b [f64],
+    ) -> Reduced<'b> {
+        Reduced { planes, measured, weights, reference: self.reference }
+    }
+
+    /// Number of lines.
+    pub fn lines(&self) -> usize {
+        self.measured.len()
+    }
+
+    /// Normal matrix of the weighted complex log residual log(measured/H) and its derivatives.
+    ///
+    /// Over the columns (each with the derivative of it by the fitted variable) and, last, the residual:
+    /// A^T A with A = [J | r], rows the real and imaginary parts of all lines times `weights`. Returned as a
+    /// full symmetric matrix, row by row.
+    ///
+    /// # Errors
+    /// A column that a spring does not have.
+    pub fn normal_matrix(
+        &self,
+        joint: &[f64; SPRING_COLUMNS],
+        columns: &[(usize, f64)],
+        threads: usize,
+    ) -> Result<Vec<f64>> {
+        for (index, column) in columns.iter().enumerate() {
+            if column.0 >= SPRING_COLUMNS || index >= SPRING_COLUMNS {
+                let expected = format!("at most {SPRING_COLUMNS} columns below {SPRING_COLUMNS}");
+                return Err(Error::Index { what: "joint column", index, value: column.0 as f64, expected });
+            }
         }
+        let arch = Arch::new();
+        let sums: Vec<[f64; TRIANGLE]> = on_threads(threads, tasks(self.lines()), |range| {
+            arch.dispatch(Normal { reduced: *self, joint, columns, range })
+        })?;
+        let size = columns.len() + 1;
+        let mut matrix = vec![0.0; size * size];
+        // Summed in the order of the lines, whichever thread was first.
+        for sum in sums {
+            let mut entry = 0;
+            for i in 0..size {
+                for j in i..size {
+                    matrix[i * size + j] += sum[entry];
+                    entry += 1;
+                }
+            }
+        }
+        for i in 0..size {
+            for j in 0..i {
+                matrix[i * size + j] = matrix[j * size + i];
+            }
+        }
+        Ok(matrix)
     }
-    Ok(matrix)
-}
 
-/// The lines of one task.
-struct Normal<'a> {
-    planes: &'a [f64],
-    log_measured: &'a [Complex64],
-    weights: &'a [f64],
-    fitted: &'a Fitted<'a>,
-    range: core::ops::Range<usize>,
-}
+    /// The weighted residual: the real parts of all lines, then the imaginary parts.
+    ///
+    /// # Errors
+    /// The threads could not be started.
+    pub fn residual(&self, joint: &[f64; SPRING_COLUMNS], threads: usize) -> Result<Vec<f64>> {
+        let mut out = vec![0.0; 2 * self.lines()];
+        let (re, im) = out.split_at_mut(self.lines());
+        let parts = re.chunks_mut(LINES_PER_TASK).zip(im.chunks_mut(LINES_PER_TASK));
+        let tasks = tasks(self.lines()).into_iter().zip(parts).collect();
+        let arch = Arch::new();
+        on_threads(threads, tasks, |(range, (re, im))| {
+            arch.dispatch(Logarithms { reduced: *self, joint, range, re, im });
+        })?;
+        Ok(out)
+    }
 
-impl Normal<'_> {
     /// The complex numbers of a pair of planes.
     #[inline(always)]
-    fn load<S: Simd>(&self, simd: S, pair: usize, lines: core::ops::Range<usize>) -> C<S> {
-        let n = self.log_measured.len();
+    fn load<S: Simd>(&self, simd: S, pair: usize, lines: Range<usize>) -> C<S> {
+        let n = self.lines();
         let (re, im) = (2 * pair * n, (2 * pair + 1) * n);
         let re = &self.planes[re + lines.start..re + lines.end];
         let im = &self.planes[im + lines.start..im + lines.end];
@@ -182,31 +143,40 @@ impl Normal<'_> {
     }
 }
 
+/// The lines of each task.
+fn tasks(lines: usize) -> Vec<Range<usize>> {
+    let count = lines.div_ceil(LINES_PER_TASK);
+    (0..count).map(|task| task * LINES_PER_TASK..lines.min((task + 1) * LINES_PER_TASK)).collect()
+}
+
+/// The normal matrix of the lines of one task.
+struct Normal<'a> {
+    reduced: Reduced<'a>,
+    joint: &'a [f64; SPRING_COLUMNS],
+    columns: &'a [(usize, f64)],
+    range: Range<usize>,
+}
+
 impl WithSimd for Normal<'_> {
     type Output = [f64; TRIANGLE];
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> [f64; TRIANGLE] {
-        let (joint, reference) = (Spring::new(&self.fitted.joint), Spring::new(&self.fitted.reference));
-        let size = self.fitted.columns.len() + 1;
+        let joint = Spring::new(self.joint);
+        let size = self.columns.len() + 1;
         let mut sums = [simd.splat_f64s(0.0); TRIANGLE];
         let mut start = self.range.start;
         while start < self.range.end {
             let end = self.range.end.min(start + S::F64_LANES);
-            let missing = end - start < S::F64_LANES;
             let lines = start..end;
             let mut rows = [C::zero(simd); SPRING_COLUMNS + 1];
-            let (h, left, right, iw) = self.update(simd, &joint, &reference, lines.clone());
-            // Lanes without a line would take the logarithm of zero.
-            let h = if missing { fill(h, end - start) } else { h };
-            let weight = simd.partial_load_f64s(&self.weights[lines.clone()]);
-            let inverse = h.recip();
-            for (row, (column, slope)) in rows.iter_mut().zip(self.fitted.columns) {
+            let (inverse, left, right, iw) = self.reduced.update(simd, &joint, lines.clone());
+            let weight = simd.partial_load_f64s(&self.reduced.weights[lines.clone()]);
+            for (row, (column, slope)) in rows.iter_mut().zip(self.columns) {
                 let change = spring_derivative(&joint, *column, iw, &left, &right);
                 *row = (change * inverse).scale(-slope);
             }
-            let measured = C::load(simd, &self.log_measured[lines]);
-            rows[size - 1] = wrapped(measured - h.ln());
+            rows[size - 1] = (C::load(simd, &self.reduced.measured[lines]) * inverse).ln();
             for row in &mut rows[..size] {
                 row.re = simd.mul_f64s(row.re, weight);
                 row.im = simd.mul_f64s(row.im, weight);
@@ -231,16 +201,50 @@ impl WithSimd for Normal<'_> {
     }
 }
 
-impl Normal<'_> {
-    /// H and the joint's relative motions under both loads, and i w.
+/// The residuals of the lines of one task.
+struct Logarithms<'a> {
+    reduced: Reduced<'a>,
+    joint: &'a [f64; SPRING_COLUMNS],
+    range: Range<usize>,
+    re: &'a mut [f64],
+    im: &'a mut [f64],
+}
+
+impl WithSimd for Logarithms<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let joint = Spring::new(self.joint);
+        let first = self.range.start;
+        let mut start = first;
+        while start < self.range.end {
+            let end = self.range.end.min(start + S::F64_LANES);
+            let (inverse, ..) = self.reduced.update(simd, &joint, start..end);
+            let weight = simd.partial_load_f64s(&self.reduced.weights[start..end]);
+            let found = (C::load(simd, &self.reduced.measured[start..end]) * inverse).ln();
+            simd.partial_store_f64s(
+                &mut self.re[start - first..end - first],
+                simd.mul_f64s(found.re, weight),
+            );
+            simd.partial_store_f64s(
+                &mut self.im[start - first..end - first],
+                simd.mul_f64s(found.im, weight),
+            );
+            start = end;
+        }
+    }
+}
+
+impl Reduced<'_> {
+    /// 1/H and the joint's relative motions under both loads, and i w.
     #[inline(always)]
     #[allow(clippy::type_complexity)]
     fn update<S: Simd>(
         &self,
         simd: S,
         joint: &Spring,
-        reference: &Spring,
-        lines: core::ops::Range<usize>,
+        lines: Range<usize>,
     ) -> (C<S>, [C<S>; 2], [C<S>; 2], C<S>) {
         let mut values = [C::zero(simd); REDUCTION_PLANES / 2];
         for (pair, value) in values.iter_mut().enumerate() {
@@ -250,7 +254,7 @@ impl Normal<'_> {
         let w = if short { fill(values[0], lines.end - lines.start) } else { values[0] };
         let iw = w.times_i();
         let compliance: Mat<S, 2> = small::inverse(&joint.stiffness(simd, iw));
-        let before: Mat<S, 2> = small::inverse(&reference.stiffness(simd, iw));
+        let before: Mat<S, 2> = small::inverse(&Spring::new(&self.reference).stiffness(simd, iw));
         let mut more = compliance;
         for i in 0..2 {
             for j in 0..2 {
@@ -264,7 +268,9 @@ impl Normal<'_> {
         let (force_left, force_right) = (small::apply(&share, &left), small::apply(&share, &right));
         let gap = small::apply(&more, &force_right);
         let h = left[1].mul_add(gap[1], left[0].mul_add(gap[0], values[1]));
-        (h, small::apply(&compliance, &force_left), small::apply(&compliance, &force_right), iw)
+        // Lanes without a line would divide by zero.
+        let h = if short { fill(h, lines.end - lines.start) } else { h };
+        (h.recip(), small::apply(&compliance, &force_left), small::apply(&compliance, &force_right), iw)
     }
 }
 
@@ -277,16 +283,4 @@ fn fill<S: Simd>(value: C<S>, count: usize) -> C<S> {
         *lane = Complex64::ONE;
     }
     C::load(value.simd, &lanes[..S::F64_LANES])
-}
-
-/// A difference of two principal logarithms brought back to the principal branch.
-#[inline(always)]
-fn wrapped<S: Simd>(value: C<S>) -> C<S> {
-    let s = value.simd;
-    let (pi, turn) = (s.splat_f64s(core::f64::consts::PI), s.splat_f64s(core::f64::consts::TAU));
-    let above = s.greater_than_f64s(value.im, pi);
-    let below = s.less_than_f64s(value.im, s.neg_f64s(pi));
-    let im = s.select_f64s(above, s.sub_f64s(value.im, turn), value.im);
-    let im = s.select_f64s(below, s.add_f64s(value.im, turn), im);
-    C { simd: s, re: value.re, im }
 }

@@ -132,25 +132,37 @@ impl<const D: usize> Segment<D> {
         out
     }
 
-    /// Exact wave numbers (lambda_1 the one that vanishes at the cut-off) of one line.
-    fn roots(&self, w: Complex64) -> [Complex64; D] {
+    /// Exact wave numbers (lambda_1 the one that vanishes at the cut-off) of one line, and the curvature
+    /// lambda^2 + alpha mu that each wave has for a unit displacement.
+    fn roots(&self, w: Complex64) -> ([Complex64; D], [Complex64; D]) {
         let mut out = [Complex64::ZERO; D];
+        let mut curvature = out;
         let w2 = w * w;
         let a = self.per_length.compliance[0] * self.per_length.kinetic[0] * w2;
         if D == 1 {
             out[0] = (-a).sqrt();
-            return out;
+            return (out, curvature);
         }
         let b = self.per_length.compliance[1] * self.per_length.kinetic[1] * w2;
         let bending = self.per_length.compliance[1] * self.per_length.kinetic[0] * w2;
         let half = 0.5 * (a - b);
-        let q = (half * half + bending).sqrt() + 0.5 * (a + b);
+        let root = (half * half + bending).sqrt();
+        let q = root + 0.5 * (a + b);
         // p q = bending - a b, factored so that p keeps its digits up to the cut-off.
         let shear = self.per_length.compliance[0] * self.per_length.kinetic[1] * w2;
         let p = bending * (1.0 - shear) / q;
         out[0] = p.sqrt();
         out[1] = (-q).sqrt();
-        out
+        // The two curvatures are half +- root and their product is -bending: far above the cut-off one of them
+        // is a small difference, which the other gives without subtracting.
+        let (sum, difference) = (half + root, half - root);
+        let mut found = [sum, -bending / sum];
+        if sum.norm_sqr() < difference.norm_sqr() {
+            found = [-bending / difference, difference];
+        }
+        curvature[0] = found[0];
+        curvature[1] = found[1];
+        (out, curvature)
     }
 
     /// Chooses the kernel for the lines `w`, the largest |w|^2 of which is `most`, and the weights for its
@@ -170,7 +182,7 @@ impl<const D: usize> Segment<D> {
     /// Whether the waves are well separated and long enough on every line.
     fn waves_serve(&self, w: &[Complex64]) -> bool {
         w.iter().all(|&w| {
-            let roots = self.roots(w).map(|root| root.norm());
+            let roots = self.roots(w).0.map(|root| root.norm());
             let (least, most) = (roots[0].min(roots[D - 1]), roots[0].max(roots[D - 1]));
             least >= LEAST_RATIO * most && least * self.length >= LEAST_PHASE
         })
@@ -257,12 +269,14 @@ impl<const D: usize> Segment<D> {
     #[inline(always)]
     fn waves<S: Simd>(&self, simd: S, w: &[Complex64], w2: C<S>) -> Wave<S, D> {
         let mut roots = [[Complex64::ZERO; MAX_LANES]; D];
-        let mut decays = [[Complex64::ZERO; MAX_LANES]; D];
+        let mut decays = roots;
+        let mut curvatures = roots;
         for lane in 0..S::F64_LANES {
             let line = w[lane.min(w.len() - 1)];
-            let values = self.roots(line);
+            let (values, bent) = self.roots(line);
             for j in 0..D {
                 roots[j][lane] = values[j];
+                curvatures[j][lane] = bent[j];
                 decays[j][lane] = (-values[j] * self.length).exp();
             }
         }
@@ -280,7 +294,7 @@ impl<const D: usize> Segment<D> {
             }
             let mu = w2.scale(self.per_length.kinetic[0]);
             let inverse = lambda.recip();
-            let curvature = lambda.mul_add(lambda, compliance[0] * mu);
+            let curvature = C::load(simd, &curvatures[j][..S::F64_LANES]);
             out.u[1][j] = -(curvature * inverse);
             out.f[0][j] = -(mu * inverse);
             out.f[1][j] = -(curvature * compliance[1].recip());

@@ -59,7 +59,7 @@ impl Spring {
         Self { k: three(0), c: three(3), loss_factor: columns[6] }
     }
 
-    fn check(&self, element: &'static str, row: usize) -> Result<()> {
+    pub(crate) fn check(&self, element: &'static str, row: usize) -> Result<()> {
         const NAMES: [&str; 7] = ["k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor"];
         let fail = |index: usize, value: f64, expected| {
             Err(Error::Quantity { element, row, quantity: NAMES[index], value, expected })

@@ -28,7 +28,7 @@ struct Load {
 }
 
 /// Everything that the lines share.
-struct Job<'a, const D: usize> {
+pub(crate) struct Job<'a, const D: usize> {
     prepared: Prepared<D>,
     plans: Vec<(usize, Vec<Step>)>,
     loads: Vec<Load>,
@@ -67,7 +67,8 @@ pub fn instruction_set() -> String {
 }
 
 impl<'a, const D: usize> Job<'a, D> {
-    fn new(model: &Model, request: &'a Request, w: &[Complex64], whole_branches: bool) -> Self {
+    /// Prepares what the lines `w` share; `whole_branches` where branches may be taken as one series.
+    pub(crate) fn new(model: &Model, request: &'a Request, w: &[Complex64], whole_branches: bool) -> Self {
         let mut job = Self {
             prepared: Prepared::new(model),
             plans: Vec::new(),
@@ -149,10 +150,8 @@ impl<'a, const D: usize> Job<'a, D> {
     }
 
     fn run(&self, w: &[Complex64], threads: usize) -> Result<Response> {
-        let pairs = self.request.responses.len() * self.request.excitations.len();
-        let wide = pairs * self.gradients.len();
+        let [pairs, wide, forces] = self.a_line();
         let mut receptance = vec![Complex64::ZERO; w.len() * pairs];
-        let forces = if self.request.joint.is_some() { self.excited.len() * D } else { 0 };
         let mut derivative = vec![Complex64::ZERO; w.len() * wide];
         let mut force = vec![Complex64::ZERO; w.len() * forces];
         let arch = Arch::new();
@@ -162,16 +161,36 @@ impl<'a, const D: usize> Job<'a, D> {
             .zip(chunks(&mut derivative, wide, w.len()))
             .zip(chunks(&mut force, forces, w.len()))
             .collect();
-        let broken = on_threads(threads, tasks, |(((w, h), dh), force)| {
-            arch.dispatch(Lines { job: self, w, h: &mut *h, dh: &mut *dh, force: &mut *force });
-            first_broken([(h, pairs), (dh, wide), (force, forces)])
-        })?;
+        let broken = on_threads(threads, tasks, |(((w, h), dh), force)| self.lines(&arch, w, h, dh, force))?;
         for (task, broken) in broken.into_iter().enumerate() {
             if let Some(line) = broken.map(|line| task * LINES_PER_TASK + line) {
                 return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
             }
         }
         Ok(Response { receptance, derivative, force })
+    }
+}
+
+impl<const D: usize> Job<'_, D> {
+    /// Numbers a line: receptances, derivatives, forces in the joint.
+    fn a_line(&self) -> [usize; 3] {
+        let pairs = self.request.responses.len() * self.request.excitations.len();
+        let forces = if self.request.joint.is_some() { self.excited.len() * D } else { 0 };
+        [pairs, pairs * self.gradients.len(), forces]
+    }
+
+    /// Evaluates the lines of one task; the first line that has no finite value, if there is one.
+    pub(crate) fn lines(
+        &self,
+        arch: &Arch,
+        w: &[Complex64],
+        h: &mut [Complex64],
+        dh: &mut [Complex64],
+        force: &mut [Complex64],
+    ) -> Option<usize> {
+        arch.dispatch(Lines { job: self, w, h: &mut *h, dh: &mut *dh, force: &mut *force });
+        let [pairs, wide, forces] = self.a_line();
+        first_broken([(h, pairs), (dh, wide), (force, forces)])
     }
 }
 

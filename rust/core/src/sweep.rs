@@ -10,6 +10,9 @@ use crate::plane::Plane;
 use crate::small::{self, Mat};
 use pulp::Simd;
 
+/// Weights that differ by more than this factor want charts of their own.
+const MOST_WEIGHTS_APART: f64 = 100.0;
+
 /// The plane after a step, and the way back: the independent variables before it from those after it.
 #[derive(Copy, Clone)]
 pub struct Record<S: Simd, const D: usize> {
@@ -123,15 +126,19 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 }
                 Step::Point { node } => {
                     if let Some(points) = &self.points[node] {
-                        let (mut plane, mut back) =
-                            add_diagonal(&plane, &points.impedance, Kind::Impedance, &weights);
-                        if let Some(coupling) = points.coupling {
-                            let (next, step) = plane.coupled(coupling, &weights);
+                        // What is diagonal elsewhere first: the load of a heavy mass, moved there and back, would
+                        // take the digits of the small loads behind the node.
+                        let (mut plane, mut back) = (plane, small::identity(simd));
+                        for centre in &points.beyond {
+                            let (next, step) = add_beyond(&plane, centre, Kind::Impedance, &weights);
                             plane = next;
                             back = small::mul(&back, &step);
                         }
-                        for centre in &points.beyond {
-                            let (next, step) = add_beyond(&plane, centre, Kind::Impedance, &weights);
+                        let (next, step) = add_diagonal(&plane, &points.impedance, Kind::Impedance, &weights);
+                        plane = next;
+                        back = small::mul(&back, &step);
+                        if let Some(coupling) = points.coupling {
+                            let (next, step) = plane.coupled(coupling, &weights);
                             plane = next;
                             back = small::mul(&back, &step);
                         }
@@ -169,12 +176,23 @@ impl<S: Simd, const D: usize> Block<S, D> {
             Kernel::Pieces { count, transfer } => {
                 let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
                 let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
+                // As for the waves below: what lies behind a far lighter segment is in a chart of its own scale.
+                let before = records.last().map(|record| record.weights).unwrap_or(*weights);
+                let mut rechart = None;
+                if far_apart(&before, weights) {
+                    let (start, step) = plane.weighted(weights);
+                    plane = start;
+                    rechart = Some(step);
+                }
                 for _ in 0..*count {
                     let (u, f) = plane.basis();
                     let near_u = small::mul_add(&uf, &f, &small::mul(&uu, &u));
                     let near_f = small::mul_add(&ff, &f, &small::mul(&fu, &u));
                     observer.passed(&u, &near_u, &uf);
-                    let (next, back) = Plane::pivot(&near_u, &near_f, weights);
+                    let (next, mut back) = Plane::pivot(&near_u, &near_f, weights);
+                    if let Some(step) = rechart.take() {
+                        back = small::mul(&step, &back);
+                    }
                     records.push(Record { plane: next, back, other: back, weights: *weights });
                     plane = next;
                 }
@@ -287,6 +305,17 @@ impl<S: Simd, const D: usize> Block<S, D> {
             }
         }
     }
+}
+
+/// Whether charts that suit the one weights may cost digits under the others.
+#[inline(always)]
+fn far_apart<const D: usize>(before: &[f64; D], after: &[f64; D]) -> bool {
+    let mut far = false;
+    for i in 0..D {
+        let ratio = before[i] / after[i];
+        far |= !(1.0 / MOST_WEIGHTS_APART..=MOST_WEIGHTS_APART).contains(&ratio);
+    }
+    far
 }
 
 /// The state at a cut, its internal forces oriented along x.

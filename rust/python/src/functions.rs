@@ -1,6 +1,6 @@
 //! The functions of the extension.
 
-use crate::arrays::{c_contiguous, contiguous, coordinates, indices, model, parameters};
+use crate::arrays::{contiguous, coordinates, model, parameters};
 use crate::errors::CoreError;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
@@ -9,7 +9,8 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use receptance_core::{Request, receptance as core_receptance};
 
-fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
+/// An internal error instead of a panic where a shape does not fit.
+pub(crate) fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
     result.map_err(|error| PyRuntimeError::new_err(format!("internal error: {error}")))
 }
 
@@ -109,46 +110,4 @@ pub fn reduce_joint<'py>(
         .map_err(CoreError::from)?;
     let shape = (receptance_core::REDUCTION_PLANES, w.len());
     Ok(shaped(Array2::from_shape_vec(shape, planes))?.into_pyarray(py))
-}
-
-/// A^T A with A = [J | r] for the weighted complex log residual of a reduced model, (n + 1, n + 1).
-#[pyfunction]
-#[pyo3(signature = (planes, log_measured, weights, reference, joint, columns, slopes, threads))]
-#[allow(clippy::too_many_arguments)]
-pub fn joint_normal_matrix<'py>(
-    py: Python<'py>,
-    planes: PyReadonlyArray2<'py, f64>,
-    log_measured: PyReadonlyArray1<'py, Complex64>,
-    weights: PyReadonlyArray1<'py, f64>,
-    reference: PyReadonlyArray1<'py, f64>,
-    joint: PyReadonlyArray1<'py, f64>,
-    columns: PyReadonlyArray1<'py, f64>,
-    slopes: PyReadonlyArray1<'py, f64>,
-    threads: usize,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let spring = |name: &str, array: &PyReadonlyArray1<'py, f64>| {
-        let values = contiguous(name, array.as_slice())?;
-        <[f64; 7]>::try_from(values)
-            .map_err(|_| PyValueError::new_err(format!("{name}: {} values, expected 7", values.len())))
-    };
-    let columns = indices("columns", &columns)?;
-    let slopes = contiguous("slopes", slopes.as_slice())?;
-    if slopes.len() != columns.len() {
-        let message = format!("slopes: {} values, expected {}", slopes.len(), columns.len());
-        return Err(PyValueError::new_err(message));
-    }
-    let columns: Vec<(usize, f64)> = columns.into_iter().zip(slopes.iter().copied()).collect();
-    let fitted = receptance_core::Fitted {
-        reference: spring("reference", &reference)?,
-        joint: spring("joint", &joint)?,
-        columns: &columns,
-    };
-    let planes = c_contiguous("planes", &planes)?;
-    let measured = contiguous("log_measured", log_measured.as_slice())?;
-    let weights = contiguous("weights", weights.as_slice())?;
-    let matrix = py
-        .detach(|| receptance_core::joint_normal_matrix(planes, measured, weights, &fitted, threads))
-        .map_err(CoreError::from)?;
-    let size = columns.len() + 1;
-    Ok(shaped(Array2::from_shape_vec((size, size), matrix))?.into_pyarray(py))
 }

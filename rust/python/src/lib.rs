@@ -2,6 +2,7 @@
 
 mod arrays;
 mod errors;
+mod fits;
 mod functions;
 
 use pyo3::prelude::*;
@@ -12,7 +13,7 @@ mod _core {
     #[pymodule_export]
     use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
-    use super::functions::{
-        instruction_set, joint_normal_matrix, natural_frequencies, receptance, reduce_joint,
-    };
+    use super::fits::{fit_joint, joint_normal_matrix, joint_residual};
+    #[pymodule_export]
+    use super::functions::{instruction_set, natural_frequencies, receptance, reduce_joint};
 }

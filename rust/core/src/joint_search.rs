@@ -1,0 +1,170 @@
+//! Fits of one joint to reduced receptances, from many starts, whole in the core.
+
+use crate::error::{Error, Result};
+use crate::joint_fit::{Reduced, SPRING_COLUMNS};
+use crate::least_squares::{End, Stop, minimise};
+use crate::model::Spring;
+use crate::threads::on_threads;
+use num_complex::Complex64;
+
+/// Lines that are left of each receptance for the way to the optimum; the end is found on all of them.
+const COARSE_LINES: usize = 1500;
+
+/// Tolerance on the way.
+const COARSE_TOLERANCE: f64 = 1e-4;
+
+/// One receptance of a fit and how its joint depends on the fitted variables.
+#[derive(Copy, Clone)]
+pub struct Observed<'a> {
+    /// The receptance.
+    pub reduced: Reduced<'a>,
+    /// The seven columns of the joint, where they are not fitted.
+    pub joint: [f64; SPRING_COLUMNS],
+    /// The variable of each column, if it is fitted.
+    pub variables: [Option<usize>; SPRING_COLUMNS],
+}
+
+/// The fitted variables.
+#[derive(Copy, Clone)]
+pub struct Variables<'a> {
+    /// Whether a variable is the base-ten logarithm of the value.
+    pub logarithmic: &'a [bool],
+    /// Lower bounds.
+    pub lower: &'a [f64],
+    /// Upper bounds.
+    pub upper: &'a [f64],
+}
+
+/// Fits from each start, `starts` one after the other; the sum of squares over all receptances.
+///
+/// # Errors
+/// Arrays of other lengths than there are variables, or a column of a variable that does not exist.
+pub fn fit_joint(
+    observed: &[Observed],
+    variables: Variables,
+    starts: &[f64],
+    stop: Stop,
+    threads: usize,
+) -> Result<Vec<End>> {
+    let count = variables.logarithmic.len();
+    for (index, length) in [variables.lower.len(), variables.upper.len()].into_iter().enumerate() {
+        if length != count {
+            let expected = format!("{count} variables");
+            return Err(Error::Index {
+                what: "bounds of the variables",
+                index,
+                value: length as f64,
+                expected,
+            });
+        }
+    }
+    let named = observed.iter().flat_map(|one| one.variables).flatten();
+    if let Some(wrong) = named.into_iter().find(|&variable| variable >= count) {
+        let expected = format!("a variable below {count}");
+        return Err(Error::Index { what: "joint column", index: 0, value: wrong as f64, expected });
+    }
+    if count == 0 || !starts.len().is_multiple_of(count) {
+        let expected = format!("rows of {count} variables");
+        return Err(Error::Index { what: "starts", index: 0, value: starts.len() as f64, expected });
+    }
+    let fewer: Vec<Option<Coarse>> = observed.iter().map(|one| Coarse::new(&one.reduced)).collect();
+    let coarse: Option<Vec<Observed>> = fewer
+        .iter()
+        .any(Option::is_some)
+        .then(|| observed.iter().zip(&fewer).map(|(one, fewer)| thinned(one, fewer.as_ref())).collect());
+    let rows: Vec<&[f64]> = starts.chunks(count).collect();
+    // Many starts share the threads, one start has them for its lines.
+    let inside = if rows.len() > 1 { 1 } else { threads };
+    on_threads(threads, rows, |start| {
+        let mut start = start.to_vec();
+        let mut before = 0;
+        if let Some(coarse) = &coarse {
+            let stop = Stop { tolerance: COARSE_TOLERANCE.max(stop.tolerance), ..stop };
+            let problem = Problem { observed: coarse, variables, threads: inside };
+            let end = problem.fit(&start, stop);
+            before = end.evaluations;
+            if end.cost.is_finite() {
+                start = end.x;
+            }
+        }
+        let left = Stop { evaluations: stop.evaluations.saturating_sub(before).max(1), ..stop };
+        let mut end = Problem { observed, variables, threads: inside }.fit(&start, left);
+        end.evaluations += before;
+        end
+    })
+}
+
+/// The sum of squares as a function of the variables.
+struct Problem<'a> {
+    observed: &'a [Observed<'a>],
+    variables: Variables<'a>,
+    threads: usize,
+}
+
+impl Problem<'_> {
+    fn fit(&self, start: &[f64], stop: Stop) -> End {
+        let bounds = [self.variables.lower, self.variables.upper];
+        minimise(start, bounds, stop, |x| self.normal_matrix(x))
+    }
+
+    /// A^T A over all variables and the residual; nothing where a joint is indefinite or holds nothing.
+    fn normal_matrix(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let size = x.len() + 1;
+        let mut sum = vec![0.0; size * size];
+        for one in self.observed {
+            let mut joint = one.joint;
+            let mut columns = Vec::with_capacity(SPRING_COLUMNS);
+            let mut place = Vec::with_capacity(SPRING_COLUMNS + 1);
+            for (column, variable) in one.variables.iter().enumerate() {
+                let Some(variable) = *variable else { continue };
+                let logarithmic = self.variables.logarithmic[variable];
+                let value = if logarithmic { 10.0_f64.powf(x[variable]) } else { x[variable] };
+                joint[column] = value;
+                columns.push((column, if logarithmic { value * core::f64::consts::LN_10 } else { 1.0 }));
+                place.push(variable);
+            }
+            place.push(x.len());
+            Spring::new(&joint).check("joint", 0).ok()?;
+            let part = one.reduced.normal_matrix(&joint, &columns, self.threads).ok()?;
+            for (i, &row) in place.iter().enumerate() {
+                for (j, &column) in place.iter().enumerate() {
+                    sum[row * size + column] += part[i * place.len() + j];
+                }
+            }
+        }
+        sum.iter().all(|entry| entry.is_finite()).then_some(sum)
+    }
+}
+
+/// Every so many of the lines of a receptance.
+struct Coarse {
+    planes: Vec<f64>,
+    measured: Vec<Complex64>,
+    weights: Vec<f64>,
+}
+
+impl Coarse {
+    /// Fewer lines, where there are many.
+    fn new(reduced: &Reduced) -> Option<Self> {
+        let stride = reduced.lines() / COARSE_LINES;
+        if stride < 2 {
+            return None;
+        }
+        let (planes, measured, weights) = reduced.parts();
+        let planes = planes.chunks(reduced.lines()).flat_map(|plane| plane.iter().step_by(stride).copied());
+        Some(Self {
+            planes: planes.collect(),
+            measured: measured.iter().step_by(stride).copied().collect(),
+            weights: weights.iter().step_by(stride).copied().collect(),
+        })
+    }
+}
+
+/// The same observation on fewer lines.
+fn thinned<'a>(whole: &Observed<'a>, fewer: Option<&'a Coarse>) -> Observed<'a> {
+    let reduced = match fewer {
+        Some(coarse) => whole.reduced.of(&coarse.planes, &coarse.measured, &coarse.weights),
+        None => whole.reduced,
+    };
+    Observed { reduced, ..*whole }
+}

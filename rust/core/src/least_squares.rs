@@ -1,0 +1,186 @@
+//! Least squares within bounds on normal matrices: the trust-region reflective method.
+//!
+//! With A = [J | r] all that a step needs is A^T A, a handful of numbers however many residuals there are. Near a
+//! bound towards which the cost falls the variables are scaled by the root of their distance to it (Coleman and Li
+//! 1996), so that iterates stay inside and do not stick to a bound too early; of the step cut short at a bound, its
+//! reflection there and the steepest descent the best is taken (Branch, Coleman and Li, SIAM J. Sci. Comput. 21,
+//! 1999, 1). SciPy's least squares is the same method on whole residuals, and the reference of the tests.
+
+use crate::trust_region::{Local, norm, sum};
+
+/// When a fit ends.
+#[derive(Copy, Clone, Debug)]
+pub struct Stop {
+    /// Relative change of the cost and of the variables, and largest slope, at which it has converged.
+    pub tolerance: f64,
+    /// Most evaluations.
+    pub evaluations: usize,
+}
+
+/// Why a fit ended; the numbers are those of SciPy's least squares.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The residuals have no value at the start.
+    NoValue = -1,
+    /// The evaluations were used up.
+    Unfinished = 0,
+    /// No slope is left that the bounds allow to follow.
+    Gradient = 1,
+    /// The cost changes no more.
+    Cost = 2,
+    /// The variables change no more.
+    Step = 3,
+}
+
+/// Where a fit ended.
+#[derive(Clone, Debug)]
+pub struct End {
+    /// The variables.
+    pub x: Vec<f64>,
+    /// Half the sum of squares.
+    pub cost: f64,
+    /// Evaluations of the normal matrix.
+    pub evaluations: usize,
+    /// Why it ended.
+    pub status: Status,
+}
+
+/// Share of the predicted decrease below which the region is made smaller.
+const POOR: f64 = 0.25;
+
+/// The share above which it is made larger.
+const GOOD: f64 = 0.75;
+
+/// Share of the radius from which on a step was held back by it.
+const FULL: f64 = 0.95;
+
+/// Share of the range by which a start on a bound is moved inside.
+const INSIDE: f64 = 1e-10;
+
+/// Minimises half the sum of squares from a start within the bounds.
+///
+/// `normal` returns A^T A row by row, or nothing where the residuals have no value; a step is then shortened.
+pub fn minimise(
+    start: &[f64],
+    [lower, upper]: [&[f64]; 2],
+    stop: Stop,
+    mut normal: impl FnMut(&[f64]) -> Option<Vec<f64>>,
+) -> End {
+    let count = start.len();
+    let last = (count + 1) * (count + 1) - 1;
+    let mut x = inside(start, lower, upper, INSIDE);
+    let end = |x, cost, evaluations, status| End { x, cost, evaluations, status };
+    let Some(mut now) = normal(&x) else {
+        return end(x, f64::INFINITY, 1, Status::NoValue);
+    };
+    let mut norms = vec![0.0; count];
+    let mut region = None;
+    let mut evaluations = 1;
+    loop {
+        let cost = 0.5 * now[last];
+        let local = Local::new(&x, [lower, upper], &now, &mut norms);
+        if local.steepest < stop.tolerance {
+            return end(x, cost, evaluations, Status::Gradient);
+        }
+        let mut radius = region.unwrap_or_else(|| local.first_radius(&x));
+        loop {
+            if evaluations >= stop.evaluations {
+                return end(x, cost, evaluations, Status::Unfinished);
+            }
+            let Some((step, predicted)) = local.step(&x, radius) else {
+                return end(x, cost, evaluations, Status::Step);
+            };
+            let next = inside(&sum(&x, &local.unscaled(&step)), lower, upper, 0.0);
+            let found = normal(&next);
+            evaluations += 1;
+            let length = norm(&step);
+            let actual = found.as_ref().map_or(f64::NEG_INFINITY, |found| cost - 0.5 * found[last]);
+            let ratio = if predicted > 0.0 { actual / predicted } else { 0.0 };
+            let moved = norm(&local.unscaled(&step));
+            let small = moved < stop.tolerance * (stop.tolerance + norm(&x));
+            let flat = actual < stop.tolerance * cost && ratio > POOR;
+            if ratio < POOR {
+                radius = POOR * length;
+            } else if ratio > GOOD && length > FULL * radius {
+                radius *= 2.0;
+            }
+            let better = actual > 0.0;
+            if let (Some(found), true) = (found, better) {
+                (x, now) = (next, found);
+            }
+            if small || (flat && actual.is_finite()) {
+                let status = if flat { Status::Cost } else { Status::Step };
+                return end(x, 0.5 * now[last], evaluations, status);
+            }
+            if better {
+                region = Some(radius);
+                break;
+            }
+        }
+    }
+}
+
+/// A point strictly within the bounds, by a share of their distance or by the next number.
+fn inside(x: &[f64], lower: &[f64], upper: &[f64], share: f64) -> Vec<f64> {
+    let point = |i: usize| {
+        let room = share * (upper[i] - lower[i]);
+        let (low, high) =
+            ((lower[i] + room).max(lower[i].next_up()), (upper[i] - room).min(upper[i].next_down()));
+        if low < high { x[i].clamp(low, high) } else { 0.5 * lower[i] + 0.5 * upper[i] }
+    };
+    (0..x.len()).map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Normal matrix of Rosenbrock's residuals 10 (y - x^2) and 1 - x.
+    fn rosenbrock(x: &[f64]) -> Option<Vec<f64>> {
+        let rows = [[-20.0 * x[0], 10.0, 10.0 * (x[1] - x[0] * x[0])], [-1.0, 0.0, 1.0 - x[0]]];
+        let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
+        Some((0..9).map(|k| entry(k / 3, k % 3)).collect())
+    }
+
+    const STOP: Stop = Stop { tolerance: 1e-12, evaluations: 200 };
+
+    #[test]
+    fn finds_a_minimum_inside() {
+        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, rosenbrock);
+        assert!(found.cost < 1e-20 && (found.x[0] - 1.0).abs() < 1e-9, "{found:?}");
+        assert!(found.status as i32 > 0);
+    }
+
+    #[test]
+    fn finds_a_minimum_on_a_bound() {
+        // With x <= 0.5 the best y is x^2, which leaves (1 - x)^2 / 2.
+        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[0.5, 5.0]], STOP, rosenbrock);
+        assert!((found.x[0] - 0.5).abs() < 1e-12 && (found.x[1] - 0.25).abs() < 1e-9, "{found:?}");
+        assert!((found.cost - 0.125).abs() < 1e-12);
+    }
+
+    #[test]
+    fn stays_where_there_is_a_value() {
+        let walled = |x: &[f64]| if x[0] > 0.9 { None } else { rosenbrock(x) };
+        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, walled);
+        assert!(found.x[0] > 0.89 && found.x[0] <= 0.9, "{found:?}");
+        let nowhere = minimise(&[0.0, 0.0], [&[-1.0, -1.0], &[1.0, 1.0]], STOP, |_| None);
+        assert_eq!(nowhere.status, Status::NoValue);
+    }
+
+    #[test]
+    fn says_when_it_has_not_finished() {
+        let stop = Stop { evaluations: 3, ..STOP };
+        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], stop, rosenbrock);
+        assert_eq!((found.status, found.evaluations), (Status::Unfinished, 3));
+    }
+
+    #[test]
+    fn leaves_a_variable_without_effect_alone() {
+        let flat = |x: &[f64]| {
+            Some(vec![0.0, 0.0, 0.0, 0.0, 1.0, x[1] - 2.0, 0.0, x[1] - 2.0, (x[1] - 2.0).powi(2)])
+        };
+        let found = minimise(&[0.3, 0.0], [&[0.0, 0.0], &[1.0, 3.0]], STOP, flat);
+        assert!((found.x[1] - 2.0).abs() < 1e-9 && found.x[0] == 0.3, "{found:?}");
+    }
+}

@@ -1,0 +1,182 @@
+//! An assembly reduced to one of its joints: everything else is evaluated once.
+//!
+//! With the assembly known at a reference stiffness K_0, let H_0 be the observed receptance, F_e and F_r the
+//! force in the joint under unit loads at the excited and at the measured coordinate, and Y the force per gap
+//! imposed in the joint. Another stiffness adds the compliance D = K^-1 - K_0^-1, so that
+//!     H = H_0 + F_r^T D (1 + Y D)^-1 F_e,
+//! an exact low-rank update. Starting from the assembled structure it loses nothing where the parts alone
+//! have huge rigid-body receptances that cancel in a plain coupling.
+
+use crate::error::{Error, Result};
+use crate::lane::{C, MAX_LANES};
+use crate::model::{Model, Motion, Spring};
+use crate::request::{Coordinate, Request, check};
+use crate::response::{Job, LINES_PER_TASK};
+use crate::small::{self, Mat};
+use crate::threads::on_threads;
+use num_complex::Complex64;
+use pulp::{Arch, Simd, WithSimd};
+
+/// Real planes of a reduction: w, H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each.
+pub const REDUCTION_PLANES: usize = 18;
+
+/// Columns of the whole assembly's answer: one response under each of two excitations.
+const PAIRS: usize = 2;
+/// Numbers a line of a 2 x 2 receptance, and of the forces under two excitations.
+const SQUARE: usize = 4;
+
+/// Reduces a model to one joint; the planes one after the other, each as long as `w`.
+///
+/// # Errors
+/// As `receptance`, and where the model is not in bending or has no such joint.
+pub fn reduce_joint(
+    model: &Model,
+    joint: usize,
+    w: &[Complex64],
+    response: Coordinate,
+    excitation: Coordinate,
+    threads: usize,
+) -> Result<Vec<f64>> {
+    if model.motion != Motion::Bending || joint >= model.joints.len() {
+        let expected = format!("a joint below {} of a model in bending", model.joints.len());
+        return Err(Error::Index { what: "joint", index: 0, value: joint as f64, expected });
+    }
+    let request = Request {
+        excitations: vec![excitation, response],
+        responses: vec![response],
+        parameters: Vec::new(),
+        joint: Some(joint),
+    };
+    check(model, w, &request)?;
+    let (nodes, spring) = model.joints[joint];
+    let first = Face::new(model, joint, nodes[0]);
+    let second = Face::new(model, joint, nodes[1]);
+    let solve = |whole_branches| {
+        let jobs = [
+            Job::new(model, &request, w, whole_branches),
+            Job::new(&first.model, &first.request, w, whole_branches),
+            Job::new(&second.model, &second.request, w, whole_branches),
+        ];
+        reduce(&jobs, &spring, w, threads)
+    };
+    match solve(true) {
+        // As for a receptance: the one denominator of a branch may be zero to the last bit.
+        Err(Error::Resonance { .. }) => solve(false),
+        other => other,
+    }
+}
+
+/// One side of the joint alone, and its receptance at the joint.
+struct Face {
+    model: Model,
+    request: Request,
+}
+
+impl Face {
+    fn new(model: &Model, joint: usize, node: usize) -> Self {
+        let (side, number) = model.side(joint, node);
+        let node = number[node].unwrap_or(0);
+        let points = vec![Coordinate { node, direction: 0 }, Coordinate { node, direction: 1 }];
+        Self {
+            model: side,
+            request: Request { excitations: points.clone(), responses: points, ..Request::default() },
+        }
+    }
+}
+
+fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, w: &[Complex64], threads: usize) -> Result<Vec<f64>> {
+    let mut planes = vec![0.0; REDUCTION_PLANES * w.len()];
+    let mut tasks: Vec<(&[Complex64], Vec<&mut [f64]>)> =
+        w.chunks(LINES_PER_TASK).map(|lines| (lines, Vec::with_capacity(REDUCTION_PLANES))).collect();
+    for plane in planes.chunks_mut(w.len()) {
+        for (task, part) in tasks.iter_mut().zip(plane.chunks_mut(LINES_PER_TASK)) {
+            task.1.push(part);
+        }
+    }
+    let arch = Arch::new();
+    let broken = on_threads(threads, tasks, |(w, planes)| {
+        let zeros = |a_line: usize| vec![Complex64::ZERO; w.len() * a_line];
+        let (mut whole, mut force) = (zeros(PAIRS), zeros(SQUARE));
+        let mut faces = [zeros(SQUARE), zeros(SQUARE)];
+        let broken = [
+            jobs[0].lines(&arch, w, &mut whole, &mut [], &mut force),
+            jobs[1].lines(&arch, w, &mut faces[0], &mut [], &mut []),
+            jobs[2].lines(&arch, w, &mut faces[1], &mut [], &mut []),
+        ];
+        arch.dispatch(Combine { spring, w, whole: &whole, force: &force, faces: &faces, planes });
+        broken.into_iter().flatten().min()
+    })?;
+    for (task, broken) in broken.into_iter().enumerate() {
+        if let Some(line) = broken.map(|line| task * LINES_PER_TASK + line) {
+            return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
+        }
+    }
+    Ok(planes)
+}
+
+/// The planes of one task from the answers of the whole assembly and of its two sides.
+struct Combine<'a, 'b> {
+    spring: &'a Spring,
+    w: &'a [Complex64],
+    whole: &'a [Complex64],
+    force: &'a [Complex64],
+    faces: &'a [Vec<Complex64>; 2],
+    planes: Vec<&'b mut [f64]>,
+}
+
+impl WithSimd for Combine<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { spring, w, whole, force, faces, mut planes } = self;
+        let mut start = 0;
+        while start < w.len() {
+            let end = w.len().min(start + S::F64_LANES);
+            let line = entry(simd, w, start, end, 1, 0);
+            let stiffness: Mat<S, 2> = spring.stiffness(simd, line.times_i());
+            let mut compliance = small::inverse(&stiffness);
+            for i in 0..2 {
+                for j in 0..2 {
+                    let first = entry(simd, &faces[0], start, end, SQUARE, 2 * i + j);
+                    let second = entry(simd, &faces[1], start, end, SQUARE, 2 * i + j);
+                    compliance[i][j] = compliance[i][j] + (first + second);
+                }
+            }
+            let y = small::inverse(&compliance);
+            let values = [
+                line,
+                entry(simd, whole, start, end, PAIRS, 0),
+                entry(simd, force, start, end, SQUARE, 2),
+                entry(simd, force, start, end, SQUARE, 3),
+                entry(simd, force, start, end, SQUARE, 0),
+                entry(simd, force, start, end, SQUARE, 1),
+                y[0][0],
+                y[0][1],
+                y[1][1],
+            ];
+            for (pair, value) in values.iter().enumerate() {
+                simd.partial_store_f64s(&mut planes[2 * pair][start..end], value.re);
+                simd.partial_store_f64s(&mut planes[2 * pair + 1][start..end], value.im);
+            }
+            start = end;
+        }
+    }
+}
+
+/// One entry of each line of a block; lanes without a line repeat the last one.
+#[inline(always)]
+fn entry<S: Simd>(
+    simd: S,
+    values: &[Complex64],
+    start: usize,
+    end: usize,
+    a_line: usize,
+    which: usize,
+) -> C<S> {
+    let mut lanes = [Complex64::ONE; MAX_LANES];
+    for lane in 0..S::F64_LANES {
+        lanes[lane] = values[(start + lane).min(end - 1) * a_line + which];
+    }
+    C::load(simd, &lanes[..S::F64_LANES])
+}

@@ -1,0 +1,162 @@
+//! The functions of the extension that fit a joint to reduced receptances.
+
+use crate::arrays::{c_contiguous, contiguous, indices};
+use crate::errors::CoreError;
+use crate::functions::shaped;
+use num_complex::Complex64;
+use numpy::ndarray::{Array1, Array2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use receptance_core::{Observed, Reduced, Stop, Variables};
+
+/// Columns of a spring.
+const COLUMNS: usize = 7;
+
+fn seven(name: &str, values: &[f64]) -> PyResult<[f64; COLUMNS]> {
+    <[f64; COLUMNS]>::try_from(values)
+        .map_err(|_| PyValueError::new_err(format!("{name}: {} values, expected {COLUMNS}", values.len())))
+}
+
+/// A^T A with A = [J | r] for the weighted complex log residual of a reduced model, (n + 1, n + 1).
+#[pyfunction]
+#[pyo3(signature = (planes, measured, weights, reference, joint, columns, slopes, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn joint_normal_matrix<'py>(
+    py: Python<'py>,
+    planes: PyReadonlyArray2<'py, f64>,
+    measured: PyReadonlyArray1<'py, Complex64>,
+    weights: PyReadonlyArray1<'py, f64>,
+    reference: PyReadonlyArray1<'py, f64>,
+    joint: PyReadonlyArray1<'py, f64>,
+    columns: PyReadonlyArray1<'py, f64>,
+    slopes: PyReadonlyArray1<'py, f64>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let columns = indices("columns", &columns)?;
+    let slopes = contiguous("slopes", slopes.as_slice())?;
+    if slopes.len() != columns.len() {
+        let message = format!("slopes: {} values, expected {}", slopes.len(), columns.len());
+        return Err(PyValueError::new_err(message));
+    }
+    let columns: Vec<(usize, f64)> = columns.into_iter().zip(slopes.iter().copied()).collect();
+    let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
+    let reduced = Reduced::new(
+        c_contiguous("planes", &planes)?,
+        contiguous("measured", measured.as_slice())?,
+        contiguous("weights", weights.as_slice())?,
+        seven("reference", contiguous("reference", reference.as_slice())?)?,
+    )
+    .map_err(CoreError::from)?;
+    let matrix = py.detach(|| reduced.normal_matrix(&joint, &columns, threads)).map_err(CoreError::from)?;
+    let size = columns.len() + 1;
+    Ok(shaped(Array2::from_shape_vec((size, size), matrix))?.into_pyarray(py))
+}
+
+/// The weighted complex log residual of a reduced model, (2, n_freq): real and imaginary part.
+#[pyfunction]
+#[pyo3(signature = (planes, measured, weights, reference, joint, threads))]
+pub fn joint_residual<'py>(
+    py: Python<'py>,
+    planes: PyReadonlyArray2<'py, f64>,
+    measured: PyReadonlyArray1<'py, Complex64>,
+    weights: PyReadonlyArray1<'py, f64>,
+    reference: PyReadonlyArray1<'py, f64>,
+    joint: PyReadonlyArray1<'py, f64>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
+    let reduced = Reduced::new(
+        c_contiguous("planes", &planes)?,
+        contiguous("measured", measured.as_slice())?,
+        contiguous("weights", weights.as_slice())?,
+        seven("reference", contiguous("reference", reference.as_slice())?)?,
+    )
+    .map_err(CoreError::from)?;
+    let residual = py.detach(|| reduced.residual(&joint, threads)).map_err(CoreError::from)?;
+    Ok(shaped(Array2::from_shape_vec((2, reduced.lines()), residual))?.into_pyarray(py))
+}
+
+/// Fits of one joint to several reduced receptances from many starts.
+///
+/// Lists have an entry a receptance. `references` and `joints` are (n, 7), `variables` too: the number of the
+/// variable that a column of the joint is, or -1. `bounds` is (2, n_variables), `starts` (n_starts,
+/// n_variables). Returns the variables at the ends, their cost, the evaluations, and why they ended.
+#[pyfunction]
+#[pyo3(signature = (planes, measured, weights, references, joints, variables, logarithmic, bounds, starts,
+                    tolerance, evaluations, threads))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn fit_joint<'py>(
+    py: Python<'py>,
+    planes: Vec<PyReadonlyArray2<'py, f64>>,
+    measured: Vec<PyReadonlyArray1<'py, Complex64>>,
+    weights: Vec<PyReadonlyArray1<'py, f64>>,
+    references: PyReadonlyArray2<'py, f64>,
+    joints: PyReadonlyArray2<'py, f64>,
+    variables: PyReadonlyArray2<'py, f64>,
+    logarithmic: PyReadonlyArray1<'py, bool>,
+    bounds: PyReadonlyArray2<'py, f64>,
+    starts: PyReadonlyArray2<'py, f64>,
+    tolerance: f64,
+    evaluations: usize,
+    threads: usize,
+) -> PyResult<(
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+)> {
+    let rows = |name: &'static str, array: &'_ PyReadonlyArray2<'py, f64>| -> PyResult<Vec<[f64; COLUMNS]>> {
+        let values = c_contiguous(name, array)?;
+        if values.len() != COLUMNS * planes.len() {
+            let message = format!("{name}: {} values, expected {COLUMNS} a receptance", values.len());
+            return Err(PyValueError::new_err(message));
+        }
+        values.chunks(COLUMNS).map(|row| seven(name, row)).collect()
+    };
+    let (references, joints) = (rows("references", &references)?, rows("joints", &joints)?);
+    let numbers = rows("variables", &variables)?;
+    if measured.len() != planes.len() || weights.len() != planes.len() {
+        return Err(PyValueError::new_err("planes, measured and weights: expected lists of one length"));
+    }
+    let mut observed = Vec::with_capacity(planes.len());
+    for i in 0..planes.len() {
+        let reduced = Reduced::new(
+            c_contiguous("planes", &planes[i])?,
+            contiguous("measured", measured[i].as_slice())?,
+            contiguous("weights", weights[i].as_slice())?,
+            references[i],
+        )
+        .map_err(CoreError::from)?;
+        let variables = numbers[i].map(|number| (number >= 0.0).then_some(number as usize));
+        observed.push(Observed { reduced, joint: joints[i], variables });
+    }
+    let logarithmic = contiguous("logarithmic", logarithmic.as_slice())?;
+    let count = logarithmic.len();
+    let bounds = c_contiguous("bounds", &bounds)?;
+    if bounds.len() != 2 * count || starts.as_array().ncols() != count {
+        let message = format!("bounds and starts: expected (2, {count}) and (n, {count})");
+        return Err(PyValueError::new_err(message));
+    }
+    for (index, value) in bounds.iter().enumerate() {
+        if value.is_nan() || (index < count && *value > bounds[index + count]) {
+            return Err(PyValueError::new_err(format!(
+                "bounds: {value} is no bound, or below is above above"
+            )));
+        }
+    }
+    let variables = Variables { logarithmic, lower: &bounds[..count], upper: &bounds[count..] };
+    let starts = c_contiguous("starts", &starts)?;
+    let stop = Stop { tolerance, evaluations };
+    let ends = py
+        .detach(|| receptance_core::fit_joint(&observed, variables, starts, stop, threads))
+        .map_err(CoreError::from)?;
+    let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
+    let integers = |each: fn(&receptance_core::End) -> i64| -> Vec<i64> { ends.iter().map(each).collect() };
+    Ok((
+        shaped(Array2::from_shape_vec((ends.len(), count), x))?.into_pyarray(py),
+        ends.iter().map(|end| end.cost).collect::<Array1<f64>>().into_pyarray(py),
+        Array1::from_vec(integers(|end| end.evaluations as i64)).into_pyarray(py),
+        Array1::from_vec(integers(|end| end.status as i64)).into_pyarray(py),
+    ))
+}
