@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from receptance.identification import MeasuredFRF
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
-    from receptance.campaign.measurement_models import FRFTable
+    from receptance.campaign.measurement_models import FRFTable, HammerTable
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
 
@@ -29,10 +30,22 @@ def read(table: FRFTable, folder: FilePath) -> FRF:
     ValueError
         A file that cannot be read, or several responses or excitations without a word which one is meant.
     """
-    from receptance.io import read_frf
+    from receptance.io import read_all, read_frf
 
-    options: dict[str, Any] = {"format": table.format, "quantity": table.quantity, "unit": table.unit}
-    found = read_frf(folder / table.file, **{key: value for key, value in options.items() if value is not None})
+    options: dict[str, Any] = {
+        "format": table.format,
+        "quantity": table.quantity,
+        "unit": table.unit,
+        "coherence": None if table.coherence is None else folder / table.coherence,
+        "ignore_coherence": table.ignore_coherence or None,
+        "variables": table.variables or None,
+        "columns": table.columns or None,
+    }
+    given = {key: value for key, value in options.items() if value is not None}
+    if table.entry.number is None:
+        found = read_frf(folder / table.file, **given)
+    else:
+        found = _numbered(read_all(folder / table.file, **given), table.entry.number)
     found = found.select(responses=table.entry.response, excitations=table.entry.excitation)
     _, n_out, n_in = found.shape
     if (n_out, n_in) != (1, 1):
@@ -46,6 +59,16 @@ def read(table: FRFTable, folder: FilePath) -> FRF:
             f"`entry = {{ response = 0, excitation = 0 }}`; there are {known}"
         )
     return _told(found, table)
+
+
+def _numbered(things: Sequence[object], number: int) -> FRF:
+    from receptance.frf import FRF
+
+    frfs = [thing for thing in things if isinstance(thing, FRF)]
+    if number >= len(frfs):
+        listed = "; ".join(f"{index}: {frf!r}" for index, frf in enumerate(frfs[:6])) or "none"
+        raise ValueError(f"holds {len(frfs)} FRFs, expected `entry.number` to be one of them, from 0: {listed}")
+    return frfs[number]
 
 
 def _told(frf: FRF, table: FRFTable) -> FRF:
@@ -78,21 +101,20 @@ def deviation_share(written: str | None) -> float | None:
 def weighed(frf: FRF, share: float | None) -> FRF:
     """Return the FRF with a variance: the stated one, the file's, or that of coherence and averages.
 
-    With coherence g^2 of n averages the real and the imaginary part of the logarithm have the variance
-    (1 - g^2) / (2 (n - 1) g^2) each, with 2 (n - 1) degrees of freedom (Bendat and Piersol 2010, sect. 9.1).
+    The last is (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
     """
     if share is not None:
         return frf.with_(log_variance=share**2, degrees_of_freedom=None)
     if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
         return frf
-    quality = frf.coherence
-    freedom = 2.0 * (frf.averages - 1)
-    with np.errstate(divide="ignore"):
-        variance = (1.0 - quality) / (freedom * quality)
-    return frf.with_(log_variance=variance, degrees_of_freedom=freedom)
+    from receptance.frf.variance import pool_variance, variance_from_coherence
+
+    variance, freedom = variance_from_coherence(frf.coherence[:, 0, 0], frf.averages)
+    pooled, known = pool_variance(frf.values[:, 0, 0], variance, freedom, correlated_lines=frf.correlated_lines)
+    return frf.with_(log_variance=pooled, degrees_of_freedom=known)
 
 
-def placed(frf: FRF, table: FRFTable, response: Coordinate, excitation: Coordinate, name: str) -> FRF:
+def placed(frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excitation: Coordinate, name: str) -> FRF:
     """Return the FRF with the coordinates and the sign that the campaign gives its channels."""
     if table.response.direction[0] != table.excitation.direction[0]:
         frf = frf.flipped()
@@ -100,7 +122,12 @@ def placed(frf: FRF, table: FRFTable, response: Coordinate, excitation: Coordina
 
 
 def observe(
-    frf: FRF, table: FRFTable, assembly: Assembly, response: Coordinate, excitation: Coordinate, floor: float
+    frf: FRF,
+    table: FRFTable | HammerTable,
+    assembly: Assembly,
+    response: Coordinate,
+    excitation: Coordinate,
+    floor: float,
 ) -> MeasuredFRF:
     """Return the observation: lines inside the bands of the campaign.
 

@@ -10,7 +10,8 @@ import warnings
 from pathlib import Path as FilePath
 from typing import Any
 
-from receptance.campaign.assembling import build_assemblies, check_unknowns, place
+from receptance.assembly import Assembly
+from receptance.campaign.assembling import build_assemblies, check_unknowns, place, with_sensor
 from receptance.campaign.building import Built, build_elements
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.conditions import Condition, parse_condition
@@ -25,7 +26,7 @@ from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.identification import MeasuredFRF
 
-__all__ = ["load"]
+__all__ = ["load", "measured_structures"]
 
 FILE = "campaign.toml"
 """What a campaign file is called where only its folder is given."""
@@ -70,12 +71,7 @@ def load(path: str | FilePath) -> Campaign:
     file = _file(FilePath(path))
     data, lines = _read(file)
     problems = Problems(lines)
-    table, named, broken = _validated(data, problems)
-    workshop = Workshop(problems, named, broken)
-    check_references(data, file.parent, workshop)
-    built = build_elements(table, workshop)
-    build_assemblies(table, built, workshop)
-    check_unknowns(built, workshop)
+    table, workshop, built = _described(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
     effects |= {f"sensor {name}": sensor_effects(name, table, built) for name in built.sensors}
     measurements: dict[str, Measurement] = {}
@@ -101,6 +97,39 @@ def load(path: str | FilePath) -> Campaign:
         places=places,
         notes=tuple(workshop.notes),
     )
+
+
+def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
+    """Return for every measurement of a campaign what was measured, sensor included, and where motion was seen.
+
+    Its data files are not read, so that they can be simulated.
+    """
+    data = tomllib.loads(text)
+    problems = Problems(lines_of(text))
+    table, workshop, built = _described(data, problems, None)
+    found = {}
+    for name, measurement in table.measurements.items():
+        assembly = built.assemblies[measurement.assembly]
+        at = place(("measurements", name, "response"), measurement.response, assembly, workshop)
+        if at is not None:
+            sensor = None if measurement.sensor is None else built.sensors[measurement.sensor]
+            found[name] = (with_sensor(assembly, sensor, at), at)
+    if problems.found:
+        raise CampaignError("the campaign", problems.found)
+    return found
+
+
+def _described(
+    data: dict[str, Any], problems: Problems, folder: FilePath | None
+) -> tuple[CampaignTable, Workshop, Built]:
+    """Return the tables, and what could be built from them; files are sought where a folder is given."""
+    table, named, broken = _validated(data, problems)
+    workshop = Workshop(problems, named, broken)
+    check_references(data, folder, workshop)
+    built = build_elements(table, workshop)
+    build_assemblies(table, built, workshop)
+    check_unknowns(built, workshop)
+    return table, workshop, built
 
 
 def _file(path: FilePath) -> FilePath:

@@ -25,6 +25,7 @@ __all__ = [
     "CampaignTable",
     "FRFTable",
     "FrequenciesTable",
+    "HammerTable",
     "MeasurementTable",
     "PredictionTable",
     "SettingsTable",
@@ -33,6 +34,10 @@ __all__ = [
 
 Frequency = Annotated[float, Amount(KINDS["a frequency"])]
 FrequencyOrZero = Annotated[float, Amount(KINDS["a frequency or zero"])]
+Force = Annotated[float, Amount(KINDS["a force"])]
+Time = Annotated[float, Amount(KINDS["a time"])]
+TimeOrZero = Annotated[float, Amount(KINDS["a time or zero"])]
+Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
 Rate = Annotated[float, Amount(KINDS["a rate of decay"])]
 Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
 Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
@@ -50,15 +55,28 @@ class _Measured(Table):
 
 
 class EntryTable(Table):
-    """Which entry of a file with several responses or excitations: by its number from 0, or by its name in the file."""
+    """Which part of a file with several FRFs, responses or excitations is meant."""
 
+    number: Annotated[int, Field(ge=0)] | None = None
+    """number from 0 of the FRF, where the file holds several"""
     response: Which = None
-    """number or name of the response"""
+    """number from 0 of the response, or its name in the file"""
     excitation: Which = None
-    """number or name of the excitation"""
+    """number from 0 of the excitation, or its name in the file"""
 
 
-class FRFTable(_Measured):
+class _Response(_Measured):
+    response: CoordinateTable = CoordinateTable()
+    """where motion was seen"""
+    excitation: CoordinateTable = CoordinateTable()
+    """where the load acted"""
+    bands: Annotated[list[Band], Field(min_length=1)] | None = None
+    """bands of frequency that count, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
+    floor: str | None = None
+    """what no noise model covers, as a standard deviation added in squares on every line, such as `"0.3 %"`"""
+
+
+class FRFTable(_Response):
     """A frequency response function from a file."""
 
     kind: Literal["frf"]
@@ -72,21 +90,64 @@ class FRFTable(_Measured):
     unit: str | None = None
     """its unit, where the file does not say, such as `"m/s^2/N"`"""
     entry: EntryTable = EntryTable()
-    """which entry of the file, where it holds several"""
-    response: CoordinateTable = CoordinateTable()
-    """where motion was seen"""
-    excitation: CoordinateTable = CoordinateTable()
-    """where the load acted"""
+    """which part of the file, where it holds several FRFs, responses or excitations"""
+    coherence: str | None = None
+    """another file with the coherence"""
+    ignore_coherence: bool = False
+    """read the FRF without its coherence, where that is worth nothing"""
+    variables: dict[str, str] = Field(default={})
+    """which variables of an NPZ, MAT or HDF5 file of another program are `frequency_hz`, `values`, `coherence`"""
+    columns: list[str] = Field(default=[])
+    """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
     averages: Annotated[int, Field(ge=1)] | None = None
     """how many hits were averaged, where the file does not say"""
     standard_deviation: str | None = None
     """of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from coherence and averages"""
-    floor: str | None = None
-    """what no noise model covers, as a standard deviation added in squares on every line, such as `"0.3 %"`"""
     decay_rate: Rate | None = None
     """of an exponential window on both channels, where the file does not say"""
-    bands: Annotated[list[Band], Field(min_length=1)] | None = None
-    """bands of frequency that count, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
+
+
+class HammerTable(_Response):
+    """Force and response of hammer hits against time, from which the FRF is estimated."""
+
+    kind: Literal["hammer records"]
+    """`"hammer records"`"""
+    file: Annotated[str | list[str], OneOf(str, list, what="the name of a file, or a list of them")]
+    """file beside the campaign with one or several hits, or a list of files: UFF58, CSV, NPZ, MAT, HDF5"""
+    format: str | None = None
+    """format of the files where their ending does not tell"""
+    force: Channel
+    """name or number (from 0) of the hammer's channel"""
+    motion: Channel
+    """name or number (from 0) of the response's channel"""
+    units: dict[str, str] = Field(default={})
+    """units of channels, where the files do not say, `{ hammer = "N", tip = "m/s^2" }`"""
+    variables: dict[str, str] = Field(default={})
+    """which variables of NPZ, MAT or HDF5 files of another program are the time, `time_s`, and the channels"""
+    columns: list[str] = Field(default=[])
+    """header of tables that have none, `["time [s]", "hammer [N]", "tip [m/s^2]"]`"""
+    sample_rate: Frequency | None = None
+    """samples per second, where the files do not say"""
+    full_scale_force: Force | None = None
+    """largest force that the recorder can hold; without it only a flat top tells an overload"""
+    trigger: Force | None = None
+    """force that begins a hit; by default a tenth of the largest"""
+    duration: Time | None = None
+    """length of the block of a hit; by default as much as is free between hits"""
+    pre_trigger: TimeOrZero | None = None
+    """how long before the trigger a block begins, by default 10 ms, where a record holds several hits"""
+    double_hits: Literal["drop", "keep"] = "drop"
+    """what to do with double hits"""
+    drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])
+    """numbers of hits that are to be dropped by hand, counted from 1 as they are found"""
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    """how the FRF is estimated"""
+    decay_rate: Rate = 0.0
+    """of the exponential window that is put on both channels"""
+    response_decay_rate: Rate = 0.0
+    """of an exponential window that the recorder has put on the response alone"""
+    force_window: str = "auto"
+    """how long the force counts after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"`: the whole block"""
 
 
 class FrequenciesTable(_Measured):
@@ -109,7 +170,10 @@ class FrequenciesTable(_Measured):
 
 
 MeasurementTable = Annotated[
-    Annotated[FRFTable, Tag("frf")] | Annotated[FrequenciesTable, Tag("natural frequencies")], Discriminator("kind")
+    Annotated[FRFTable, Tag("frf")]
+    | Annotated[HammerTable, Tag("hammer records")]
+    | Annotated[FrequenciesTable, Tag("natural frequencies")],
+    Discriminator("kind"),
 ]
 
 

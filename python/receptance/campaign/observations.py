@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from receptance.assembly import Assembly
     from receptance.campaign.building import Built
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable, FrequenciesTable, FRFTable
+    from receptance.campaign.measurement_models import CampaignTable, FrequenciesTable, FRFTable, HammerTable
     from receptance.campaign.tolerances import Effects
     from receptance.campaign.workshop import Workshop
     from receptance.coordinates import Coordinate
+    from receptance.frf import FRF
 
 __all__ = ["Measurement", "build_measurement"]
 
@@ -41,8 +42,8 @@ class Measurement:
         What was measured, of the assembly with the sensor on it.
     sensor : str or None
         Name of the sensor that sat at the response coordinate.
-    file : str or None
-        Name of the data file.
+    files : tuple of str
+        Names of the data files.
     conditions : dict of str to Condition
         What describes the measurement.
     effects : dict
@@ -56,7 +57,7 @@ class Measurement:
     role: str
     observation: Observation
     sensor: str | None
-    file: str | None
+    files: tuple[str, ...]
     conditions: dict[str, Condition] = field(default_factory=dict)
     effects: Effects = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -80,13 +81,13 @@ class _Reader:
 
     def observation(self) -> Observation | None:
         """Return the observation, or None after its mistakes are added."""
-        there = not self.workshop.problems.at((*self.path, "file"))
+        there = not any(self.workshop.problems.at((*self.path, key)) for key in ("file", "coherence"))
         assembly = self.built.assemblies.get(self.table.assembly)
         sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
         if assembly is None or (self.table.sensor is not None and sensor is None):
             return None
         at = place((*self.path, "response"), self.table.response, assembly, self.workshop)
-        if self.table.kind == "frf":
+        if self.table.kind != "natural frequencies":
             excited = place((*self.path, "excitation"), self.table.excitation, assembly, self.workshop)
             if at is None or excited is None or not there:
                 return None
@@ -120,25 +121,46 @@ class _Reader:
         )
 
     def _frf(
-        self, table: FRFTable, assembly: Assembly, response: Coordinate, excitation: Coordinate
+        self, table: FRFTable | HammerTable, assembly: Assembly, response: Coordinate, excitation: Coordinate
     ) -> MeasuredFRF | None:
         from receptance.campaign import frf_files
 
         make, path = self.workshop.make, self.path
-        shares = [
-            make((*path, key), frf_files.deviation_share, getattr(table, key))
-            for key in ("standard_deviation", "floor")
-        ]
-        found = make((*path, "file"), frf_files.read, table, self.folder)
-        if found is None or any(self.workshop.problems.at((*path, key)) for key in ("standard_deviation", "floor")):
+        floor = make((*path, "floor"), frf_files.deviation_share, table.floor)
+        found = self._hammer(table) if table.kind == "hammer records" else self._from_file(table)
+        if found is None or self.workshop.problems.at((*path, "floor")):
             return None
         for note in found.notes:
             self.workshop.note(path, note)
-        at = make(path, frf_files.placed, frf_files.weighed(found, shares[0]), table, response, excitation, self.name)
+        at = make(path, frf_files.placed, found, table, response, excitation, self.name)
         if at is None:
             return None
         place: Path = path if table.bands is None else (*path, "bands")
-        return make(place, frf_files.observe, at, table, assembly, response, excitation, shares[1] or 0.0)
+        return make(place, frf_files.observe, at, table, assembly, response, excitation, floor or 0.0)
+
+    def _from_file(self, table: FRFTable) -> FRF | None:
+        from receptance.campaign import frf_files
+
+        make, path = self.workshop.make, self.path
+        share = make((*path, "standard_deviation"), frf_files.deviation_share, table.standard_deviation)
+        found = make((*path, "file"), frf_files.read, table, self.folder)
+        if found is None or self.workshop.problems.at((*path, "standard_deviation")):
+            return None
+        return frf_files.weighed(found, share)
+
+    def _hammer(self, table: HammerTable) -> FRF | None:
+        from receptance.campaign import hammer_files
+
+        make, path = self.workshop.make, self.path
+        window = make((*path, "force_window"), hammer_files.window_of, table.force_window)
+        records = make((*path, "file"), hammer_files.read, table, self.folder)
+        if records is None or window is None:
+            return None
+        return make(path, hammer_files.estimate, records, table, window)
+
+
+def _files(written: str | list[str] | None) -> tuple[str, ...]:
+    return (written,) if isinstance(written, str) else tuple(written or ())
 
 
 def build_measurement(
@@ -169,7 +191,7 @@ def build_measurement(
         role=table.role,
         observation=observation,
         sensor=table.sensor,
-        file=table.file,
+        files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
         conditions={key: value for key, value in conditions.items() if value is not None},
         effects=own,
         notes=tuple(workshop.notes[before:]),

@@ -75,6 +75,7 @@ KINDS = {
         Kind("a frequency", "Hz", "2.5 kHz"),
         Kind("a frequency or zero", "Hz", "500 Hz", "zero or more"),
         Kind("a rate of decay", "1/s", "20 1/s", "zero or more"),
+        Kind("a force", "N", "20 N"),
         Kind("a time", "s", "2 ms"),
         Kind("a time or zero", "s", "2 ms", "zero or more"),
         Kind("a loss factor", "", "0.002", "zero or more"),

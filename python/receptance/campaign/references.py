@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 __all__ = ["check_references"]
 
 
-def check_references(data: Mapping[str, Any], folder: FilePath, workshop: Workshop) -> None:
+def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
     """Add a mistake for every name, address, condition or file that leads nowhere.
 
     Parameters
     ----------
     data : dict
         The file as it was read.
-    folder : Path
-        Where its data files are.
+    folder : Path or None
+        Where its data files are; None where they are not to be sought.
     workshop : Workshop
         Mistakes are added there.
     """
@@ -65,18 +65,31 @@ def _check_assembly(path: Path, table: Mapping[str, Any], workshop: Workshop) ->
     _check_conditions(path, table, workshop)
 
 
-def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath, workshop: Workshop) -> None:
+def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
     _known((*path, "assembly"), table, "assembly", workshop, "assemblies")
     _known((*path, "sensor"), table, "sensor", workshop, "sensors")
     _check_places(path, table, workshop)
     _check_conditions(path, table, workshop)
-    name = table.get("file")
-    if isinstance(name, str) and not (folder / name).is_file():
-        file = folder / name
-        what = "is a folder" if file.is_dir() else "is not there"
-        near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
-        text = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
-        workshop.problems.add((*path, "file"), text + did_you_mean(file.name, near))
+    if folder is None:
+        return
+    written = table.get("file")
+    if isinstance(written, str):
+        _check_file((*path, "file"), written, folder, workshop)
+    if isinstance(table.get("coherence"), str):
+        _check_file((*path, "coherence"), table["coherence"], folder, workshop)
+    for index, name in enumerate(_list(written)):
+        if isinstance(name, str):
+            _check_file((*path, "file", index), name, folder, workshop)
+
+
+def _check_file(path: Path, name: str, folder: FilePath, workshop: Workshop) -> None:
+    file = folder / name
+    if file.is_file():
+        return
+    what = "is a folder" if file.is_dir() else "is not there"
+    near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
+    text = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
+    workshop.problems.add(path, text + did_you_mean(file.name, near))
 
 
 def _check_unknown(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:

@@ -25,6 +25,7 @@ _SECTIONS = (
     ("MassSpread", "`tolerance` of a sensor or mass"),
     ("AssemblyTable", "`[assemblies.NAME]`"),
     ("FRFTable", '`[measurements.NAME]` with `kind = "frf"`'),
+    ("HammerTable", '`[measurements.NAME]` with `kind = "hammer records"`'),
     ("FrequenciesTable", '`[measurements.NAME]` with `kind = "natural frequencies"`'),
     ("EntryTable", "`entry` of a measurement"),
     ("CoordinateTable", "`response` and `excitation`"),

@@ -133,6 +133,6 @@ def _loaded(path: Path, targets: Targets) -> Campaign:
     found = with_progress(read)
     targets.keep_off(found.file, "the campaign file")
     for measured in found.measurements.values():
-        if measured.file is not None:
-            targets.keep_off(found.file.parent / measured.file, "a data file of the campaign")
+        for name in measured.files:
+            targets.keep_off(found.file.parent / name, "a data file of the campaign")
     return found

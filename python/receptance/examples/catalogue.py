@@ -13,6 +13,7 @@ from importlib import resources
 from pathlib import Path
 
 from receptance._files import write_whole
+from receptance.examples.simulated import free_free
 
 __all__ = ["EXAMPLES", "Example", "write"]
 
@@ -52,7 +53,7 @@ class Example:
             file.name: file.read_bytes() for file in kept.iterdir() if file.name.endswith((".toml", ".md", ".csv"))
         }
         if self.data is not None:
-            found |= self.data(progress or (lambda _: None))
+            found |= self.data(self.campaign, progress or (lambda _: None))
         return dict(sorted(found.items()))
 
 
@@ -63,6 +64,12 @@ EXAMPLES = {
             "er32",
             "published natural frequencies of five blanks in an ER32 holder; other overhangs held out",
             "er32",
+        ),
+        Example(
+            "free-free",
+            "a free-free hammer test at three overhangs, SIMULATED; the longest held out, a fourth not measured",
+            "free_free",
+            free_free,
         ),
     )
 }

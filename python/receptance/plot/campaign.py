@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_identification", "draw_prediction"]
 
 _DECIBEL = 20.0 / math.log(10.0)
-_ROW = 3.9
+_ROW = 4.4
 """Height of a row of panels in inches."""
 _MOST_FRFS = 12
 _BAND = "#BBD9EC"
@@ -56,8 +56,11 @@ def draw_identification(found: CampaignIdentification) -> Figure:
         lines = seen.frequency_hz.real
         top.plot(lines, np.abs(seen.receptance), ".", color=PALE, markersize=2.5, label="measured")
         top.plot(lines, np.abs(model), color=COLOURS[0], linewidth=1.3, label="fitted")
-        top.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
-        _ratio(below, "fitted", lines, np.log(np.abs(seen.receptance / model)), None, seen.standard_deviation)
+        low, high = top.get_ylim()
+        top.set_ylim(low, 30.0 * high)
+        _legend(top, seen.standard_deviation)
+        ratio = np.log(np.abs(seen.receptance / model))
+        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, seen.standard_deviation)
     if lists:
         axes = cells[len(frfs)].subplots()
         rows = []
@@ -87,22 +90,16 @@ def draw_prediction(found: CampaignPrediction) -> Figure:
     """
     frfs = found.frfs[:_MOST_FRFS]
     compared = [one for one in found.frequencies if one.measured_hz is not None]
-    alone = [one for one in found.frequencies if one.measured_hz is None]
-    count = len(frfs) + bool(compared) + bool(alone)
-    figure, cells = _grid(count, found.campaign.title, f"predicted{_left_out(found.frfs, frfs)}")
+    figure, cells = _grid(len(frfs) + bool(compared), found.campaign.title, f"predicted{_left_out(found.frfs, frfs)}")
     for frf, cell in zip(frfs, cells, strict=False):
         _predicted_frf(cell, frf, found)
-    index = len(frfs)
     if compared:
         rows = [
             (p.name, p.modes, p.measured_hz, p.predicted_hz, found.reach * p.scatter.total, p.measured_deviation_hz)
             for p in compared
         ]
         title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
-        _frequencies(cells[index].subplots(), title, "predicted", rows)
-        index += 1
-    if alone:
-        _uncertain(cells[index].subplots(), alone, found)
+        _frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
     return figure
 
 
@@ -144,7 +141,7 @@ def _ratio(
     noise: NDArray[np.float64] | None,
 ) -> None:
     """Draw the ratio of magnitudes in dB, with the band of the prediction and the noise of the lines around it."""
-    set_up(axes, "", "frequency (Hz)", f"over {what} (dB)")
+    set_up(axes, "", "frequency (Hz)", what)
     most = 0.5
     if band is not None:
         axes.fill_between(lines, -_DECIBEL * band, _DECIBEL * band, color=_BAND, linewidth=0)
@@ -153,42 +150,54 @@ def _ratio(
         axes.plot(lines, _DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
         most = max(most, 1.3 * _DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))
     if noise is not None:
-        axes.plot(lines, 2.0 * _DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
-        axes.plot(lines, -2.0 * _DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7, label="two standard deviations")
+        for sign in (-2.0, 2.0):
+            axes.plot(lines, sign * _DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
         most = max(most, 3.0 * _DECIBEL * float(np.median(noise)))
-        axes.legend(frameon=False, fontsize=8, loc="upper left", borderaxespad=0.1)
     axes.axhline(0.0, color=INK, linewidth=0.6)
     axes.set_ylim(-most, most)
 
 
+def _legend(axes: Axes, noise: NDArray[np.float64] | None) -> None:
+    if noise is not None:
+        axes.plot([], [], color=BAD, linewidth=0.8, alpha=0.7, label="noise, two standard deviations (below)")
+    axes.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
+
+
 def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: CampaignPrediction) -> None:
     lines = frf.frequency_hz.real
-    unit = _FORMS[frf.response.direction, frf.excitation.direction]
-    what = "held out" if frf.measured is not None else "not measured"
-    low, high = frf.band(found.reach)
-    if frf.measured is None:
-        top = cell.subplots()
-        below = None
-        top.set_xlabel("frequency (Hz)")
-    else:
-        top, below = _pair(cell)
-    _magnitude(top, f"{frf.name}, {what}", unit)
+    measured = frf.measured is not None
+    top, below = _pair(cell)
+    title = f"{frf.name}: {'held out' if measured else 'predicted, not measured'}"
+    _magnitude(top, title, _FORMS[frf.response.direction, frf.excitation.direction])
     size = np.abs(frf.receptance)
     shown = size if frf.measured is None else np.concatenate([size, np.abs(frf.measured)])
-    limits = float(shown.min()) / 2.0, float(shown.max()) * 3.0
-    label = f"{100.0 * found.level:g} % band"
-    top.fill_between(
-        lines, np.maximum(low, limits[0] / 10), np.minimum(high, limits[1] * 10), color=_BAND, linewidth=0, label=label
-    )
+    limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
+    low, high = frf.band(found.reach)
+    low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
+    top.fill_between(lines, low, high, color=_BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
     if frf.measured is not None:
         top.plot(lines, np.abs(frf.measured), ".", color=PALE, markersize=2.5, label="measured")
     top.plot(lines, size, color=COLOURS[0], linewidth=1.3, label="predicted")
     top.set_ylim(*limits)
-    top.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
-    if below is None:
-        top.set_xlabel("frequency (Hz)", color=INK)
-    else:
-        _ratio(below, "predicted", lines, frf.log_ratio.real, found.reach * frf.scatter.total, frf.measured_deviation)
+    if not measured:
+        _name_modes(top, next((one for one in found.frequencies if one.name == frf.name), None), found.reach)
+    _legend(top, frf.measured_deviation)
+    what = "measured over\npredicted (dB)" if measured else "band (dB)"
+    log_ratio = frf.log_ratio.real if measured else None
+    _ratio(below, what, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
+
+
+def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) -> None:
+    """Write natural frequencies with their intervals where they are."""
+    if modes is None:
+        return
+    for frequency, half in zip(modes.predicted_hz, reach * modes.scatter.total, strict=True):
+        text = f"{frequency:.0f} ± {half:.0f} Hz" if np.isfinite(half) else f"{frequency:.0f} Hz, open"
+        axes.axvline(frequency, color=PALE, linewidth=0.7, linestyle=":")
+        axes.annotate(
+            text, (frequency, 0.03), xycoords=("data", "axes fraction"), xytext=(-4, 0), textcoords="offset points",
+            rotation=90, ha="right", va="bottom", fontsize=8, color=INK,
+        )  # fmt: skip
 
 
 def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ...]]) -> None:
@@ -228,23 +237,6 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
     axes.set_ylim(-most, 1.25 * most)
     axes.margins(x=0.05)
     axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
-
-
-def _uncertain(axes: Axes, rows: Sequence[PredictedFrequencies], found: CampaignPrediction) -> None:
-    """Draw how uncertain the natural frequencies of assemblies that were not measured are."""
-    set_up(axes, f"Natural frequencies not measured, {100.0 * found.level:g} % intervals", "natural frequency (Hz)", "")
-    for index, (one, colour) in enumerate(zip(rows, COLOURS * len(rows), strict=False)):
-        half = found.reach * one.scatter.total
-        kept = np.isfinite(half)
-        y = np.full(one.predicted_hz.size, -float(index))
-        axes.errorbar(one.predicted_hz[kept], y[kept], xerr=half[kept], fmt="o", color=colour, capsize=4, markersize=5)
-        axes.plot(one.predicted_hz[~kept], y[~kept], "o", markerfacecolor="none", color=colour)
-        for f, h in zip(one.predicted_hz, half, strict=True):
-            text = f"{f:.0f} ± {h:.0f}" if np.isfinite(h) else f"{f:.0f}, open"
-            axes.annotate(text, (f, -index), xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8)
-    axes.set_yticks([-float(i) for i in range(len(rows))], [one.name for one in rows], fontsize=9)
-    axes.set_ylim(-len(rows) + 0.4, 0.6)
-    axes.margins(x=0.1)
 
 
 def _parameters(axes: Axes, found: CampaignIdentification) -> None:
