@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,7 @@ def _pick(
     """Return which of a side's coordinates are wanted: by number, by coordinate, or by label in the file."""
     if wanted is None:
         return list(range(len(side)))
-    many = [wanted] if isinstance(wanted, (Coordinate, str, int)) else list(wanted)
+    many = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
     if not many:
         raise ValueError(f"{owner}: {quantity} is empty, expected at least one")
     return [_index(owner, quantity, one, side, labels) for one in many]
