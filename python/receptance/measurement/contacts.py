@@ -56,9 +56,7 @@ def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> l
     return found
 
 
-def second_contact(
-    force: NDArray[np.float64], contact: Contact, stop: int, share: float
-) -> tuple[int, float] | None:
+def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, share: float) -> tuple[int, float] | None:
     """Look for another pulse of the first one's shape after it: a matched filter.
 
     Parameters

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from receptance import _checks
-from receptance.coordinates import Coordinate, as_coordinates
+from receptance.coordinates import Coordinate
+from receptance.frf.places import places
 from receptance.measurement.units import factor_to_si
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from receptance.frf.places import Side
     from receptance.io.time_series import TimeSeries
 
 __all__ = ["Quantity", "TimeRecords"]
@@ -47,10 +49,10 @@ class TimeRecords:
     full_scale_force, full_scale_response : float, optional
         Largest value that the recorder can hold, in the units given; one number, or one for each channel. Where it
         is not known, only a flat top tells an overload.
-    excitation : Coordinate, optional
-        Where and in which direction the hammer hit; y at the tip by default.
-    responses : Coordinate or sequence of Coordinate, optional
-        Where each channel measured; y at the tip by default. Needed where there are several channels.
+    excitation : Coordinate or {"y", "theta"}, optional
+        Where and in which direction the hammer hit, or the direction alone; by default y at an unknown place.
+    responses : Coordinate, {"y", "theta"} or sequence, optional
+        The same of each channel.
     response_decay_rate : float, optional
         Decay rate in 1/s of an exponential window that the recorder has already put on the response and not on the
         force, with its origin at the first sample. `estimate_frf` puts it on the force as well.
@@ -70,7 +72,7 @@ class TimeRecords:
     ------
     TypeError, ValueError
         Arrays whose shapes do not match or that hold something else than finite numbers (the message says where),
-        an unknown unit, or several channels without coordinates.
+        an unknown unit, or coordinates of another number than channels.
 
     Examples
     --------
@@ -110,8 +112,8 @@ class TimeRecords:
         response_unit: str | None = None,
         full_scale_force: float | None = None,
         full_scale_response: ArrayLike | None = None,
-        excitation: Coordinate | None = None,
-        responses: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | str | None = None,
+        responses: Side = None,
         response_decay_rate: float = 0.0,
         label: str = "",
         source: str = "",
@@ -121,13 +123,9 @@ class TimeRecords:
         if quantity not in get_args(Quantity):
             raise ValueError(f"{owner}: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
         hammer, motion = _matched(owner, _samples(owner, "force", force), _samples(owner, "response", response))
-        hit = as_coordinates(excitation)
-        if len(hit) != 1:
-            raise ValueError(
-                f"{owner}: excitation has {len(hit)} coordinates, expected one: a hammer hits in one place"
-            )
-        places = _places(owner, responses, motion.shape[2])
-        f_factor, x_factors = _factors(owner, quantity, force_unit, response_unit, hit[0], places)
+        hit = places(owner, "excitations", excitation, 1)
+        where = places(owner, "responses", responses, motion.shape[2])
+        f_factor, x_factors = _factors(owner, quantity, force_unit, response_unit, hit[0], where)
         limit = None
         if full_scale_force is not None:
             limit = abs(f_factor) * _checks.positive(owner, "full_scale_force", full_scale_force)
@@ -142,7 +140,7 @@ class TimeRecords:
             full_scale_force=limit,
             full_scale_response=limits,
             excitation=hit[0],
-            responses=places,
+            responses=where,
             response_decay_rate=_checks.not_negative(owner, "response_decay_rate", response_decay_rate, unit="1/s"),
             label=str(label),
             source=str(source),
@@ -163,8 +161,8 @@ class TimeRecords:
         *,
         force: str | int,
         responses: str | int | Sequence[str | int],
-        excitation: Coordinate | None = None,
-        at: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | str | None = None,
+        at: Side = None,
         **options: Any,
     ) -> TimeRecords:
         """Take the channels of a file that `receptance.io.read` has read.
@@ -177,8 +175,8 @@ class TimeRecords:
             Name or number of the hammer's channel.
         responses : str, int or sequence of them
             Names or numbers of the response channels, all of one quantity.
-        excitation, at : Coordinate, optional
-            Where the hammer hit, and where each response channel measured.
+        excitation, at : Coordinate, {"y", "theta"} or sequence, optional
+            Where the hammer hit, and where each response channel measured; an angle is taken for "theta".
         **options
             Further parameters of `TimeRecords`; full scales are in SI units then.
 
@@ -203,15 +201,17 @@ class TimeRecords:
                 f"{owner}: the responses are {found}; expected displacement, velocity or acceleration, the same for "
                 "all (what a file does not say is given to receptance.io.read)"
             )
-        for row, place in zip(rows[1:], as_coordinates(at), strict=False):
-            if (series.quantities[row] in _ROTATIONS.values()) != (place.direction == "theta"):
+        turning = [series.quantities[row] in _ROTATIONS.values() for row in rows[1:]]
+        where = places(owner, "at", ["theta" if turn else "y" for turn in turning] if at is None else at, len(turning))
+        for row, turn, place in zip(rows[1:], turning, where, strict=True):
+            if turn != (place.direction == "theta"):
                 raise ValueError(f"{owner}: channel {series.channels[row]!r} is {series.quantities[row]}, at {place!r}")
         return cls(
             force=series.values[:, rows[0]],
             response=series.values[:, rows[1:]],
             sample_rate_hz=series.sample_rate_hz,
             excitation=excitation,
-            responses=at,
+            responses=where,
             **{
                 "quantity": kinds.pop(),
                 "label": series.label,
@@ -296,15 +296,6 @@ def _matched(
         )
     records = np.atleast_2d(force)
     return records, response.reshape(*records.shape, -1)
-
-
-def _places(owner: str, responses: Coordinate | Sequence[Coordinate] | None, count: int) -> tuple[Coordinate, ...]:
-    if responses is None and count > 1:
-        raise ValueError(f"{owner}: there are {count} response channels; say in responses where each of them measured")
-    places = as_coordinates(responses)
-    if len(places) != count:
-        raise ValueError(f"{owner}: responses has {len(places)} coordinates for {count} response channels")
-    return places
 
 
 def _factors(

@@ -319,7 +319,7 @@ def _together(records: TimeRecords | Sequence[TimeRecords]) -> tuple[TimeRecords
     for index, one in enumerate(found):
         if not isinstance(one, TimeRecords):
             raise TypeError(f"find_hits: records[{index}] is {one!r}, expected TimeRecords")
-    for name in ("sample_rate_hz", "quantity", "excitation", "responses", "response_decay_rate"):
+    for name in ("n_channels", "sample_rate_hz", "quantity", "excitation", "responses", "response_decay_rate"):
         for index, one in enumerate(found):
             if getattr(one, name) != getattr(found[0], name):
                 raise ValueError(
