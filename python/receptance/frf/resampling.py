@@ -124,7 +124,7 @@ def too_sharp(
     sharp = np.where((bend > limit) & (size >= np.median(size, axis=0)), bend, 0.0)
     if not sharp.any():
         return ""
-    worst = np.unravel_index(int(sharp.argmax()), sharp.shape)
+    worst = np.unravel_index(int((sharp * size).argmax()), sharp.shape)
     return (
         f"around {place.frequency_hz[worst[0]]:g} Hz the curve bends too sharply between its lines (about "
         f"{100.0 * sharp[worst]:.2g} % from one to the next): values between them are uncertain by 1 % and more"
