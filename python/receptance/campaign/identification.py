@@ -169,7 +169,11 @@ def identify_campaign(
     say("propagating the tolerances")
     effects = [measured.effects for measured in seen.values()]
     propagation = Propagation(fit, observations, effects, width)
-    notes = [*campaign.notes, *left_out, *(n for n in fit.notes if not any(said.endswith(n) for said in campaign.notes))]
+    notes = [
+        *campaign.notes,
+        *left_out,
+        *(n for n in fit.notes if not any(said.endswith(n) for said in campaign.notes)),
+    ]
     if any(effects):
         notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
     if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):

@@ -56,10 +56,11 @@ class Workshop:
         return made
 
     def note(self, path: Path, text: str) -> None:
-        """Add what a person should know, once."""
-        said = f"{path_text(path)}: {_without_owner(text)}"
-        if said not in self.notes:
-            self.notes.append(said)
+        """Add what a person should know, once: a warning that sums several notes up gives way to them."""
+        place = f"{path_text(path)}: "
+        said = _without_owner(text)
+        self.notes[:] = [note for note in self.notes if not (note.startswith(place) and said in note)]
+        self.notes.append(f"{place}{said}")
 
     def known(self, path: Path, name: str, *sections: str) -> bool:
         """Return whether a name is in one of some sections; add a mistake if not."""

@@ -10,6 +10,7 @@ import numpy as np
 from rich.padding import Padding
 from rich.text import Text
 
+from receptance.campaign.problems import path_text
 from receptance.cli._tables import head, print_sentences, table
 from receptance.identification import MeasuredFRF
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["print_identification", "print_prediction"]
 
 _TIED = 0.9
+_ABOUT_DATA = "measurements."
 _NOTHING = 1e-3
 
 
@@ -32,7 +34,7 @@ def print_identification(console: Console, found: CampaignIdentification) -> Non
     for item in _parameters(found):
         console.print(item)
     _list(console, "Advice", found.fit.advice)
-    _list(console, "Notes", found.notes)
+    _notes(console, found.campaign, found.notes)
     console.print(_provenance(found.fit.seed, found.versions))
 
 
@@ -48,7 +50,12 @@ def print_prediction(console: Console, found: CampaignPrediction) -> None:
         console.print(Text(f"{_verdict(found)}\n"))
     advice = [] if found.identified is None else found.identified.fit.advice
     _list(console, "Advice", advice)
-    _list(console, "Notes", found.notes)
+    about_data = [note for note in found.notes if note.startswith(_ABOUT_DATA)]
+    rest = [note for note in found.notes if note not in about_data]
+    if about_data and found.identified is not None:
+        rest.append(f"what was noted of the data ({len(about_data)} notes) is printed by identify, and is in the JSON")
+        about_data = []
+    _notes(console, found.campaign, [*about_data, *rest])
     console.print(_provenance(found.campaign.table.settings.seed, found.versions))
 
 
@@ -255,6 +262,25 @@ def _list(console: Console, title: str, texts: Sequence[str]) -> None:
     console.print(Text(title, style="bold"))
     for text in texts:
         console.print(Padding(Text(text), (0, 0, 0, 2), expand=False))
+    console.print()
+
+
+def _notes(console: Console, campaign: Campaign, notes: Sequence[str]) -> None:
+    """Print notes, those of a measurement together under its name."""
+    if not notes:
+        return
+    console.print(Text("Notes", style="bold"))
+    rest = list(notes)
+    for name in campaign.measurements:
+        place = f"{path_text(('measurements', name))}: "
+        own = [note.removeprefix(place) for note in rest if note.startswith(place)]
+        rest = [note for note in rest if not note.startswith(place)]
+        if own:
+            console.print(Text(f"  of the measurement {name}"))
+        for note in own:
+            console.print(Padding(Text(note), (0, 0, 0, 4), expand=False))
+    for note in rest:
+        console.print(Padding(Text(note), (0, 0, 0, 2), expand=False))
     console.print()
 
 

@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 
 from receptance._files import write_whole
-from receptance.examples.simulated import free_free
+from receptance.examples.simulated import free_free, hammer
 
 __all__ = ["EXAMPLES", "Example", "write"]
 
@@ -70,6 +70,12 @@ EXAMPLES = {
             "a free-free hammer test at three overhangs, SIMULATED; the longest held out, a fourth not measured",
             "free_free",
             free_free,
+        ),
+        Example(
+            "hammer",
+            "raw time records of hammer hits at three overhangs, SIMULATED; the longest held out",
+            "hammer",
+            hammer,
         ),
     )
 }

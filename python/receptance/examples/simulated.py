@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.io import TimeSeries
 
-__all__ = ["FREE_FREE_JOINT", "FREE_FREE_SEED", "free_free"]
+__all__ = ["FREE_FREE_JOINT", "FREE_FREE_SEED", "HAMMER_JOINT", "HAMMER_SEED", "free_free", "hammer"]
 
 Say = Callable[[str], None]
 
@@ -35,6 +35,15 @@ _FLOOR = 0.02
 """Noise of the accelerometer in m/s^2/N under the weakest hit, real and imaginary part each."""
 _DIGITS = 7
 
+HAMMER_SEED = 20241017
+HAMMER_JOINT = {"collet.k_y": 2.8e8, "collet.k_theta": 5.0e4, "collet.c_y": 400.0, "collet.c_theta": 0.06}
+"""The joint behind the data of the example hammer, in SI units."""
+_HAMMER_HITS = 8
+_RATE_HZ = 25600.0
+_BLOCK_S = 0.4
+_CONTACT_S = 1.5e-4
+_NOISE_DB = -75.0
+
 
 def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the FRFs of the example free-free by file name: accelerance and coherence of ten hits each."""
@@ -46,6 +55,43 @@ def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
         say(f"simulating {name}")
         frf = _averaged(assembly.replace(FREE_FREE_JOINT), tip, random, name)
         files[f"{name}.csv"] = _content(frf, ".csv")
+    return files
+
+
+def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
+    """Return the records of the example hammer by file name: one long record each, with all hits."""
+    from receptance.campaign.loading import measured_structures
+    from receptance.io import TimeSeries
+    from receptance.measurement import simulate_hits
+
+    files = {}
+    for number, (name, (assembly, tip)) in enumerate(measured_structures(campaign).items()):
+        say(f"simulating hits on {name}")
+        records = simulate_hits(
+            assembly.replace(HAMMER_JOINT),
+            response=tip,
+            excitation=tip,
+            hits=_HAMMER_HITS,
+            sample_rate_hz=_RATE_HZ,
+            duration_s=_BLOCK_S,
+            contact_s=_CONTACT_S,
+            force_noise_db=_NOISE_DB,
+            response_noise_db=_NOISE_DB,
+            double_hits=[3] if name == "medium" else [],
+            overloads=[5] if name == "long" else [],
+            one_record=True,
+            seed=HAMMER_SEED + number,
+        )
+        series = TimeSeries(
+            values=np.stack([records.force[0], records.response[0, :, 0]], axis=1),
+            channels=["hammer", "tip"],
+            units=["N", "m/s^2"],
+            sample_rate_hz=records.sample_rate_hz,
+            label=f"{name} (simulated)",
+            source=records.source,
+            notes=records.notes,
+        )
+        files[f"{name}.npz"] = _content(series, ".npz")
     return files
 
 
