@@ -15,7 +15,6 @@ from receptance.measurement.hits import Hits
 from receptance.measurement.records import TimeRecords
 from receptance.measurement.search import Settings, find
 from receptance.measurement.spectra import Channel, Estimator, Limits, Spectra
-from receptance.measurement.variance import LAGS
 from receptance.measurement.windows import ExponentialOn, Windows, make_windows
 
 if TYPE_CHECKING:
@@ -107,10 +106,18 @@ def estimate_frf(
 
     Notes
     -----
-    The variance of the real and of the imaginary part, each, of log H is (1 - g^2) / (2 (n - 1) g^2) with coherence
-    g^2 and n hits (Bendat and Piersol, Random Data, chapter 9, has it with n), pooled as
-    `receptance.measurement.variance` says, and multiplied by up to 2 where noise on the force goes through so short a
-    window that it changes magnitudes only.
+    A pulse is what it is, not a random signal: with the force spectra F_i known, H1 is the least-squares slope of
+    X_i = H F_i + e_i. So H1 - H is Gaussian with variance E|e|^2 / S_ff, however much the hits differ in strength, and
+    sum |X_i - H1 F_i|^2 is E|e|^2 / 2 times a chi-square of 2 (n - 1) degrees of freedom, independent of it. With the
+    coherence g^2 that is a variance of the real and of the imaginary part, each, of log H1 of
+    (1 - g^2) / (2 (n - 1) g^2), to first order (Bendat and Piersol, Random Data, chapter 9, have n for n - 1). It is
+    pooled over neighbouring lines (`receptance.frf.variance.pool_variance`) and multiplied by up to 2 where noise on
+    the force goes through so short a window that it changes magnitudes and not phases. H2 and Hv differ from H1 in the
+    second order only, so the same variance holds for them.
+
+    Errors that are known but not taken out, of noise on the force, of responses that the block cuts off and of pulses
+    that the window cuts off, exclude a line where they are over a quarter of the standard deviation and over 0.1 %;
+    elsewhere their squares are added to the variance.
 
     Examples
     --------
@@ -168,8 +175,8 @@ def _half_width(pooled_lines: int | None) -> int | None:
     if pooled_lines is None:
         return None
     whole = isinstance(pooled_lines, (int, np.integer)) and not isinstance(pooled_lines, bool)
-    if not whole or pooled_lines < 1 or pooled_lines % 2 == 0 or pooled_lines > LAGS:
-        raise ValueError(f"estimate_frf: pooled_lines is {pooled_lines!r}, expected an odd number from 1 to {LAGS}")
+    if not whole or pooled_lines < 1 or pooled_lines % 2 == 0:
+        raise ValueError(f"estimate_frf: pooled_lines is {pooled_lines!r}, expected an odd number")
     return int(pooled_lines) // 2
 
 
@@ -237,9 +244,10 @@ def _what_was_done(
     if decay_rate > 0.0:
         where = "both channels" if exponential_on == "both" else "the response alone"
         done.append(f"exponential window of {decay_rate:g} 1/s on {where}")
-    if channels[0].log_variance is not None:
-        width = max(2 * channel.half_width + 1 for channel in channels)
-        done.append(f"variance from the scatter between hits, pooled over {width} lines")
+    freedoms = [channel.degrees_of_freedom for channel in channels if channel.degrees_of_freedom is not None]
+    if freedoms:
+        least = min(float(np.median(freedom)) for freedom in freedoms)
+        done.append(f"variance from the scatter between hits, with {least:.0f} degrees of freedom on the median line")
     alike = max(float(np.median(channel.alike_lines)) for channel in channels)
     if alike > _ALIKE:
         done.append(f"the windows make neighbouring lines alike: about {alike:.1f} of them count as one")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from receptance import _checks
+from receptance.frf.variance import pool_variance
 from receptance.measurement.band import BIAS_SHARE, NEGLIGIBLE, force_band
 from receptance.measurement.leakage import cut_off, left_over
 from receptance.measurement.noise import force_noise
-from receptance.measurement.variance import LAGS, pool
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,7 +51,6 @@ class Channel:
     log_variance: NDArray[np.float64] | None
     degrees_of_freedom: NDArray[np.float64] | None
     alike_lines: NDArray[np.float64]
-    half_width: int
     left: NDArray[np.float64]
     refused: dict[str, NDArray[np.bool_]]
 
@@ -119,30 +118,26 @@ class Spectra:
         if not np.all(motion > 0.0):
             raise ValueError(f"estimate_frf: response channel {index} is zero in all hits; is the sensor connected?")
         first = cross / self.power
-        gain = np.abs(first) ** 2
         refused = self.outside(limits)
         if hits == 1:
             alike = self.windows.alike_lines(np.zeros(x.shape[1]))
             values = first if estimator == "H1" else motion / np.conj(cross)
-            return Channel(values, None, None, None, alike, 0, np.zeros(x.shape[1]), refused)
+            return Channel(values, None, None, None, alike, np.zeros(x.shape[1]), refused)
         coherence = np.clip(np.abs(cross) ** 2 / (self.power * motion), 0.0, 1.0)
         # From the residuals themselves: 1 - g^2 has no digits left where there is little noise.
         scatter = np.sum(np.abs(x - first * self.force) ** 2, axis=0) / (hits - 1)
-        to_relative = hits / (self.power * gain)
-        rounding = _ROUNDING / to_relative
-        share = self._force_share(scatter * to_relative)
-        pooled = pool(
-            scatter + rounding,
-            gain,
-            hits,
-            correlation=self.windows.correlation(LAGS),
-            common=share,
-            skew=self.skew * share,
+        relative = hits * scatter / (self.power * np.abs(first) ** 2) + _ROUNDING
+        share = self._force_share(relative)
+        variance, freedom = pool_variance(
+            first,
+            relative / (2.0 * hits),
+            2.0 * (hits - 1) / (1.0 + (self.skew * share) ** 2),
+            correlated_lines=self.windows.alike_lines(share),
             half_width=limits.half_width,
         )
-        relative = pooled.power * to_relative
+        relative = 2.0 * hits * variance
         share = self._force_share(relative)
-        variance = relative / (2.0 * hits) * (1.0 + self.skew * share)
+        variance = variance * (1.0 + self.skew * share)
         factor, bias = self._correction(estimator, coherence, relative)
         left = left_over(self._time_response[:, :, index], self._all_force, self.over, self.onset)
         lost = np.maximum(left.share[self.lines], left.error[self.lines] / np.abs(first))
@@ -164,9 +159,8 @@ class Spectra:
             values=first * factor,
             coherence=coherence,
             log_variance=variance,
-            degrees_of_freedom=pooled.degrees_of_freedom,
+            degrees_of_freedom=freedom,
             alike_lines=self.windows.alike_lines(share),
-            half_width=pooled.half_width,
             left=left.share[self.lines],
             refused=refused,
         )

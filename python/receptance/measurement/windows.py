@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from receptance import _checks
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -16,11 +18,13 @@ __all__ = ["ExponentialOn", "Windows", "make_windows"]
 
 ExponentialOn = Literal["both", "response"]
 _PLATEAU = 1.0
-"""Contacts that the force's window stays open after the hammer has left, so that no foot of the pulse is cut;"""
-_LEAST_OPEN = 8
-"""in samples at least,"""
+"""Contacts that the force's window stays open before and after the hammer touches: a pulse has a foot;"""
+_LEAST_OPEN = 24
+"""in samples at least: a recorder's filter rings for about so many, and both channels must keep that."""
 _FALL = 1.0
-"""and contacts over which it falls, as half a cosine; both before the contact as well."""
+"""Contacts over which the window rises and falls, as half a cosine;"""
+_LEAST_FALL = 8
+"""in samples at least."""
 
 
 @dataclass(frozen=True)
@@ -57,17 +61,6 @@ class Windows:
     def force_energy(self) -> float:
         """Sum of squares of the force's weights, mean over the hits."""
         return float(np.mean(np.sum(self.force**2, axis=1)))
-
-    def correlation(self, lags: int) -> NDArray[np.float64]:
-        """Return the correlation, in magnitude, that white noise on the response has between lines 0, 1, ... apart."""
-        from scipy.fft import fft
-
-        energy = np.mean(self.response**2, axis=0)
-        found: NDArray[np.float64] = np.abs(fft(energy))
-        count = min(lags, found.size)
-        padded = np.zeros(lags)
-        padded[:count] = found[:count] / found[0]
-        return padded
 
     def skew(self, spectra: NDArray[np.complex128], lines: slice) -> NDArray[np.float64]:
         """Return how much of the force's noise is in phase with the pulse, `(n_lines,)`, from 0 to 1.
@@ -120,9 +113,16 @@ def _force_window(
     """Return the force's window and how many samples of it lie before the contact."""
     from scipy.signal.windows import hann
 
-    fall = max(_LEAST_OPEN, round(_FALL * contact))
+    fall = max(_LEAST_FALL, round(_FALL * contact))
     margin = max(_LEAST_OPEN, round(_PLATEAU * contact))
-    after = contact + margin if not isinstance(length_s, float) else max(contact, round(length_s * rate))
+    after = contact + margin
+    if length_s is not None and length_s != "auto":
+        after = round(_checks.positive("estimate_frf", "force_window_s", length_s, unit="s") * rate)
+        if after < contact:
+            raise ValueError(
+                f"estimate_frf: force_window_s is {length_s:g} s, expected at least the longest contact of "
+                f"{contact / rate:.3g} s"
+            )
     if length_s is None:
         return np.empty(0), margin + fall
     ramp = hann(2 * fall + 1)[:fall]
