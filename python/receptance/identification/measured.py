@@ -26,12 +26,13 @@ def observe(
     low_hz: float | None,
     high_hz: float | None,
     floor: float,
-    label: str,
+    label: str | None,
 ) -> dict[str, Any]:
     """Return the fields of a `MeasuredFRF`; see `MeasuredFRF.from_frf`."""
     if not isinstance(frf, FRF):
         raise TypeError(f"MeasuredFRF.from_frf: frf is {frf!r}, expected an FRF")
     owner = repr(frf)
+    name = frf.label if label is None else label
     least = _checks.not_negative("MeasuredFRF.from_frf", "floor", floor)
     entry, places, notes = _entry(frf, response, excitation)
     # Over the band first: the line at 0 Hz then causes no note where it is not asked for.
@@ -43,14 +44,14 @@ def observe(
             notes.append(f"{np.count_nonzero(infinite)} lines of infinite variance are left out")
             known &= ~infinite
     if not known.any():
-        raise ValueError(f"{owner}: no line is left for {label or 'an observation'}: at 0 Hz, or of infinite variance")
+        raise ValueError(f"{owner}: no line is left for {name or 'an observation'}: at 0 Hz, or of infinite variance")
     return {
         "frequency_hz": entry.complex_frequency_hz[known],
         "receptance": entry.values[known, 0, 0],
         "response": places[0],
         "excitation": places[1],
         "standard_deviation": _spread(owner, entry, known, least, notes),
-        "label": label,
+        "label": name,
         "notes": (*entry.notes, *notes),
     }
 

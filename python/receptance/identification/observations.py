@@ -193,10 +193,7 @@ class MeasuredFRF:
         """
         from receptance.identification.measured import observe
 
-        return cls(
-            assembly=assembly,
-            **observe(frf, response, excitation, low_hz, high_hz, floor, frf.label if label is None else label),
-        )
+        return cls(assembly=assembly, **observe(frf, response, excitation, low_hz, high_hz, floor, label))
 
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real
