@@ -59,7 +59,7 @@ def parse_deviation(value: Any, kind: Kind) -> Deviation:
     >>> parse_deviation({"value": "0.5 mm", "name": "gauge"}, KINDS["a length"])
     Deviation(amount=0.0005, relative=False, name='gauge')
     """
-    expected = f'a standard deviation, absolute such as "{_small(kind)}" or relative such as "2 %"'
+    expected = f'a standard deviation, absolute such as {_written(kind)} or relative such as "2 %"'
     name = ""
     if isinstance(value, dict):
         if set(value) != {"value", "name"} or not isinstance(value["name"], str) or not value["name"].strip():
@@ -76,6 +76,10 @@ def parse_deviation(value: Any, kind: Kind) -> Deviation:
     except ValueError as error:
         found = str(error).split(", expected", 1)[0]
         raise ValueError(f"{found}, expected {expected}") from None
+
+
+def _written(kind: Kind) -> str:
+    return f'"{_small(kind)}"' if kind.unit else _small(kind)
 
 
 def _small(kind: Kind) -> str:
@@ -113,4 +117,4 @@ def deviation_schema(kind: Kind) -> dict[str, Any]:
         "required": ["value", "name"],
         "additionalProperties": False,
     }
-    return {"anyOf": [*spellings, named], "examples": [f"{_small(kind)}", "2 %"]}
+    return {"anyOf": [*spellings, named], "examples": [_small(kind) if kind.unit else float(_small(kind)), "2 %"]}

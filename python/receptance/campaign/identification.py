@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 __all__ = ["CampaignIdentification", "identify_campaign"]
 
+_DISAGREE = 1.3
+"""Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignIdentification:
@@ -176,6 +179,7 @@ def identify_campaign(
     ]
     if any(effects):
         notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
+        notes += _on_damping(fit)
     if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):
         notes.append(
             "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "
@@ -184,6 +188,18 @@ def identify_campaign(
     return CampaignIdentification(
         campaign=campaign, fit=fit, propagation=propagation, notes=tuple(notes), versions=versions()
     )
+
+
+def _on_damping(fit: Identification) -> list[str]:
+    """Say where intervals of dampings cannot be trusted; linear propagation does not see why."""
+    damped = [a for a in fit.addresses if a.split(".")[-1].startswith("c_") or a.endswith("loss_factor")]
+    if not damped or not fit.known_scatter or fit.rms < _DISAGREE:
+        return []
+    return [
+        f"the residuals are {fit.rms:.2g} times what noise explains: where dimensions are off, the resonances of "
+        "several measurements do not fit one model, and a fit answers with more damping; the intervals of "
+        f"{', '.join(damped)} do not cover that"
+    ]
 
 
 def _observed_unknowns(campaign: Campaign) -> tuple[list[Unknown], list[str]]:

@@ -56,7 +56,7 @@ def load(path: str | FilePath) -> Campaign:
     Warns
     -----
     ReceptanceWarning
-        What a person should know; the campaign's `notes` hold the same.
+        What is suspicious in the file or the data; the campaign's `notes` hold it too, and more.
 
     Examples
     --------
@@ -84,8 +84,8 @@ def load(path: str | FilePath) -> Campaign:
     _check_weights(measurements, table, problems)
     if problems.found:
         raise CampaignError(path, problems.found)
-    for note in workshop.notes:
-        warnings.warn(note, ReceptanceWarning, stacklevel=2)
+    for warning in dict.fromkeys(workshop.warnings):
+        warnings.warn(warning, ReceptanceWarning, stacklevel=2)
     return Campaign(
         file=file,
         table=table,

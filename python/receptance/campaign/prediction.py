@@ -202,7 +202,7 @@ def _held_out_frf(name: str, measured: Measurement, assembly: Assembly, propagat
     found, real, imaginary = propagation.receptance(
         assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects
     )
-    peaks = match_peaks(seen.frequency_hz, seen.receptance, found)
+    peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
     deviations = _peak_deviations(peaks, assembly, propagation, measured)
     return PredictedFRF(
         name=name,

@@ -252,7 +252,7 @@ def json_schema(kind: Kind) -> dict[str, Any]:
     if not kind.unit:
         bound = {"above zero": {"exclusiveMinimum": 0}, "zero or more": {"minimum": 0}, "any": {}}[kind.least]
         return {"type": "number", "examples": [float(kind.example)], **bound}
-    return {"type": "string", "pattern": rf"^\s*{NUMBER}\s*[^\s\d].*$", "examples": [kind.example]}
+    return {"type": "string", "pattern": rf"^\s*{NUMBER}(\s+\S|[^\s\d]).*$", "examples": [kind.example]}
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ _SECTIONS = (
     ("SettingsTable", "`[settings]`"),
     ("PredictionTable", "`[prediction]`"),
 )
+_TYPES = {"string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`"}
 
 
 def json_schema() -> dict[str, Any]:
@@ -64,6 +65,8 @@ def _plain(node: Any) -> Any:
     found = {key: _plain(value) for key, value in node.items() if not (key == "title" and isinstance(value, str))}
     if "default" in found and (found["default"] in (None, [], "") or isinstance(found["default"], dict)):
         del found["default"]
+    if found.get("type") == "string" and not isinstance(found.get("default", ""), str):
+        del found["default"]  # of a quantity, which is text, the default is a number in SI units
     if "patternProperties" in found:
         found.setdefault("additionalProperties", False)
     choices = found.get("anyOf")
@@ -121,7 +124,7 @@ def _value(field: dict[str, Any]) -> str:
         return "table"
     if kind == "array":
         return f"list of {_plural(_value(field.get('items', {})))}"
-    return {"string": "text", "integer": "whole number", "number": "number"}.get(kind, "")
+    return _TYPES.get(kind, "")
 
 
 def _plural(value: str) -> str:

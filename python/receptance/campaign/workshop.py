@@ -41,6 +41,8 @@ class Workshop:
         self.named = named
         self._broken = broken
         self.notes: list[str] = []
+        self.warnings: list[str] = []
+        """Those of the notes that came as warnings."""
 
     def make(self, path: Path, build: Callable[..., _Made], /, *arguments: Any, **options: Any) -> _Made | None:
         """Return what is built, or None after its mistake is added."""
@@ -53,6 +55,7 @@ class Workshop:
                 return None
         for warning in caught:
             self.note(path, str(warning.message))
+            self.warnings.append(self.notes[-1])
         return made
 
     def note(self, path: Path, text: str) -> None:
