@@ -9,14 +9,13 @@ import numpy as np
 
 from receptance.identification.result import Identification, Start
 from receptance.identification.spread import covariance_of, variance_factor
-from receptance.identification.unknowns import Variables, covered
+from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
     from receptance.identification.problem import Problem
-    from receptance.identification.residuals import Residual
+    from receptance.identification.task import Task
 
 __all__ = ["conclude"]
 
@@ -31,29 +30,29 @@ _UNEXPLAINED = 2.0
 
 
 def conclude(
-    observed: Sequence[MeasuredFRF | MeasuredFrequencies],
-    residuals: Sequence[Residual],
+    task: Task,
     problem: Problem,
     quick: Problem,
     runs: Sequence[Start],
     *,
-    known: bool,
     loss: float | None,
     seed: int,
     notes: list[str],
 ) -> Identification:
     """Return the result of the best run; `quick` has the residuals and the curvature of `problem`, for less work."""
-    variables = problem.variables
+    variables, observed = problem.variables, task.observed
+    known = "standard deviations" in task.units
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
     residual = quick.value(best.variables)
     inverse, correlation = covariance_of(quick.jacobian(best.variables))
     factor = 1.0 if known else variance_factor(residual, count, loss)
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
-    values = np.array([best.values[address] for address in variables.addresses])
+    values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
-    cuts = np.cumsum([part.size for part in residuals])[:-1]
-    rms = float(np.sqrt(np.mean(residual**2)))
+    cuts = np.cumsum([part.size for part in problem.residuals])
+    parts = np.split(residual, cuts[:-1])[: len(observed)]
+    rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
     same, elsewhere = _agreement(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
     if not known and residual.size == count:
         notes.append(
@@ -66,11 +65,11 @@ def conclude(
     return Identification(
         unknowns=variables.unknowns,
         values=dict(best.values),
-        standard_errors=dict(zip(variables.addresses, errors.tolist(), strict=True)),
+        standard_errors=dict(zip(variables.names, errors.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,
-        residuals=[part.copy() for part in np.split(residual, cuts)],
-        units=[part.unit for part in residuals],
+        residuals=[part.copy() for part in parts],
+        units=list(task.units),
         labels=[o.label or f"observation {i}" for i, o in enumerate(observed)],
         rms=rms,
         degrees_of_freedom=residual.size - count,
@@ -79,17 +78,16 @@ def conclude(
         advice=[
             *_on_starts(runs, best, same, elsewhere),
             *_on_bounds(best.variables, variables),
-            *_on_spread(inverse, correlation, variables.addresses),
+            *_on_spread(inverse, correlation, variables.names),
             *_on_misfit(rms if known else 0.0),
         ],
         notes=notes,
         starts=tuple(runs),
         agreeing=same,
-        assemblies=[
-            o.assembly.replace({a: v for a, v in best.values.items() if covered(a, o.assembly)}) for o in observed
-        ],
+        assemblies=[placed.apply(o.assembly, values) for placed, o in zip(task.placed, observed, strict=True)],
         evaluations=sum(run.evaluations for run in runs),
         seed=seed,
+        task=task,
     )
 
 
@@ -138,7 +136,7 @@ def _on_bounds(x: NDArray[np.float64], variables: Variables) -> list[str]:
         near = _AT_BOUND * (high[i] - low[i])
         sides = (("lower", unknown.lower, x[i] - low[i]), ("upper", unknown.upper, high[i] - x[i]))
         advice += [
-            f"{unknown.address} is at its {side} bound {bound:g}: widen the bound, or take it that the data only "
+            f"{unknown.name} is at its {side} bound {bound:g}: widen the bound, or take it that the data only "
             "limit it from one side; its interval means nothing there"
             for side, bound, distance in sides
             if distance <= near
@@ -146,17 +144,17 @@ def _on_bounds(x: NDArray[np.float64], variables: Variables) -> list[str]:
     return advice
 
 
-def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], addresses: tuple[str, ...]) -> list[str]:
+def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], names: tuple[str, ...]) -> list[str]:
     advice = [
-        f"the data do not determine {address}: fix it, or measure something that it moves"
-        for address, variance in zip(addresses, np.diag(inverse), strict=True)
+        f"the data do not determine {name}: fix it, or measure something that it moves"
+        for name, variance in zip(names, np.diag(inverse), strict=True)
         if np.isinf(variance)
     ]
-    for i, first in enumerate(addresses):
+    for i, first in enumerate(names):
         for j in range(i):
             if abs(correlation[i, j]) > _TIED:
                 advice.append(
-                    f"{addresses[j]} and {first} are tied (correlation {correlation[i, j]:+.4f}): the data determine a "
+                    f"{names[j]} and {first} are tied (correlation {correlation[i, j]:+.4f}): the data determine a "
                     "combination of them; fix one, or measure another overhang or mode"
                 )
     return advice

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.identification.bands import check_bands, find_bands, within
+from receptance.identification.bands import check_bands
 from receptance.identification.conclusion import conclude
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.problem import Problem
-from receptance.identification.reduced import JointResidual, only_joint
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, Residual, Unit
+from receptance.identification.laws import Tolerance
+from receptance.identification.mapping import Parameters
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification
-from receptance.identification.unknowns import Unknown, Variables, check_unknowns
+from receptance.identification.task import Observation, Task, place_of
+from receptance.identification.unknowns import Unknown
+
+if TYPE_CHECKING:
+    from receptance.identification.residuals import Unit
 
 __all__ = ["identify"]
 
 Objective = Literal["log", "percentage"]
-Observation = MeasuredFRF | MeasuredFrequencies
 _SMOOTHING_PERCENT = 0.1
 """Percentages well above this count by their absolute value, those below by their square."""
 
@@ -39,6 +41,7 @@ def identify(
     max_evaluations: int = 200,
     tolerance: float = 1e-10,
     threads: int | None = None,
+    tolerances: Tolerance | Sequence[Tolerance] = (),
 ) -> Identification:
     """Identify parameters of assemblies from what was measured on them.
 
@@ -51,8 +54,8 @@ def identify(
     ----------
     observations : sequence of MeasuredFRF and MeasuredFrequencies
         What was measured; kinds and assemblies may be mixed.
-    unknowns : sequence of Unknown
-        The parameters to identify, with bounds.
+    unknowns : sequence of Unknown and Law
+        The parameters to identify, with bounds; a `Law` ties one across configurations.
     objective : {"log", "percentage"}, optional
         "log": the complex logarithm of measured over calculated receptance, real and imaginary part, and natural
         frequencies calculated minus measured; in standard deviations where these are given, else natural
@@ -78,6 +81,8 @@ def identify(
         Relative change of the cost and of the variables at which a fit has converged.
     threads : int, optional
         As in `Assembly.receptance`.
+    tolerances : sequence of Tolerance, optional
+        Errors of dimensions and materials, fitted as well, each with its prior.
 
     Returns
     -------
@@ -87,8 +92,8 @@ def identify(
     Raises
     ------
     TypeError, ValueError
-        Unusable observations, unknowns or settings; more unknowns than observed numbers; standard deviations for
-        some observations and not for others.
+        Unusable observations, unknowns or settings; more unknowns than observed numbers and priors; standard
+        deviations for some observations and not for others, or for none where there are priors or tolerances.
     ReceptanceError
         The model has no value at any of the starts.
 
@@ -109,7 +114,8 @@ def identify(
     """
     observed = _observed(observations)
     wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
-    check_unknowns(wanted, [observation.assembly for observation in observed])
+    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    parameters = Parameters(wanted, errors, [place_of(one, i) for i, one in enumerate(observed)])
     if objective not in get_args(Objective):
         raise ValueError(f"objective is {objective!r}, expected one of {', '.join(get_args(Objective))}")
     _whole("starts", starts, 1)
@@ -117,43 +123,38 @@ def identify(
     _whole("max_evaluations", max_evaluations, 1)
     _checks.positive("identify", "tolerance", tolerance)
     _checks.thread_count(threads)
-    variables = Variables(wanted)
     chosen = None if bands is None else check_bands(bands)
     units = _units(observed, objective)
-    residuals = [
-        _residual(observation, unit, variables, chosen, band_width_percent, threads)
-        for observation, unit in zip(observed, units, strict=True)
-    ]
-    problem = Problem(residuals, variables)
-    if problem.size < len(wanted):
+    known = "standard deviations" in units
+    if not known and any(unknown.prior is not None for unknown in parameters.unknowns):
         raise ValueError(
-            f"there are {len(wanted)} unknowns but only {problem.size} observed numbers; measure more or fix some"
+            "priors and tolerances can only be weighed against observations whose standard deviations are used: give "
+            'all observations one, and the objective "log"'
+        )
+    task = Task(observed, parameters, tuple(units), chosen, band_width_percent, threads)
+    variables, problem = task.variables, task.problem()
+    if problem.size < len(variables.unknowns):
+        raise ValueError(
+            f"there are {len(variables.unknowns)} unknowns but only {problem.size} observed numbers; measure more or "
+            "fix some"
         )
     x = variables.draw(starts, seed)
     quick = problem
     if objective == "percentage":
-        near = Problem([_approach(observation, variables, chosen, threads) for observation in observed], variables)
+        near = task.approach()
         runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
     else:
-        quick = Problem(
-            [
-                _reduced(observation, residual, variables, chosen, threads)
-                for observation, residual in zip(observed, residuals, strict=True)
-            ],
-            variables,
-        )
+        quick = task.quick(problem)
         runs = quick.fit_all(x, max_evaluations, tolerance)
     if not np.isfinite(min(run.cost for run in runs)):
         raise ReceptanceError(f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}")
     notes = [note for observation in observed for note in getattr(observation, "notes", ())]
     notes += _on_weights(observed, units, objective)
     return conclude(
-        observed,
-        residuals,
+        task,
         problem,
         quick,
         runs,
-        known="standard deviations" in units,
         loss=_SMOOTHING_PERCENT if objective == "percentage" else None,
         seed=seed,
         notes=notes,
@@ -199,54 +200,6 @@ def _on_weights(observed: Sequence[Observation], units: list[Unit], objective: O
         )
         warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
     return notes
-
-
-def _residual(
-    observation: Observation,
-    unit: Unit,
-    variables: Variables,
-    bands: list[tuple[float, float]] | None,
-    width_percent: float,
-    threads: int | None,
-) -> Residual:
-    if isinstance(observation, MeasuredFrequencies):
-        return FrequencyResidual(observation, variables, unit)
-    if bands is None and unit == "percent":
-        bands = find_bands(observation, width_percent=width_percent)
-    return FRFResidual(observation, variables, unit, None if bands is None else within(observation, bands), threads)
-
-
-def _reduced(
-    observation: Observation,
-    residual: Residual,
-    variables: Variables,
-    bands: list[tuple[float, float]] | None,
-    threads: int | None,
-) -> Residual:
-    """Return the same residual compressed, where only one joint of the observation's assembly is unknown."""
-    if isinstance(observation, MeasuredFrequencies) or residual.size <= 2 * len(variables.addresses):
-        return residual
-    joint = only_joint(observation, variables)
-    if joint is None:
-        return residual
-    chosen = None if bands is None else within(observation, bands)
-    try:
-        return JointResidual(observation, variables, residual.unit, chosen, joint, threads)
-    except (ReceptanceError, ValueError):
-        # The joint at the bounds has no value; the fit itself may never go there.
-        return residual
-
-
-def _approach(
-    observation: Observation, variables: Variables, bands: list[tuple[float, float]] | None, threads: int | None
-) -> Residual:
-    """Return the residual that brings a start near, before percentages in bands are fitted.
-
-    While the calculated peaks are outside the bands around the measured ones, a percentage is blind to where they
-    are; the logarithm on all lines is not.
-    """
-    unit: Unit = "logarithm" if isinstance(observation, MeasuredFRF) else "relative"
-    return _residual(observation, unit, variables, bands, 0.0, threads)
 
 
 def _has_spread(observation: Observation) -> bool:

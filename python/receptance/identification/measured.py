@@ -9,6 +9,7 @@ import numpy as np
 from receptance import _checks
 from receptance.coordinates import Coordinate
 from receptance.frf import FRF, Unplaced
+from receptance.identification.floor import Floor
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +26,7 @@ def observe(
     excitation: Coordinate | str | int | None,
     low_hz: float | None,
     high_hz: float | None,
-    floor: float,
+    floor: float | Floor,
     label: str | None,
 ) -> dict[str, Any]:
     """Return the fields of a `MeasuredFRF`; see `MeasuredFRF.from_frf`."""
@@ -33,7 +34,10 @@ def observe(
         raise TypeError(f"MeasuredFRF.from_frf: frf is {frf!r}, expected an FRF")
     owner = repr(frf)
     name = frf.label if label is None else label
-    least = _checks.not_negative("MeasuredFRF.from_frf", "floor", floor)
+    if isinstance(floor, Floor):
+        least = floor
+    else:
+        least = Floor(relative=_checks.not_negative("MeasuredFRF.from_frf", "floor", floor), frequency=0.0)
     entry, places, notes = _entry(frf, response, excitation)
     # Over the band first: the line at 0 Hz then causes no note where it is not asked for.
     entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
@@ -51,6 +55,7 @@ def observe(
         "response": places[0],
         "excitation": places[1],
         "standard_deviation": _spread(owner, entry, known, least, notes),
+        "correlated_lines": float(np.mean(entry.correlated_lines[known])),
         "label": name,
         "notes": (*entry.notes, *notes),
     }
@@ -85,18 +90,24 @@ def _entry(
 
 
 def _spread(
-    owner: str, entry: FRF, known: NDArray[np.bool_], floor: float, notes: list[str]
-) -> NDArray[np.float64] | float | None:
+    owner: str, entry: FRF, known: NDArray[np.bool_], floor: Floor, notes: list[str]
+) -> NDArray[np.float64] | None:
     """Return the standard deviations of lines that count as independent, `(n,)`, or None where nothing is known."""
+    lines, values = entry.frequency_hz[known], entry.values[known, 0, 0]
     if entry.log_variance is None:
-        if floor:
-            notes.append(f"the FRF has no variance: the floor of {floor:g} is all there is")
-        return floor or None
-    spread: NDArray[np.float64] = np.sqrt(entry.log_variance[known, 0, 0] * entry.correlated_lines[known] + floor**2)
+        if not floor:
+            return None
+        notes.append(f"the FRF has no variance: the floor of {floor} is all there is")
+        return np.sqrt(floor.variance(lines, values))
+    noise = entry.log_variance[known, 0, 0] * entry.correlated_lines[known]
+    spread: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))
+    if floor:
+        share = float(np.median(noise / spread**2))
+        notes.append(f"floor of {floor} added to the noise, which is {100.0 * share:.0f} % of the median variance")
     exact = np.flatnonzero(spread == 0.0)
     if exact.size:
         raise ValueError(
-            f"{owner}: the variance is zero on {exact.size} lines, first at {entry.frequency_hz[known][exact[0]]:g} Hz "
+            f"{owner}: the variance is zero on {exact.size} lines, first at {lines[exact[0]]:g} Hz "
             "(a coherence of exactly 1), so they would decide everything; give a floor, floor=0.003 say"
         )
     if entry.degrees_of_freedom is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
+    from receptance.identification.floor import Floor
 
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
 
@@ -41,10 +42,17 @@ class MeasuredFRF:
     standard_deviation : array_like, optional
         Standard deviation of the real and of the imaginary part of the logarithm of the receptance, one number
         or `(n,)`; 0.01 is 1 % of the magnitude and 0.01 rad of the phase.
+    correlated_lines : float, optional
+        How many neighbouring lines share one independent value, on average; the standard deviations are taken to have
+        it in them, as those of `from_frf` have. It says how many independent lines there are.
     label : str, optional
         For people.
     notes : sequence of str, optional
         What was changed in the data or is suspicious; the result of a fit repeats it.
+    configuration : str, optional
+        Name of the configuration that was measured, for laws and tolerances; by default the label.
+    conditions : mapping of str to float, optional
+        Numbers that describe it, in SI units, for laws: {"torque": 40.0}.
 
     Attributes
     ----------
@@ -74,8 +82,11 @@ class MeasuredFRF:
     response: Coordinate
     excitation: Coordinate
     standard_deviation: NDArray[np.float64] | None
+    correlated_lines: float
     label: str
     notes: tuple[str, ...]
+    configuration: str
+    conditions: Mapping[str, float]
 
     def __init__(
         self,
@@ -86,8 +97,11 @@ class MeasuredFRF:
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
         standard_deviation: ArrayLike | None = None,
+        correlated_lines: float = 1.0,
         label: str = "",
         notes: Sequence[str] = (),
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
     ) -> None:
         owner = _owner("MeasuredFRF", label, assembly)
         lines = _numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
@@ -137,9 +151,17 @@ class MeasuredFRF:
             response=places[0],
             excitation=places[1],
             standard_deviation=spread,
+            correlated_lines=_checks.positive(owner, "correlated_lines", correlated_lines),
             label=str(label),
             notes=notes,
+            configuration=str(configuration or label),
+            conditions=_conditions(owner, conditions),
         )
+
+    @property
+    def independent_lines(self) -> float:
+        """Effective number of independent lines."""
+        return self.frequency_hz.size / max(self.correlated_lines, 1.0)
 
     @classmethod
     def from_frf(
@@ -151,8 +173,10 @@ class MeasuredFRF:
         excitation: Coordinate | str | int | None = None,
         low_hz: float | None = None,
         high_hz: float | None = None,
-        floor: float = 0.0,
+        floor: float | Floor = 0.0,
         label: str | None = None,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
     ) -> MeasuredFRF:
         """Return one entry of an FRF as an observation of an assembly.
 
@@ -171,10 +195,13 @@ class MeasuredFRF:
             entry says where it is on the assembly, whatever the FRF says. A place that neither knows is the tip.
         low_hz, high_hz : float, optional
             Only lines from `low_hz` to `high_hz`, both included.
-        floor : float, optional
-            What no noise model covers, as standard deviation of the logarithm, 0.003 say: added in squares.
+        floor : float or Floor, optional
+            What no noise model covers, as standard deviation of the logarithm, 0.003 say: added in squares. A `Floor`
+            has a part that grows with the slope as well.
         label : str, optional
             For people; by default that of the FRF.
+        configuration, conditions : optional
+            As on creation.
 
         Raises
         ------
@@ -193,7 +220,8 @@ class MeasuredFRF:
         """
         from receptance.identification.measured import observe
 
-        return cls(assembly=assembly, **observe(frf, response, excitation, low_hz, high_hz, floor, label))
+        fields = observe(frf, response, excitation, low_hz, high_hz, floor, label)
+        return cls(assembly=assembly, **fields, configuration=configuration, conditions=conditions)
 
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real
@@ -216,6 +244,10 @@ class MeasuredFrequencies:
         Standard deviation in Hz, one number or `(m,)`.
     label : str, optional
         For people.
+    configuration : str, optional
+        Name of the configuration that was measured, for laws and tolerances; by default the label.
+    conditions : mapping of str to float, optional
+        Numbers that describe it, in SI units, for laws: {"torque": 40.0}.
 
     Raises
     ------
@@ -236,6 +268,8 @@ class MeasuredFrequencies:
     modes: tuple[int, ...]
     standard_deviation_hz: NDArray[np.float64] | None
     label: str
+    configuration: str
+    conditions: Mapping[str, float]
 
     def __init__(
         self,
@@ -245,6 +279,8 @@ class MeasuredFrequencies:
         modes: Sequence[int] | None = None,
         standard_deviation_hz: ArrayLike | None = None,
         label: str = "",
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
     ) -> None:
         owner = _owner("MeasuredFrequencies", label, assembly)
         values = np.atleast_1d(_numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
@@ -262,6 +298,8 @@ class MeasuredFrequencies:
             modes=numbers,
             standard_deviation_hz=spread,
             label=str(label),
+            configuration=str(configuration or label),
+            conditions=_conditions(owner, conditions),
         )
 
     def __repr__(self) -> str:
@@ -283,6 +321,10 @@ def _set(target: Any, **fields: Any) -> None:
             value = value.copy()
             value.setflags(write=False)
         object.__setattr__(target, name, value)
+
+
+def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
+    return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
 
 
 def _numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:

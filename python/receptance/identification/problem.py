@@ -162,4 +162,4 @@ class Problem:
         )
 
     def _named(self, x: NDArray[np.float64]) -> dict[str, float]:
-        return dict(zip(self.variables.addresses, self.variables.to_values(x).tolist(), strict=True))
+        return dict(zip(self.variables.names, self.variables.to_values(x).tolist(), strict=True))

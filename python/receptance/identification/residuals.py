@@ -13,7 +13,7 @@ import numpy as np
 
 from receptance.beams import Part
 from receptance.errors import ReceptanceError
-from receptance.identification.unknowns import Variables, covered
+from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,10 +61,18 @@ class Residual(Protocol):
         """Return the residuals alone."""
 
 
+class Addressed(Protocol):
+    """The unknowns of a residual: those of the whole fit, or the parameters of its own assembly."""
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Their addresses, in the order of `values`."""
+
+
 class _Model:
     """An assembly as a function of those unknowns that it has."""
 
-    def __init__(self, assembly: Assembly, variables: Variables) -> None:
+    def __init__(self, assembly: Assembly, variables: Addressed) -> None:
         self.assembly = assembly
         self.columns = [i for i, name in enumerate(variables.addresses) if covered(name, assembly)]
         self.addresses = [variables.addresses[i] for i in self.columns]
@@ -109,7 +117,7 @@ class FRFResidual:
     def __init__(
         self,
         frf: MeasuredFRF,
-        variables: Variables,
+        variables: Addressed,
         unit: Unit,
         chosen: NDArray[np.bool_] | None,
         threads: int | None,
@@ -197,7 +205,7 @@ class FRFResidual:
 class FrequencyResidual:
     """Residuals of measured natural frequencies."""
 
-    def __init__(self, measured: MeasuredFrequencies, variables: Variables, unit: Unit) -> None:
+    def __init__(self, measured: MeasuredFrequencies, variables: Addressed, unit: Unit) -> None:
         self.unit = unit
         self._model = _Model(measured.assembly, variables)
         self._measured = measured.frequency_hz

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.identification.mapping import Place
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.spread import quantile
-from receptance.identification.unknowns import Unknown, Variables, covered
+from receptance.identification.unknowns import Unknown, Variables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
+    from receptance.identification.task import Task
 
 __all__ = ["Identification", "Start"]
 
@@ -57,7 +61,7 @@ class Identification:
     Attributes
     ----------
     unknowns : tuple of Unknown
-        What was identified, in the order of all that follows.
+        What was identified, in the order of all that follows: laws spelled out, errors of tolerances last.
     values : dict of str to float
         Identified values in SI units by address.
     standard_errors : dict of str to float
@@ -94,6 +98,11 @@ class Identification:
         Evaluations of the model in all starts.
     seed : int
         Seed of the starts that were drawn.
+    task : Task
+        What was fitted to what, for what is asked of the fit afterwards.
+
+    What is found by address here is found by name where an unknown has one: exponents of laws, parts of single
+    configurations, and errors of tolerances, which are counted in their standard deviations.
 
     Examples
     --------
@@ -128,11 +137,28 @@ class Identification:
     assemblies: list[Assembly]
     evaluations: int
     seed: int
+    task: Task = field(repr=False)
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """Addresses of the unknowns, in the order of `covariance` and `correlation`."""
-        return tuple(unknown.address for unknown in self.unknowns)
+        """Names of all unknowns, mostly addresses, in the order of `covariance` and `correlation`."""
+        return tuple(unknown.name for unknown in self.unknowns)
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Names of the errors of tolerances among them."""
+        return self.task.parameters.errors
+
+    @property
+    def independent_lines(self) -> float:
+        """Effective number of independent lines and natural frequencies that were fitted."""
+        sizes = (len(r) / (1 if unit == "percent" else 2) for r, unit in zip(self.residuals, self.units, strict=True))
+        return float(
+            sum(
+                size / max(o.correlated_lines, 1.0) if isinstance(o, MeasuredFRF) else len(o.modes)
+                for size, o in zip(sizes, self.task.observed, strict=True)
+            )
+        )
 
     def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a value, in SI units.
@@ -157,15 +183,38 @@ class Identification:
             factor = float(np.power(10.0, np.float64(reach)))
         return (value / factor if np.isfinite(factor) else 0.0), value * factor
 
-    def apply(self, assembly: Assembly) -> Assembly:
-        """Return another assembly with the identified values of the parameters that it has."""
-        own = {address: value for address, value in self.values.items() if covered(address, assembly)}
-        if not own:
+    def apply(
+        self, assembly: Assembly, *, configuration: str = "", conditions: Mapping[str, float] | None = None
+    ) -> Assembly:
+        """Return another assembly with the identified values of the parameters that it has.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            It need not be one that was observed.
+        configuration : str, optional
+            Its configuration, which the errors and laws of the fit may know.
+        conditions : mapping of str to float, optional
+            Numbers that describe it, in SI units, for laws.
+
+        Raises
+        ------
+        ValueError
+            The assembly has none of the identified parameters, or a law cannot say what holds for it.
+        """
+        fresh: list[str] = []
+        placed = self.task.parameters.at(Place(assembly, configuration, "", conditions or {}), fresh=fresh)
+        if not placed.addresses:
             raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
-        return assembly.replace(own)
+        return placed.apply(assembly, np.append(self._vector(), np.zeros(len(fresh))))
 
     def predict_natural_frequencies(
-        self, assembly: Assembly, upper_hz: float
+        self,
+        assembly: Assembly,
+        upper_hz: float,
+        *,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequencies of an assembly with the identified values, and what their uncertainty makes of them.
 
@@ -175,22 +224,33 @@ class Identification:
             It need not be one that was observed.
         upper_hz : float
             Limit in Hz.
+        configuration, conditions : optional
+            As in `apply`.
 
         Returns
         -------
         frequency_hz, standard_error_hz : ndarray
-            `(n_modes,)` each; to first order, from the identified parameters alone. Infinite where a parameter
-            that matters is not determined.
+            `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
+            that a new configuration has. Infinite where a parameter that matters is not determined.
         """
-        own = [index for index, address in enumerate(self.addresses) if covered(address, assembly)]
-        found, slope = self.apply(assembly).natural_frequency_derivatives(upper_hz, [self.addresses[i] for i in own])
-        at = np.array([self.values[self.addresses[i]] for i in own])
-        slope = slope * Variables(tuple(self.unknowns[i] for i in own)).slopes(at)
-        covariance = self.covariance[np.ix_(own, own)]
-        lost = np.isinf(np.diag(covariance))
-        kept = slope[:, ~lost]
-        variance = np.einsum("mi,ij,mj->m", kept, covariance[np.ix_(~lost, ~lost)], kept)
-        return found, np.where(np.any(slope[:, lost] != 0.0, axis=1), np.inf, np.sqrt(np.maximum(variance, 0.0)))
+        place = Place(assembly, configuration, "", conditions or {})
+        fresh: list[str] = []
+        placed = self.task.parameters.at(place, fresh=fresh)
+        if not placed.addresses:
+            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
+        vector = np.append(self._vector(), np.zeros(len(fresh)))
+        found, slope = placed.apply(assembly, vector).natural_frequency_derivatives(upper_hz, list(placed.addresses))
+        slope = slope @ placed.jacobian(vector)
+        count = len(self.unknowns)
+        own = slope[:, :count] * Variables(self.unknowns).slopes(vector[:count])
+        lost = np.isinf(np.diag(self.covariance))
+        kept = own[:, ~lost]
+        variance = np.einsum("mi,ij,mj->m", kept, self.covariance[np.ix_(~lost, ~lost)], kept)
+        variance = np.maximum(variance, 0.0) + np.sum(slope[:, count:] ** 2, axis=1)
+        return found, np.where(np.any(own[:, lost] != 0.0, axis=1), np.inf, np.sqrt(variance))
+
+    def _vector(self) -> NDArray[np.float64]:
+        return np.array(list(self.values.values()))
 
     def summary(self) -> str:
         """Return the result as text: values with intervals, fit, starts, advice and notes."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from receptance import _checks
+from receptance.identification.priors import Prior
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,11 +39,18 @@ class Unknown:
     scale : {"log", "linear"}, optional
         Whether the logarithm (base 10) or the value itself is fitted; by default the logarithm where the lower
         bound is more than zero.
+    prior : Prior, optional
+        What is known of it beforehand.
+    configurations : str or sequence of str, optional
+        Only observations of these configurations (or with these labels) have it; by default all.
+    name : str, optional
+        What the result calls it; by default its address, and the configurations where these are given.
 
     Raises
     ------
     TypeError, ValueError
-        Bounds that are not finite, reversed or exclude the start, or a log scale from zero or less.
+        Bounds that are not finite, reversed or exclude the start, a log scale from zero or less, or a prior on a log
+        scale around zero or less.
 
     Examples
     --------
@@ -56,6 +64,9 @@ class Unknown:
     upper: float
     start: float | None = None
     scale: Scale | None = None
+    prior: Prior | None = None
+    configurations: tuple[str, ...] | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.address, str):
@@ -76,8 +87,37 @@ class Unknown:
             start = _checks.number(owner, "start", self.start)
         if not lower <= start <= upper:
             raise ValueError(f"{owner}: start is {start:g}, outside the bounds {lower:g} to {upper:g}")
-        for name, value in (("lower", lower), ("upper", upper), ("start", start), ("scale", scale)):
+        if self.prior is not None:
+            if not isinstance(self.prior, Prior):
+                raise TypeError(f"{owner}: prior is {self.prior!r}, expected a Prior")
+            if scale == "log" and self.prior.mean <= 0.0:
+                raise ValueError(f"{owner}: the prior's mean is {self.prior.mean:g}, expected more than zero")
+        chosen = listed(owner, self.configurations)
+        title = self.name or self.address + ("" if chosen is None else f" @ {', '.join(chosen)}")
+        for name, value in (
+            ("lower", lower),
+            ("upper", upper),
+            ("start", start),
+            ("scale", scale),
+            ("configurations", chosen),
+            ("name", title),
+        ):
             object.__setattr__(self, name, value)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is one number for all observations, and called by its address."""
+        return self.configurations is None and self.prior is None and self.name == self.address
+
+
+def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
+    """Return names of configurations as a tuple; None stands for all."""
+    if configurations is None:
+        return None
+    found = (configurations,) if isinstance(configurations, str) else tuple(configurations)
+    if not found or not all(isinstance(name, str) and name for name in found):
+        raise ValueError(f"{owner}: configurations is {configurations!r}, expected names of configurations, or None")
+    return found
 
 
 @dataclass(frozen=True)
@@ -90,6 +130,11 @@ class Variables:
     def addresses(self) -> tuple[str, ...]:
         """Addresses in the order of the vector."""
         return tuple(unknown.address for unknown in self.unknowns)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names in the order of the vector; the addresses where nothing else was said."""
+        return tuple(unknown.name for unknown in self.unknowns)
 
     @cached_property
     def logarithmic(self) -> NDArray[np.bool_]:
@@ -142,27 +187,3 @@ def covered(address: str, assembly: Assembly) -> frozenset[str]:
         return frozenset((address,) if address in known else ())
     pattern = re.compile(re.escape(address).replace(r"\[\*\]", r"\[\d+\]"))
     return frozenset(name for name in known if pattern.fullmatch(name))
-
-
-def check_unknowns(unknowns: Sequence[Unknown], assemblies: Sequence[Assembly]) -> None:
-    """Raise if an address is unknown to all assemblies, or two unknowns move the same parameter."""
-    if not unknowns:
-        raise ValueError("unknowns is empty, expected at least one Unknown")
-    for index, unknown in enumerate(unknowns):
-        if not isinstance(unknown, Unknown):
-            raise TypeError(f"unknowns[{index}] is {unknown!r}, expected an Unknown")
-    for assembly in assemblies:
-        owner: dict[str, str] = {}
-        for unknown in unknowns:
-            for name in covered(unknown.address, assembly):
-                if name in owner:
-                    raise ValueError(f"the unknowns {owner[name]!r} and {unknown.address!r} are both {name!r}")
-                owner[name] = unknown.address
-    known = dict.fromkeys(name for assembly in assemblies for name in assembly.parameters)
-    for unknown in unknowns:
-        if not any(covered(unknown.address, assembly) for assembly in assemblies):
-            first = unknown.address.split(".", 1)[0] + "."
-            near = [name for name in known if name.startswith(first)] or list(known)
-            raise ValueError(
-                f"Unknown {unknown.address!r}: no observation's assembly has it; there are {', '.join(near)}"
-            )

@@ -1,0 +1,196 @@
+"""How a parameter goes across configurations: one value, a power of a condition, or a value for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from receptance import _checks
+from receptance.identification.priors import Prior
+from receptance.identification.unknowns import Unknown, listed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+__all__ = ["Law", "Power", "Tolerance", "error_of"]
+
+_FARTHEST = 8.0
+"""Standard deviations beyond which no error of a tolerance is looked for."""
+
+
+def error_of(name: str) -> Unknown:
+    """Return the unknown for an error, in standard deviations of it."""
+    return Unknown(
+        address=name,
+        lower=-_FARTHEST,
+        upper=_FARTHEST,
+        start=0.0,
+        scale="linear",
+        prior=Prior(mean=0.0, standard_deviation=1.0),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Power:
+    """A power law (x / reference)^exponent of a condition, with the exponent to be identified.
+
+    Parameters
+    ----------
+    of : str
+        Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies, whose
+        value counts as it stands there ("tool.segment[0].length").
+    reference : float
+        Value of the condition, in SI units, at which the law has the value of its unknown.
+    lower, upper : float, optional
+        Bounds of the exponent.
+    start : float, optional
+        Where the first fit starts.
+    prior : Prior, optional
+        What is known of the exponent beforehand.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A reference that is not above zero, and unusable bounds.
+    """
+
+    of: str
+    reference: float
+    lower: float = -4.0
+    upper: float = 4.0
+    start: float = 0.0
+    prior: Prior | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.of, str) or not self.of:
+            raise TypeError(f"Power: of is {self.of!r}, expected the name of a condition or an address")
+        reference = _checks.positive(f"Power of {self.of!r}", "reference", self.reference)
+        object.__setattr__(self, "reference", reference)
+        self.exponent("")
+
+    def exponent(self, name: str) -> Unknown:
+        """Return the unknown for the exponent."""
+        title = f"{name} ~ {self.of}"
+        return Unknown(
+            address=title, lower=self.lower, upper=self.upper, start=self.start, scale="linear", prior=self.prior
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law(Unknown):
+    """A parameter to be identified, and how it goes across configurations.
+
+    Its value in a configuration is that of the unknown, times its powers of conditions, times an individual part.
+
+    Parameters
+    ----------
+    address, lower, upper, start, scale, prior, configurations, name
+        As in `Unknown`; of the value at the references of the powers.
+    powers : Power or sequence of Power, optional
+        None for a constant. The exponent is called `<name> ~ <condition>`.
+    free : bool, optional
+        A value for each configuration, called `<name> @ <configuration>`; bounds, start and prior are the same.
+    individual : float, optional
+        Standard deviation of the natural logarithm of the part that every configuration has of its own: 0.05 where
+        clamping again changes a stiffness by 5 %. That part is called `<name> @ <configuration>` and is
+        counted in these standard deviations. A configuration is one clamping here.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As in `Unknown`; a law that is free and has powers or individual parts.
+
+    Examples
+    --------
+    >>> from receptance.identification import Law, Power
+    >>> law = Law(address="joint.k_y", lower=1e6, upper=1e10, powers=Power(of="torque", reference=40.0))
+    >>> [unknown.name for unknown in law.expanded(["20 Nm", "40 Nm"])]
+    ['joint.k_y', 'joint.k_y ~ torque']
+    """
+
+    powers: tuple[Power, ...] = ()
+    free: bool = False
+    individual: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        owner = f"Law {self.address!r}"
+        powers = (self.powers,) if isinstance(self.powers, Power) else tuple(self.powers)
+        for index, power in enumerate(powers):
+            if not isinstance(power, Power):
+                raise TypeError(f"{owner}: powers[{index}] is {power!r}, expected a Power")
+        object.__setattr__(self, "powers", powers)
+        object.__setattr__(self, "individual", _checks.not_negative(owner, "individual", self.individual))
+        if self.free and (powers or self.individual):
+            raise ValueError(f"{owner}: it is free and has powers or individual parts, expected one of the two")
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is one number for all observations, and called by its address."""
+        return super().plain and not (self.powers or self.free or self.individual)
+
+    def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
+        """Return all the unknowns of the law over these configurations."""
+        if self.free:
+            return [self.base(f"{self.name} @ {one}", (one,)) for one in configurations]
+        found = [self.base(self.name, self.configurations)]
+        found += [power.exponent(self.name) for power in self.powers]
+        if self.individual:
+            found += [error_of(f"{self.name} @ {one}") for one in configurations]
+        return found
+
+    def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
+        """Return the unknown for the value at the references."""
+        fields = ("address", "lower", "upper", "start", "scale", "prior")
+        given = {field: getattr(self, field) for field in fields}
+        return replace(Unknown(**given), name=name, configurations=configurations)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """An error of a thing: this blank's diameter, that material's modulus, the overhang of this clamping.
+
+    It is fitted as a standard normal number, which counts its standard deviations, with that as its prior. What has
+    the same name is one error, in whatever observations and addresses.
+
+    Parameters
+    ----------
+    name : str
+        What the error belongs to.
+    moves : mapping of str to float
+        Address, perhaps with `segment[*]`, and the standard deviation that the error gives it: in SI units, or of
+        the natural logarithm where `relative`. A negative number moves the other way.
+    relative : bool, optional
+        Whether the standard deviations are shares: 0.01 is 1 %.
+    configurations : str or sequence of str, optional
+        Only observations of these configurations (or with these labels) have it; by default all that have the address.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No name, no address, or standard deviations that are zero or not finite.
+
+    Examples
+    --------
+    >>> from receptance.identification import Tolerance
+    >>> modulus = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)
+    >>> overhang = Tolerance(name="60 mm clamped", moves={"tool.segment[0].length": 1e-4}, configurations="60 mm")
+    """
+
+    name: str
+    moves: Mapping[str, float]
+    relative: bool = False
+    configurations: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise TypeError(f"Tolerance: name is {self.name!r}, expected text that says what the error belongs to")
+        owner = f"Tolerance {self.name!r}"
+        moves = {address: _checks.number(owner, f"moves[{address!r}]", sd) for address, sd in dict(self.moves).items()}
+        if not moves:
+            raise ValueError(f"{owner}: moves is empty, expected an address and its standard deviation")
+        for address, deviation in moves.items():
+            if deviation == 0.0:
+                raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected something else")
+        object.__setattr__(self, "moves", moves)
+        object.__setattr__(self, "configurations", listed(owner, self.configurations))

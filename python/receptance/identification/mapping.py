@@ -1,0 +1,310 @@
+"""From the fitted vector to the parameters of each assembly, with derivatives.
+
+A parameter of an assembly is v = b exp(E u) + S u, where u are the values of all unknowns, b is one of them or the
+value that the assembly has, E holds the logarithms of conditions (the unknown is an exponent) and the standard
+deviations of relative errors, S those of absolute ones (the unknown is an error).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.identification.laws import Law, Tolerance, error_of
+from receptance.identification.residuals import InfeasibleError, Pair, Residual, Unit
+from receptance.identification.unknowns import Unknown, covered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+
+__all__ = ["Addresses", "MappedResidual", "Parameters", "Place", "Placed"]
+
+
+@dataclass(frozen=True)
+class Place:
+    """What an observation or a prediction is of: an assembly in a configuration under conditions."""
+
+    assembly: Assembly
+    configuration: str = ""
+    label: str = ""
+    conditions: Mapping[str, float] = field(default_factory=dict)
+
+    def among(self, configurations: tuple[str, ...] | None) -> bool:
+        """Return whether it belongs to these configurations."""
+        return configurations is None or self.configuration in configurations or self.label in configurations
+
+    def condition(self, name: str, owner: str) -> float:
+        """Return the value of a condition, or of an address of the assembly."""
+        if name in self.conditions:
+            value = float(self.conditions[name])
+        elif covered(name, self.assembly):
+            value = self.assembly.get(name)
+        else:
+            known = ", ".join(self.conditions) or "none"
+            raise ValueError(
+                f"{owner}: {self.configuration or self.assembly!r} has no condition {name!r} and no such address; its "
+                f"conditions are: {known}"
+            )
+        if not value > 0.0:
+            raise ValueError(f"{owner}: the condition {name!r} is {value:g}, expected more than zero for a power law")
+        return value
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The parameters of one assembly as functions of all unknowns.
+
+    Attributes
+    ----------
+    addresses : tuple of str
+        What moves, `m` of them; each is one parameter, `segment[*]` is spelled out.
+    base : ndarray
+        `(m,)` which unknown is the value before errors, -1 for none.
+    fixed : ndarray
+        `(m,)` value where it is none.
+    exponents, shifts : ndarray
+        `(m, p)` E and S.
+    """
+
+    addresses: tuple[str, ...]
+    base: NDArray[np.intp]
+    fixed: NDArray[np.float64]
+    exponents: NDArray[np.float64]
+    shifts: NDArray[np.float64]
+
+    def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values of the addresses in SI units, `(m,)`."""
+        start = np.where(self.base >= 0, unknowns[self.base], self.fixed)
+        result: NDArray[np.float64] = start * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
+        return result
+
+    def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
+        start = np.where(self.base >= 0, unknowns[self.base], self.fixed)
+        factor = np.exp(self.exponents @ unknowns)
+        result = (start * factor)[:, None] * self.exponents + self.shifts
+        own = np.flatnonzero(self.base >= 0)
+        result[own, self.base[own]] += factor[own]
+        return result
+
+    def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
+        """Return the assembly with the values of its addresses."""
+        return assembly.replace(dict(zip(self.addresses, self.values(unknowns).tolist(), strict=True)))
+
+
+class Parameters:
+    """All unknowns of a fit, and how they make the parameters of every assembly.
+
+    Parameters
+    ----------
+    wanted : sequence of Unknown
+        Unknowns and laws.
+    tolerances : sequence of Tolerance
+        Errors.
+    places : sequence of Place
+        What was observed.
+
+    Attributes
+    ----------
+    unknowns : tuple of Unknown
+        Values and exponents in the order of `wanted`, then errors: the fitted vector.
+    count : int
+        How many of them are not errors.
+    plain : bool
+        Whether every unknown is one number for all observations, without priors and errors.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknowns or tolerances that no observation has, two unknowns of one parameter, a missing condition.
+    """
+
+    def __init__(self, wanted: Sequence[Unknown], tolerances: Sequence[Tolerance], places: Sequence[Place]) -> None:
+        self.wanted = tuple(wanted)
+        self.tolerances = tuple(tolerances)
+        self._check(places)
+        values: list[Unknown] = []
+        errors: dict[str, Unknown] = {}
+        for unknown in self.wanted:
+            if not isinstance(unknown, Law):
+                values.append(unknown)
+                continue
+            seen = dict.fromkeys(p.configuration for p in places if p.among(unknown.configurations))
+            own = [name for name in seen if _has(unknown.address, [p for p in places if p.configuration == name])]
+            for one in unknown.expanded(own):
+                if unknown.individual and one.name in {f"{unknown.name} @ {name}" for name in own}:
+                    errors[one.name] = one
+                else:
+                    values.append(one)
+        for tolerance in self.tolerances:
+            errors.setdefault(tolerance.name, error_of(tolerance.name))
+        self.unknowns = (*values, *errors.values())
+        self.count = len(values)
+        names = [unknown.name for unknown in self.unknowns]
+        if double := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
+        self.plain = not self.tolerances and all(unknown.plain for unknown in self.wanted)
+        self._index = {name: i for i, name in enumerate(names)}
+        for place in places:
+            self.at(place)
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Names of the errors."""
+        return tuple(unknown.name for unknown in self.unknowns[self.count :])
+
+    def at(self, place: Place, tolerances: Sequence[Tolerance] | None = None, fresh: list[str] | None = None) -> Placed:
+        """Return the parameters of a place as functions of the unknowns.
+
+        Parameters
+        ----------
+        place : Place
+            One that was observed, or another one.
+        tolerances : sequence of Tolerance, optional
+            Errors of that place; by default those of the fit.
+        fresh : list of str, optional
+            Is filled with the names of errors that the fit does not know; they follow the unknowns, so that the maps
+            are of `p + len(fresh)` numbers, the new ones standard normal and independent.
+        """
+        index = dict(self._index)
+        bases: dict[str, int] = {}
+        exponents: dict[str, dict[int, float]] = {}
+        shifts: dict[str, dict[int, float]] = {}
+
+        def error(name: str) -> int:
+            if name not in index:
+                if fresh is None:
+                    raise ValueError(f"the fit knows no error {name!r}")
+                index[name] = len(index)
+                fresh.append(name)
+            return index[name]
+
+        for unknown in self.wanted:
+            if not place.among(unknown.configurations):
+                continue
+            for address in sorted(covered(unknown.address, place.assembly)):
+                name = unknown.name
+                if isinstance(unknown, Law):
+                    own = exponents.setdefault(address, {})
+                    for power in unknown.powers:
+                        ratio = place.condition(power.of, f"Law {unknown.address!r}") / power.reference
+                        own[index[f"{name} ~ {power.of}"]] = math.log(ratio)
+                    if unknown.individual:
+                        own[error(f"{name} @ {place.configuration}")] = unknown.individual
+                    if unknown.free:
+                        name = f"{name} @ {place.configuration}"
+                        if name not in index:
+                            raise ValueError(
+                                f"{unknown.address} is free in each configuration, and {place.configuration!r} was not "
+                                "among those of the fit"
+                            )
+                bases[address] = index[name]
+        for tolerance in self.tolerances if tolerances is None else tolerances:
+            if not place.among(tolerance.configurations):
+                continue
+            for pattern, deviation in tolerance.moves.items():
+                for address in sorted(covered(pattern, place.assembly)):
+                    table = exponents if tolerance.relative else shifts
+                    row = table.setdefault(address, {})
+                    column = error(tolerance.name)
+                    row[column] = row.get(column, 0.0) + deviation
+        addresses = tuple(dict.fromkeys([*bases, *exponents, *shifts]))
+        return Placed(
+            addresses=addresses,
+            base=np.array([bases.get(address, -1) for address in addresses], dtype=np.intp),
+            fixed=np.array([0.0 if a in bases else place.assembly.get(a) for a in addresses]),
+            exponents=_matrix(exponents, addresses, len(index)),
+            shifts=_matrix(shifts, addresses, len(index)),
+        )
+
+    def _check(self, places: Sequence[Place]) -> None:
+        if not self.wanted:
+            raise ValueError("unknowns is empty, expected at least one Unknown")
+        for index, unknown in enumerate(self.wanted):
+            if not isinstance(unknown, Unknown):
+                raise TypeError(f"unknowns[{index}] is {unknown!r}, expected an Unknown")
+        for index, tolerance in enumerate(self.tolerances):
+            if not isinstance(tolerance, Tolerance):
+                raise TypeError(f"tolerances[{index}] is {tolerance!r}, expected a Tolerance")
+        for place in places:
+            owner: dict[str, str] = {}
+            for unknown in self.wanted:
+                for name in covered(unknown.address, place.assembly) if place.among(unknown.configurations) else ():
+                    if name in owner:
+                        raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} are both {name!r}")
+                    owner[name] = unknown.name
+        known = dict.fromkeys(name for place in places for name in place.assembly.parameters)
+        rows: list[tuple[str, tuple[str, ...], tuple[str, ...] | None]] = [
+            (f"Unknown {one.address!r}", (one.address,), one.configurations) for one in self.wanted
+        ]
+        rows += [(f"Tolerance {one.name!r}", tuple(one.moves), one.configurations) for one in self.tolerances]
+        for title, addresses, configurations in rows:
+            there = [place for place in places if place.among(configurations)]
+            if not there:
+                names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in places))
+                raise ValueError(f"{title}: no observation is of {', '.join(configurations or ())}; there are {names}")
+            for address in addresses:
+                if not _has(address, there):
+                    first = address.split(".", 1)[0] + "."
+                    near = [name for name in known if name.startswith(first)] or list(known)
+                    raise ValueError(
+                        f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else address}; there are "
+                        f"{', '.join(near)}"
+                    )
+
+
+def _has(address: str, places: Sequence[Place]) -> bool:
+    return any(covered(address, place.assembly) for place in places)
+
+
+def _matrix(rows: Mapping[str, Mapping[int, float]], addresses: Sequence[str], width: int) -> NDArray[np.float64]:
+    result = np.zeros((len(addresses), width))
+    for i, address in enumerate(addresses):
+        for column, value in rows.get(address, {}).items():
+            result[i, column] = value
+    return result
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """The addresses that an observation's own residual has for its unknowns, one each."""
+
+    addresses: tuple[str, ...]
+
+
+class MappedResidual:
+    """A residual in the parameters of its assembly, as one in the unknowns of the whole fit."""
+
+    def __init__(self, inner: Residual, placed: Placed) -> None:
+        self.inner = inner
+        self.unit: Unit = inner.unit
+        self.placed = placed
+        self._ones = np.ones(len(placed.addresses))
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return self.inner.size
+
+    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
+        """Return residuals and their derivatives; see `residuals.Residual`."""
+        own = self._own(values)
+        residual, slope = self.inner.evaluate(own, self._ones)
+        return residual, slope @ (self.placed.jacobian(values) * slopes)
+
+    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals alone."""
+        return self.inner.value(self._own(values))
+
+    def _own(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        with np.errstate(over="ignore"):
+            own = self.placed.values(values)
+        if not np.isfinite(own).all():
+            raise InfeasibleError("a law or an error leaves the range of numbers")
+        return own
