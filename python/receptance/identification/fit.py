@@ -16,6 +16,7 @@ from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification
+from receptance.identification.staging import fit_staged
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["identify"]
 
 Objective = Literal["log", "percentage"]
+Strategy = Literal["direct", "staged"]
 _SMOOTHING_PERCENT = 0.1
 """Percentages well above this count by their absolute value, those below by their square."""
 
@@ -42,6 +44,7 @@ def identify(
     tolerance: float = 1e-10,
     threads: int | None = None,
     tolerances: Tolerance | Sequence[Tolerance] = (),
+    strategy: Strategy = "direct",
 ) -> Identification:
     """Identify parameters of assemblies from what was measured on them.
 
@@ -83,6 +86,13 @@ def identify(
         As in `Assembly.receptance`.
     tolerances : sequence of Tolerance, optional
         Errors of dimensions and materials, fitted as well, each with its prior.
+    strategy : {"direct", "staged"}, optional
+        "direct": every start goes straight into the problem.
+
+        "staged": every start, and some drawn besides it, is led to it by way of easier problems: peaks as natural
+        frequencies, then data and model with added damping that is taken down step by step, then the problem itself.
+        It finds the best optimum from starts that are decades off, and one start is usually enough. Only with the
+        objective "log".
 
     Returns
     -------
@@ -118,6 +128,10 @@ def identify(
     parameters = Parameters(wanted, errors, [place_of(one, i) for i, one in enumerate(observed)])
     if objective not in get_args(Objective):
         raise ValueError(f"objective is {objective!r}, expected one of {', '.join(get_args(Objective))}")
+    if strategy not in get_args(Strategy):
+        raise ValueError(f"strategy is {strategy!r}, expected one of {', '.join(get_args(Strategy))}")
+    if strategy == "staged" and objective != "log":
+        raise ValueError('the strategy "staged" is for the objective "log"')
     _whole("starts", starts, 1)
     _whole("seed", seed, 0)
     _whole("max_evaluations", max_evaluations, 1)
@@ -143,6 +157,9 @@ def identify(
     if objective == "percentage":
         near = task.approach()
         runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
+    elif strategy == "staged":
+        quick = task.quick(problem)
+        runs = fit_staged(task, quick, x, seed, max_evaluations, tolerance)
     else:
         quick = task.quick(problem)
         runs = quick.fit_all(x, max_evaluations, tolerance)

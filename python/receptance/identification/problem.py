@@ -82,7 +82,7 @@ class Problem:
         approach: Problem | None,
     ) -> Start:
         """Run one fit from a start, by way of the optimum of another problem if there is one."""
-        first = self._named(x)
+        first = self.named(x)
         before = 0
         if approach is not None:
             end = approach.fit(x, None, most, _APPROACH_TOLERANCE, None)
@@ -91,7 +91,7 @@ class Problem:
         if not np.isfinite(self.residual(x)).all():
             return Start(
                 start=first,
-                values=self._named(x),
+                values=self.named(x),
                 variables=x,
                 cost=np.inf,
                 evaluations=before + 1,
@@ -101,7 +101,7 @@ class Problem:
         found = self._minimise(x, smoothing, most, tolerance)
         return Start(
             start=first,
-            values=self._named(found.x),
+            values=self.named(found.x),
             variables=found.x,
             cost=float(found.cost),
             evaluations=before + self.evaluations - fresh,
@@ -117,8 +117,8 @@ class Problem:
         ends = JointResidual.fit_together(joints, self.variables, starts, most, tolerance)
         return [
             Start(
-                start=self._named(x),
-                values=self._named(end.x),
+                start=self.named(x),
+                values=self.named(end.x),
                 variables=end.x,
                 cost=end.cost,
                 evaluations=end.evaluations,
@@ -161,5 +161,6 @@ class Problem:
             **options,
         )
 
-    def _named(self, x: NDArray[np.float64]) -> dict[str, float]:
+    def named(self, x: NDArray[np.float64]) -> dict[str, float]:
+        """Return the values in SI units by name."""
         return dict(zip(self.variables.names, self.variables.to_values(x).tolist(), strict=True))

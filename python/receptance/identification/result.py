@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
+    from receptance.identification.profiles import Profile
     from receptance.identification.task import Task
 
 __all__ = ["Identification", "Start"]
@@ -182,6 +183,52 @@ class Identification:
         with np.errstate(over="ignore"):
             factor = float(np.power(10.0, np.float64(reach)))
         return (value / factor if np.isfinite(factor) else 0.0), value * factor
+
+    def profiles(
+        self,
+        names: str | Sequence[str] | None = None,
+        *,
+        level: float = 0.95,
+        progress: Callable[[str], None] | None = None,
+    ) -> dict[str, Profile]:
+        """Profile likelihoods: intervals that know bounds and open sides, and what they mean in words.
+
+        Each parameter is held at other values and everything else fitted again, tolerances included.
+
+        Parameters
+        ----------
+        names : str or sequence of str, optional
+            Which ones; by default all but the errors of tolerances.
+        level : float, optional
+            Level of the intervals.
+        progress : callable, optional
+            Is told what is being done.
+
+        Returns
+        -------
+        dict of str to Profile
+            By name.
+
+        Raises
+        ------
+        ValueError
+            A parameter that was not identified, and percentages, which are no likelihood.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> modes = MeasuredFrequencies(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
+        ... )
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+        >>> found.profiles()
+        {'joint.k_theta': Profile(joint.k_theta: determined to 0.51 %)}
+        """
+        from receptance.identification.profiles import profile_likelihoods
+
+        return profile_likelihoods(self, names, level=level, progress=progress)
 
     def apply(
         self, assembly: Assembly, *, configuration: str = "", conditions: Mapping[str, float] | None = None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from receptance.errors import ReceptanceError
 from receptance.identification.bands import find_bands, within
+from receptance.identification.laws import Law
 from receptance.identification.mapping import Addresses, MappedResidual, Parameters, Place, Placed
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.priors import PriorResidual
@@ -87,6 +88,12 @@ class Task:
         """
         units: list[Unit] = ["logarithm" if isinstance(o, MeasuredFRF) else "relative" for o in self.observed]
         return replace(self, units=tuple(units), band_width_percent=0.0).problem()
+
+    def without_errors(self) -> Task:
+        """Return the task with every dimension and material exact; its vector is the first part of this one's."""
+        exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.wanted]
+        places = [place_of(o, i) for i, o in enumerate(self.observed)]
+        return replace(self, parameters=Parameters(exact, (), places))
 
     def on(self, observed: Sequence[Observation], units: Sequence[Unit]) -> Task:
         """Return the same parameters on other data of the same places, one observation for one."""

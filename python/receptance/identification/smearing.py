@@ -1,0 +1,62 @@
+"""A measured receptance as one of the same structure with much more damping.
+
+A causal response is analytic below the real axis, so its value at the complex line f (1 - i b) is the mean of its
+values on the real lines under a Lorentzian of half-width b f (Poisson's integral). There peaks are broad, phases turn
+slowly, and a model whose resonances are some b off still has a slope towards the right ones; the model itself is
+simply evaluated at the complex line. Acceleration per load is averaged, which stays finite towards both ends.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+
+if TYPE_CHECKING:
+    from receptance.identification.task import Observation
+
+__all__ = ["smeared"]
+
+
+def smeared(observation: Observation, width: float, lines: int) -> Observation:
+    """Return an observation with resonances about `width` broad, relative to their frequency, on some lines.
+
+    Standard deviations become half the width, on every line and frequency.
+    """
+    if isinstance(observation, MeasuredFrequencies):
+        return MeasuredFrequencies(
+            assembly=observation.assembly,
+            frequency_hz=observation.frequency_hz,
+            modes=observation.modes,
+            standard_deviation_hz=0.5 * width * observation.frequency_hz,
+            label=observation.label,
+            configuration=observation.configuration,
+            conditions=observation.conditions,
+        )
+    f = observation.frequency_hz.real
+    window = -observation.frequency_hz.imag
+    count = min(lines, f.size)
+    # What lies beyond the ends is missing in the mean, so lines keep off them where the band allows it.
+    first, last = float(f[0]), float(f[-1])
+    margin = 1.0 + width if last > 3.0 * first else 1.0
+    places = np.unique(np.geomspace(first * margin, last / margin, count))
+    accelerance = observation.receptance * observation.frequency_hz**2
+    steps = np.gradient(f) if f.size > 1 else np.ones(1)
+    half = width * places[:, None]
+    weights = steps * half / ((f - places[:, None]) ** 2 + half**2)
+    weights /= weights.sum(axis=1, keepdims=True)
+    at = places * (1.0 - 1j * width) - 1j * np.interp(places, f, window)
+    values = (weights @ accelerance) / at**2
+    return MeasuredFRF(
+        assembly=observation.assembly,
+        frequency_hz=at,
+        receptance=values,
+        response=observation.response,
+        excitation=observation.excitation,
+        standard_deviation=0.5 * width,
+        label=observation.label,
+        configuration=observation.configuration,
+        conditions=observation.conditions,
+    )
