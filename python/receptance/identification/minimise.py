@@ -70,20 +70,17 @@ def minimise(
         if not own.any():
             converged = True
             break
-        step = np.zeros_like(x)
-        step[own] = _step(normal[np.ix_(own, own)], gradient[own], damping)
+        step = _bounded_step(normal, gradient, damping, own, low - x, high - x)
         trial = np.clip(x + step, low, high)
         step = trial - x
         promised = -float(gradient @ step + 0.5 * step @ normal @ step)
         if promised <= max(least, _ROUNDING * cost):
-            # A damped step promises little of its own; only an undamped one says that there is nothing left.
-            if damping <= 1e-2:
-                converged = True
+            # A damped or cut step promises little of its own; only a whole one says that there is nothing left.
+            if damping > _MOST_DAMPED or (damping <= 1e-2 and promised >= 0.0):
+                converged = damping <= 1e-2
                 break
-            damping = max(damping / 10.0, _FIRST)
-            if promised <= 0.0:
-                converged = True
-                break
+            damping = damping * 10.0 if promised < 0.0 else max(damping / 10.0, _FIRST)
+            continue
         there, slope, curvature = _at(problem, trial)
         gain = (cost - there) / promised if np.isfinite(there) else -1.0
         if gain > 1e-4:
@@ -103,6 +100,28 @@ def _at(problem: Problem, x: NDArray[np.float64]) -> tuple[float, NDArray[np.flo
     if not np.isfinite(residual).all():
         return np.inf, np.zeros(x.size), np.zeros((x.size, x.size))
     return 0.5 * float(residual @ residual), jacobian.T @ residual, jacobian.T @ jacobian
+
+
+def _bounded_step(
+    normal: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    damping: float,
+    own: NDArray[np.bool_],
+    down: NDArray[np.float64],
+    up: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the step of the variables that move; those that would pass a bound stop there, and the rest know it."""
+    step = np.zeros_like(gradient)
+    left = own.copy()
+    while left.any():
+        pull = gradient[left] + normal[np.ix_(left, ~left)] @ step[~left]
+        step[left] = _step(normal[np.ix_(left, left)], pull, damping)
+        passed = left & ((step < down) | (step > up))
+        if not passed.any():
+            break
+        step[passed] = np.clip(step[passed], down[passed], up[passed])
+        left &= ~passed
+    return step
 
 
 def _step(normal: NDArray[np.float64], gradient: NDArray[np.float64], damping: float) -> NDArray[np.float64]:

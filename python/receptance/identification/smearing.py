@@ -19,11 +19,17 @@ if TYPE_CHECKING:
 
 __all__ = ["smeared"]
 
+_MARGIN = 2.0
+"""Widths that the lines keep off the upper end."""
+_FEWEST = 8
+"""Lines that are worth a stage."""
 
-def smeared(observation: Observation, width: float, lines: int) -> Observation:
+
+def smeared(observation: Observation, width: float, lines: int) -> Observation | None:
     """Return an observation with resonances about `width` broad, relative to their frequency, on some lines.
 
-    Standard deviations become half the width, on every line and frequency.
+    Standard deviations become half the width, on every line and frequency. None where the lines are too far apart, or
+    the band too narrow, for such a mean.
     """
     if isinstance(observation, MeasuredFrequencies):
         return MeasuredFrequencies(
@@ -36,19 +42,21 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation:
             conditions=observation.conditions,
         )
     f = observation.frequency_hz.real
-    window = -observation.frequency_hz.imag
-    count = min(lines, f.size)
-    # What lies beyond the ends is missing in the mean, so lines keep off them where the band allows it.
-    first, last = float(f[0]), float(f[-1])
-    margin = 1.0 + width if last > 3.0 * first else 1.0
-    places = np.unique(np.geomspace(first * margin, last / margin, count))
+    if f.size < _FEWEST:
+        return None
+    steps = np.gradient(f)
+    # What lies beyond the upper end is missing in the mean, so lines keep off it; below zero the response is known.
+    places = np.geomspace(float(f[0]), float(f[-1]) / (1.0 + _MARGIN * width), lines)
+    places = places[width * places >= np.interp(places, f, steps)]
+    if places.size < _FEWEST:
+        return None
     accelerance = observation.receptance * observation.frequency_hz**2
-    steps = np.gradient(f) if f.size > 1 else np.ones(1)
     half = width * places[:, None]
     weights = steps * half / ((f - places[:, None]) ** 2 + half**2)
-    weights /= weights.sum(axis=1, keepdims=True)
-    at = places * (1.0 - 1j * width) - 1j * np.interp(places, f, window)
-    values = (weights @ accelerance) / at**2
+    mirrored = steps * half / ((f + places[:, None]) ** 2 + half**2)
+    total = weights.sum(axis=1) + mirrored.sum(axis=1)
+    at = places * (1.0 - 1j * width) + 1j * np.interp(places, f, observation.frequency_hz.imag)
+    values = (weights @ accelerance + mirrored @ accelerance.conj()) / total / at**2
     return MeasuredFRF(
         assembly=observation.assembly,
         frequency_hz=at,

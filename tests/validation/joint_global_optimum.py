@@ -1,0 +1,109 @@
+"""Is the best optimum reached from far off? `python tests/validation/joint_global_optimum.py --seed S --cases N`.
+
+Every case draws a campaign, starts every stiffness and damping three decades off, to a random side, and fits with the
+strategy "staged". The reference is the best of a dense multi-start, 64 starts over all bounds and one from the truth,
+of the direct fit. Reached means within 0.01 of its log-likelihood.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from simulated_campaigns import SimulatedCampaign, simulate_campaign
+
+from receptance.identification import Identification, identify
+from receptance.identification.minimise import minimise
+from receptance.identification.staging import dense_reference
+
+STARTS = 64
+SAME = 0.01
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Costs of one case: staged, direct from the same start, and the reference."""
+
+    case: int
+    overhangs: int
+    staged: float
+    direct: float
+    dense: float
+    truth: float
+    seconds: float
+
+    @property
+    def reference(self) -> float:
+        return min(self.dense, self.truth)
+
+    def reached(self, cost: float) -> bool:
+        return cost <= min(self.reference, self.staged) + SAME
+
+
+def fit(campaign: SimulatedCampaign, starts: dict[str, float], strategy: str) -> Identification:
+    return identify(
+        campaign.observations,
+        campaign.unknowns(starts),
+        tolerances=campaign.tolerances,
+        starts=1,
+        strategy=strategy,
+        threads=1,
+    )
+
+
+def measure(seed: int, case: int) -> Outcome:
+    rng = np.random.default_rng([seed, case])
+    campaign = simulate_campaign(rng)
+    starts = campaign.decades_off(rng)
+    begun = time.perf_counter()
+    staged = fit(campaign, starts, "staged")
+    seconds = time.perf_counter() - begun
+    problem = staged.task.problem()
+    direct = minimise(problem, staged.task.variables.start, most=200)
+    dense = dense_reference(staged.task, problem, STARTS, seed=case)
+    values = np.array([*campaign.truth.values(), *campaign.errors.values()])
+    truth = minimise(problem, staged.task.variables.from_values(values), most=200)
+    return Outcome(case, len(campaign.observations), staged.starts[0].cost, direct.cost, dense, truth.cost, seconds)
+
+
+def main() -> None:
+    """Measure, print, write JSON if asked; the exit code is 1 where under 99 % reach the best optimum."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cases", type=int, default=100)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    outcomes = []
+    for case in range(options.cases):
+        one = measure(options.seed, case)
+        outcomes.append(one)
+        if not one.reached(one.staged):
+            sys.stdout.write(f"not reached: {one}\n")
+            sys.stdout.flush()
+    sys.stdout.write(report(options.seed, outcomes) + "\n")
+    if options.json:
+        options.json.write_text(json.dumps([asdict(one) for one in outcomes], indent=2), encoding="utf-8")
+    sys.exit(int(np.mean([one.reached(one.staged) for one in outcomes]) < 0.99))
+
+
+def report(seed: int, outcomes: list[Outcome]) -> str:
+    lines = [f"seed {seed}, {len(outcomes)} campaigns, starts three decades off"]
+    for name in ("staged", "direct", "dense"):
+        hits = sum(one.reached(getattr(one, name)) for one in outcomes)
+        low, high = stats.binomtest(hits, len(outcomes)).proportion_ci(0.95)
+        lines.append(f"{name:8s} {hits} of {len(outcomes)} ({100 * low:.1f} to {100 * high:.1f} %)")
+    lines.append(f"a staged fit takes {np.median([one.seconds for one in outcomes]):.2f} s (median, one thread)")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
