@@ -88,7 +88,7 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
     noise = 10.0 ** rng.uniform(-2.5, -1.5)
     upper = rng.uniform(5000.0, 9000.0)
     lines = np.linspace(150.0, upper, LINES)
-    start = {name: 1.0 for name in ("k_y", "k_theta")}
+    start = dict.fromkeys(("k_y", "k_theta"), 1.0)
     nominal = [
         MeasuredFRF(
             assembly=assembled(length, **start),

@@ -19,11 +19,10 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from simulated_campaigns import SimulatedCampaign, simulate_campaign
-
 from receptance.identification import Identification, identify
 from receptance.identification.minimise import minimise
 from receptance.identification.staging import dense_reference
+from simulated_campaigns import SimulatedCampaign, simulate_campaign
 
 STARTS = 64
 SAME = 0.01

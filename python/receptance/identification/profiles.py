@@ -89,6 +89,24 @@ class Profile:
         """Whether the data bound it on both sides."""
         return not (self.lower_open or self.upper_open)
 
+    def confidence(self, value: float) -> float:
+        """Return the probability below a value that the profile states, from its signed root; in SI units.
+
+        The root is interpolated between the points of the profile, so beyond them it is 0 or 1.
+        """
+        from scipy.special import ndtr
+
+        root = np.sqrt(self.rise) * np.sign(np.arange(self.rise.size) - int(np.argmin(self.rise)))
+        scale = np.log10 if np.all(self.values > 0.0) else np.asarray
+        if not self.values[0] <= value <= self.values[-1]:
+            # On from the last two points: a root goes nearly straight.
+            ends = slice(0, 2) if value < self.values[0] else slice(-2, None)
+            if self.values.size < 2 or (value <= 0.0 and scale is np.log10):
+                return 0.0 if value < self.values[0] else 1.0
+            x, z = scale(self.values[ends]), root[ends]
+            return float(ndtr(z[0] + (scale(value) - x[0]) * (z[1] - z[0]) / (x[1] - x[0])))
+        return float(ndtr(np.interp(scale(value), scale(self.values), root)))
+
     def __repr__(self) -> str:
         return f"Profile({self.name}: {self.statement})"
 
@@ -106,7 +124,7 @@ def profile_likelihoods(
     for name in chosen:
         if name not in found.values:
             raise ValueError(f"{name!r} was not identified, only {', '.join(found.addresses)}")
-    if "percent" in found.units and any(o.size for o in found.residuals) and not found.known_scatter:
+    if "percent" in found.units:
         _refuse_percentages(found)
     start = found.task.variables.from_values(np.array(list(found.values.values())))
     for _ in range(_RESTARTS):

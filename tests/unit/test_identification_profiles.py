@@ -1,0 +1,200 @@
+"""What the data can say: profiles, statements, the small fits behind them, and the staged fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance.identification import Tolerance, identify
+from receptance.identification.minimise import minimise
+from receptance.identification.statements import Tie, state
+from simulated_campaigns import simulate_campaign
+
+LINES = np.linspace(200.0, 6000.0, 400)
+
+
+def assembled(k_y: float = 6.3e8, k_theta: float = 1.0e5, overhang: float = 0.0623) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.0127, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, PointJoint(k_y=k_y, k_theta=k_theta, c_theta=2.0, name="joint"), holder])
+
+
+def measured(truth: Assembly, nominal: Assembly | None = None, sd: float = 0.01, seed: int = 1) -> MeasuredFRF:
+    noise = np.random.default_rng(seed).normal(scale=sd, size=(2, LINES.size))
+    values = truth.receptance(LINES) * np.exp(noise[0] + 1j * noise[1])
+    return MeasuredFRF(
+        assembly=nominal or assembled(), frequency_hz=LINES, receptance=values, standard_deviation=sd, label="a"
+    )
+
+
+STIFFNESSES = [
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
+]
+BLANK = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 0.002}, relative=True)
+
+
+def test_the_small_fit_ends_where_scipy_does():
+    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    problem = found.task.problem()
+    start = problem.variables.from_values(np.array([3e8, 2e5, 0.5]))
+    own = minimise(problem, start, least=1e-12)
+    scipy = least_squares(
+        problem.residual, start, jac=problem.jacobian, bounds=tuple(problem.variables.limits), xtol=1e-12, ftol=1e-12
+    )
+    assert own.converged
+    assert own.cost == pytest.approx(scipy.cost, rel=1e-9)
+    assert own.x == pytest.approx(scipy.x, abs=1e-5)
+    held = minimise(problem, start, free=np.array([True, False, True]), least=1e-12)
+    assert held.x[1] == start[1]
+    assert held.cost > own.cost
+
+
+def test_a_fit_stops_at_a_bound_with_the_rest_at_its_best():
+    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    tight = [STIFFNESSES[0], Unknown(address="joint.k_theta", lower=1e2, upper=9e4)]
+    bounded = identify(measured(assembled()), tight, tolerances=BLANK, starts=1, strategy="staged")
+    scipy = identify(measured(assembled()), tight, tolerances=BLANK, starts=3)
+    assert bounded.values["joint.k_theta"] == pytest.approx(9e4)
+    assert bounded.starts[0].cost == pytest.approx(min(run.cost for run in scipy.starts), rel=1e-6)
+    assert bounded.starts[0].cost > min(run.cost for run in found.starts)
+
+
+def test_a_profile_is_the_standard_error_where_the_data_are_plenty():
+    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    profiles = found.profiles()
+    assert set(profiles) == {"joint.k_y", "joint.k_theta"}
+    for name, profile in profiles.items():
+        assert profile.bounded
+        assert (profile.lower, profile.upper) == pytest.approx(found.interval(name), rel=2e-3)
+        assert profile.statement.startswith("determined to")
+        assert profile.values[0] < profile.value < profile.values[-1]
+        assert profile.rise.min() == 0.0
+        assert profile.confidence(profile.lower) == pytest.approx(0.025, abs=0.002)
+        assert profile.confidence(profile.value) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_profile_goes_with_the_definition():
+    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    profile = found.profiles("joint.k_theta")["joint.k_theta"]
+    problem = found.task.problem()
+    best = min(run.cost for run in found.starts)
+    for end in (profile.lower, profile.upper):
+        x = problem.variables.from_values(np.array([found.values["joint.k_y"], end, 0.0]))
+        rest = least_squares(
+            lambda y, x=x: problem.residual(np.array([y[0], x[1], y[1]])),
+            x[[0, 2]],
+            jac=lambda y, x=x: problem.jacobian(np.array([y[0], x[1], y[1]]))[:, [0, 2]],
+        )
+        assert 2.0 * (rest.cost - best) == pytest.approx(3.84, rel=0.03)
+
+
+def test_a_stiff_joint_has_only_a_lower_bound():
+    found = identify(measured(assembled(k_y=5e10), sd=0.2), STIFFNESSES, starts=4)
+    profile = found.profiles("joint.k_y")["joint.k_y"]
+    assert profile.upper_open
+    assert profile.upper == np.inf
+    assert not profile.lower_open
+    assert 1e8 < profile.lower < 5e10
+    assert profile.statement.startswith("only a lower bound:")
+
+
+def test_one_mode_ties_the_two_stiffnesses():
+    frequency = assembled().natural_frequencies(5e3)[:1]
+    mode = MeasuredFrequencies(assembly=assembled(), frequency_hz=frequency, standard_deviation_hz=5.0)
+    found = identify(mode, STIFFNESSES, starts=4)
+    profiles = found.profiles()
+    assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
+    assert profiles["joint.k_y"].upper_open
+    assert not any(profile.statement.startswith("determined") for profile in profiles.values())
+    assert "tied to joint.k_y" in profiles["joint.k_theta"].statement
+
+
+def test_a_flat_receptance_says_nothing_of_the_joint():
+    # Far below all resonances the assembly moves as a rigid body.
+    lines = np.linspace(1.0, 3.0, 40)
+    flat = MeasuredFRF(
+        assembly=assembled(), frequency_hz=lines, receptance=assembled().receptance(lines), standard_deviation=0.05
+    )
+    profiles = identify(flat, STIFFNESSES, starts=2).profiles()
+    for profile in profiles.values():
+        assert not profile.bounded
+        assert profile.upper_open
+        assert not profile.statement.startswith("determined")
+
+
+def test_more_errors_than_data_still_end_in_words():
+    modes = MeasuredFrequencies(
+        assembly=assembled(), frequency_hz=assembled().natural_frequencies(9e3)[:1], standard_deviation_hz=5.0
+    )
+    tolerances = [BLANK, Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)]
+    found = identify(modes, STIFFNESSES, tolerances=tolerances, starts=2)
+    assert not any(p.statement.startswith("determined") for p in found.profiles().values())
+
+
+def test_a_better_optimum_is_told():
+    """A fit that stopped too early is not profiled as if it were the optimum."""
+    with_error = measured(assembled())
+    found = identify(with_error, STIFFNESSES, starts=1, max_evaluations=2)
+    assert not found.converged
+    profile = found.profiles("joint.k_theta")["joint.k_theta"]
+    assert profile.lower < 1e5 < profile.upper
+
+
+def test_percentages_are_no_likelihood():
+    frf = measured(assembled())
+    found = identify(frf, STIFFNESSES, objective="percentage", starts=1)
+    with pytest.raises(ValueError, match="no likelihood"):
+        found.profiles()
+    with pytest.raises(ValueError, match="was not identified"):
+        identify(frf, STIFFNESSES, starts=1).profiles("joint.c_y")
+    with pytest.raises(ValueError, match="is for the objective"):
+        identify(frf, STIFFNESSES, objective="percentage", strategy="staged")
+
+
+def test_the_staged_fit_reaches_the_optimum_from_three_decades_off():
+    rng = np.random.default_rng([7, 0])
+    campaign = simulate_campaign(rng, overhangs=2)
+    staged = identify(
+        campaign.observations,
+        campaign.unknowns(campaign.decades_off(rng)),
+        tolerances=campaign.tolerances,
+        starts=1,
+        strategy="staged",
+    )
+    near = identify(campaign.observations, campaign.unknowns(campaign.truth), tolerances=campaign.tolerances, starts=1)
+    assert staged.starts[0].cost <= near.starts[0].cost + 0.01
+    assert staged.rms == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_staged_fit_does_without_receptances():
+    modes = MeasuredFrequencies(
+        assembly=assembled(), frequency_hz=assembled().natural_frequencies(15e3)[:2], standard_deviation_hz=5.0
+    )
+    found = identify(modes, STIFFNESSES, starts=1, strategy="staged")
+    assert found.values["joint.k_y"] == pytest.approx(6.3e8, rel=1e-3)
+    assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("interval", "scale", "words"),
+    [
+        ((1e5, 9.8e4, 1.02e5), "log", "determined to 2 %"),
+        ((1e5, 6e4, 2e5), "log", "determined to a factor of 2"),
+        ((1e5, 1e4, 2e6), "log", "hardly determined: between 1e+04 and 2e+06"),
+        ((1e5, 4e4, np.inf), "log", "only a lower bound: 4e+04"),
+        ((1e5, 0.0, 2e5), "log", "only an upper bound: 2e+05"),
+        ((1e5, 0.0, np.inf), "log", "not determined: the data say nothing about it within the bounds"),
+        ((1.0, -1.0, 3.0), "linear", "not told from zero: -1 to 3"),
+        ((2.0, 1.9, 2.1), "linear", "determined to 5 %"),
+        ((2.0, -np.inf, 2.1), "linear", "only an upper bound: 2.1"),
+    ],
+)
+def test_statements(interval, scale, words):
+    assert state(*interval, 0.95, name="x", scale=scale) == words
+
+
+def test_statements_of_ties():
+    assert "tied to joint.k_y" in state(1.0, 0.1, 4.0, 0.95, name="x", scale="log", tie=Tie("joint.k_y", 30.0))
