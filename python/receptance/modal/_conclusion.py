@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.modal._selection import Scatter, weights_of
+from receptance.modal._selection import Scatter, reach_of, weights_of
 from receptance.modal.estimate import constants, joint_with_residue, modal_values, scaled
 from receptance.modal.modal_fit import ModalFit
 
@@ -32,7 +32,7 @@ def conclude(
     terms: tuple[int, ...],
     scatter: Scatter,
     orders: list[NDArray[np.complex128]],
-    wanted: int,
+    wanted: int | tuple[float, ...] | None,
 ) -> tuple[ModalFit, list[str]]:
     """Return the result, and those of its notes that are to be warned of."""
     shape = np.asarray(lines.frf.values).shape[1:]
@@ -55,7 +55,7 @@ def conclude(
             constant[row, entry], of_constant[row, entry] = constants(complex(fit.poles[mode]), residue, joint)
     outside = fit.coefficients[:, 2 * count :]
     decay = sigma - poles.real
-    aloud = _doubts(fit, frequency, damping, spread[count:], wanted)
+    aloud = [*_missing(frequency, lines, wanted), *_doubts(fit, frequency, damping, spread[count:])]
     said = [*lines.notes, *notes, *remark, *aloud, *_remarks(frequency, decay, lines)]
     result = ModalFit(
         frequency_hz=frequency,
@@ -159,19 +159,31 @@ def _between_entries(
     return covariance * np.outer(scale, scale), min(freedom, max(float(clusters[over].min()) - 1.0, 1.0)), [note]
 
 
+def _missing(frequency: NDArray[np.float64], lines: Lines, wanted: int | tuple[float, ...] | None) -> list[str]:
+    if wanted is None:
+        return []
+    if isinstance(wanted, int):
+        if frequency.size == wanted:
+            return []
+        return [
+            f"{wanted} modes were asked for, {frequency.size} found: no further pole in the band improves the fit; "
+            "give the frequencies as modes"
+        ]
+    return [
+        f"no mode was found near {place:g} Hz, but one at {found:.6g} Hz; the band seems to hold others than those "
+        "asked for"
+        for place, found in zip(wanted, frequency, strict=True)
+        if abs(found - place) > reach_of(place, lines)
+    ]
+
+
 def _doubts(
     fit: PoleFit,
     frequency: NDArray[np.float64],
     damping: NDArray[np.float64],
     of_damping: NDArray[np.float64],
-    wanted: int,
 ) -> list[str]:
     said = []
-    if fit.poles.size < wanted:
-        said.append(
-            f"{wanted} modes were asked for, {fit.poles.size} found: no further pole in the band improves the fit; "
-            "give the frequencies as modes"
-        )
     if not fit.converged:
         said.append("the fit did not converge; is the number of modes right?")
     for f, z, spread in zip(frequency, damping, of_damping, strict=True):

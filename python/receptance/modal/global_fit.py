@@ -158,7 +158,7 @@ def fit_modes(
             f"{owner}: no mode between {lines.frequency_hz[0]:g} and {lines.frequency_hz[-1]:g} Hz stands out of the "
             "scatter; give the frequencies as modes, or another band"
         )
-    result, aloud = conclude(fit, lines, terms, scatter, orders, count if isinstance(wanted, int) else fit.poles.size)
+    result, aloud = conclude(fit, lines, terms, scatter, orders, wanted)
     for text in aloud:
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
     return result

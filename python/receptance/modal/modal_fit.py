@@ -168,4 +168,5 @@ class ModalFit:
         )
         low, high = self.frf.frequency_hz[0], self.frf.frequency_hz[-1]
         state = "" if self.converged else ", not converged"
-        return f"ModalFit({len(self.frequency_hz)} modes between {low:g} and {high:g} Hz: {found}{state})"
+        count = f"{len(self.frequency_hz)} mode{'' if len(self.frequency_hz) == 1 else 's'}"
+        return f"ModalFit({count} between {low:g} and {high:g} Hz: {found}{state})"
