@@ -70,6 +70,7 @@ def about_text(thing: FRF | TimeSeries | Coherence) -> str:
         about["sample_rate_hz"] = thing.sample_rate_hz
         about["start_s"] = thing.start_s
     else:
+        about["shape"] = thing.values.shape[1:]
         about["labels"] = thing.labels
     about["label"], about["source"], about["notes"] = thing.label, thing.source, thing.notes
     return json.dumps(about, allow_nan=False)
@@ -90,10 +91,10 @@ def parse_about(text: Any) -> dict[str, Any] | None:
     if not isinstance(text, str) or not text.lstrip().startswith('{"receptance"'):
         return None
     try:
-        about = json.loads(text)
+        about: dict[str, Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"the JSON text {ABOUT!r} is damaged: {error}") from None
-    if not isinstance(about, dict) or about.get("receptance") not in _KINDS:
+    if about.get("receptance") not in list(_KINDS):
         raise FileFormatError(f"{ABOUT!r} says it is {about.get('receptance')!r}, expected one of {', '.join(_KINDS)}")
     if about.get("version") != _VERSION:
         raise FileFormatError(
@@ -120,7 +121,7 @@ def thing_of(
             return _time_series(arrays, about, options)
         return Coherence(
             frequency_hz=_real(arrays, "frequency_hz").ravel(),
-            values=_cube(_real(arrays, "values"), about, "labels"),
+            values=_cube(_real(arrays, "values"), about),
             labels=_labels(about),
             **_texts(about),
         )
@@ -247,9 +248,8 @@ def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[A
     return array if array.shape == shape else array.reshape(shape)
 
 
-def _cube(array: NDArray[Any], about: Mapping[str, Any], name: str) -> NDArray[Any]:
-    labels = _labels(about)
-    if labels is None or array.ndim == 3:
-        return array
-    sides = len(labels[0]), len(labels[1])
-    return _shaped("values", array, (array.size // max(math.prod(sides), 1), *sides))
+def _cube(array: NDArray[Any], about: Mapping[str, Any]) -> NDArray[Any]:
+    sides = _list(about, "shape")
+    if len(sides) != 2 or any(not isinstance(side, int) or side < 1 for side in sides):
+        raise FileFormatError(f"shape in {ABOUT!r} is {sides!r}, expected the numbers of responses and excitations")
+    return _shaped("values", array, (array.size // math.prod(sides), *sides))

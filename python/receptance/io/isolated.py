@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Contents", "load"]
 
-_SECONDS = 0.6
+_SECONDS = 0.3
 _BYTES_PER_SECOND = 5e6
 _PATIENCE = 60.0
 """Seconds by the clock beyond those of the processor, for a machine that has much else to do."""
@@ -109,6 +109,13 @@ class _Reader:
             count *= int(length)
         return np.frombuffer(self._exactly(count * kind.itemsize), dtype=kind).reshape(shape)
 
+    def ended(self) -> int | None:
+        """Return how the process ended, None where it goes on."""
+        try:
+            return self.process.wait(timeout=0.1)
+        except subprocess.TimeoutExpired:
+            return None
+
     def end(self) -> int | None:
         """End the process; return how it ended."""
         self.process.kill()
@@ -154,7 +161,7 @@ def load(path: Path, kind: Literal["mat", "hdf5"], names: Sequence[str] | None) 
         try:
             return _reader.ask(request, _PATIENCE + seconds)
         except _DiedError:
-            code = _reader.process.poll()
+            code = _reader.ended()
             _reader.end()
             _reader = None
             raise FileFormatError(_epitaph(kind, code, seconds)) from None

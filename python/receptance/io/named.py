@@ -207,9 +207,7 @@ def _foreign_time_series(
     elif options.sample_rate_hz is not None:
         rate, start = options.sample_rate_hz, 0.0
     else:
-        raise FileFormatError(
-            "it is not said how fast the records were sampled; give 'time_s' in variables=, or sample_rate_hz="
-        )
+        raise FileFormatError("the sample rate is not said; give 'time_s' in variables=, or sample_rate_hz=")
     return TimeSeries(
         values=np.stack(list(columns.values()), axis=1), channels=names, units=units, sample_rate_hz=rate, start_s=start
     )

@@ -113,7 +113,7 @@ def resolve_frf(
     FileFormatError
         Where neither says it, or file, unit and quantity contradict each other.
     """
-    given = _given(options, form, directions)
+    given = _given(options, form, directions, declared)
     unit = given or declared
     if unit is None:
         raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
@@ -151,7 +151,9 @@ def several_channels(names: Sequence[str], unit: str) -> str:
     return f"one unit, {unit!r}, was given for {len(names)} channels; give one for each: unit={{{example}}}"
 
 
-def _given(options: ReadOptions, form: Form | None, directions: tuple[str, str] | None) -> Unit | None:
+def _given(
+    options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
+) -> Unit | None:
     """Return the unit that was given; "SI" means that of the form."""
     if options.unit is None:
         return None
@@ -159,7 +161,10 @@ def _given(options: ReadOptions, form: Form | None, directions: tuple[str, str] 
         raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
     if options.unit != SI:
         return parse_unit(options.unit)
-    form = options.quantity or form
+    said = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (said.form if said is not None else None)
+    if directions is None and said is not None:
+        directions = (said.response, said.excitation)
     if form is None:
         raise FileFormatError(
             "unit is 'SI', but neither the file nor quantity= says whether this is a receptance, a mobility or an "

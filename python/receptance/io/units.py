@@ -161,7 +161,8 @@ def parse_unit(text: str) -> Unit:
     except Exception as error:
         # pint raises whatever its parts raise: syntax errors, undefined units, arithmetic.
         unknown = getattr(error, "unit_names", None)
-        raise UnitError(_not_understood(text) + (f" (what is {unknown!r}?)" if unknown else "")) from None
+        names = unknown if isinstance(unknown, str) else ", ".join(map(str, unknown or ()))
+        raise UnitError(_not_understood(text) + (f" (what is {names!r}?)" if names else "")) from None
     if not 0.0 < factor < float("inf") or any(power != round(power) for power in powers.values()):
         raise UnitError(_not_understood(text))
     return Unit(text, factor, tuple(sorted((name, int(power)) for name, power in powers.items() if power)))
