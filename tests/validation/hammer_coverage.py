@@ -21,7 +21,6 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import hammer
-
 from receptance.errors import ReceptanceWarning
 from receptance.measurement import TimeRecords, estimate_frf
 
@@ -117,7 +116,7 @@ def run_once(case: Case, seed: tuple[int, ...]) -> Outcome | None:
         "phase": bool(abs(deviation.imag) <= t),
         "both": bool(abs(deviation) ** 2 <= disc),
     }
-    noise = float(20.0 * np.log10(np.std((records.force - records.true_force)) / records.true_force.max()))
+    noise = float(20.0 * np.log10(np.std(records.force - records.true_force) / records.true_force.max()))
     return Outcome(covered, complex(deviation), float(frf.frequency_hz[line]), freedom, noise, usable.size)
 
 

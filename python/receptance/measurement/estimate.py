@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.measurement.band import summary
+from receptance.measurement.band import NEGLIGIBLE, summary
 from receptance.measurement.hits import Hits
 from receptance.measurement.records import TimeRecords
 from receptance.measurement.search import Settings, find
@@ -291,8 +291,8 @@ def _worth_saying(
                 f"on {share[reason]:.0%} of the lines that the force reaches there is force outside the force's window "
                 "(a bounce, or the sensor's own ringing); give a longer force_window_s"
             )
-    if spectra.noise_share is None and len(spectra.force) > 1:
-        said.append(_unknown_noise(spectra, channels, estimator, inside))
+    if spectra.noise_share is None:
+        said += _unknown_noise(channels, len(spectra.force), estimator, inside)
     if not usable.any():
         said.append("no line is usable; the notes say why")
     return said
@@ -310,18 +310,20 @@ def _not_dead(spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.
 
 
 def _unknown_noise(
-    spectra: Spectra, channels: Sequence[Channel], estimator: Estimator, inside: NDArray[np.bool_]
-) -> str:
-    most = 0.0
-    for channel in channels:
-        if channel.log_variance is not None and inside.any():
-            most = max(most, float(np.median(2 * len(spectra.force) * channel.log_variance[inside])))
+    channels: Sequence[Channel], hits: int, estimator: Estimator, inside: NDArray[np.bool_]
+) -> list[str]:
+    variances = [channel.log_variance[inside] for channel in channels if channel.log_variance is not None]
+    # All scatter of one hit, were it on the one channel that makes the estimator wrong.
+    most = max((float(np.median(2 * hits * variance)) for variance in variances if variance.size), default=0.0)
+    if estimator == "Hv":
+        most = 0.5 * most
+    if most <= NEGLIGIBLE:
+        return []
     which = {"H1": "too small", "H2": "too large", "Hv": "too small or too large"}[estimator]
-    half = 0.5 if estimator == "Hv" else 1.0
-    return (
+    return [
         "noise on the force could not be measured (too little silence around the hits, or the recorder's own force "
-        f"window); {estimator} may be {which} by up to {100.0 * half * most:.2g} %, the median of all scatter"
-    )
+        f"window); {estimator} may be {which} by up to {100.0 * most:.2g} %, the median of all scatter"
+    ]
 
 
 def _rounded_up(value: float) -> float:

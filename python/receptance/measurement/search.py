@@ -23,8 +23,10 @@ __all__ = ["Settings", "find", "find_hits"]
 DoubleHits = Literal["drop", "keep"]
 _TRIGGER_SHARE = 0.1
 """Of the largest force."""
-_TRIGGER_NOISE = 10.0
-"""Standard deviations of the noise that a trigger is above: a hammer's pulse has at least this much."""
+_TRIGGER_NOISE = 6.0
+"""Standard deviations of the noise that a trigger is above: once in 1e9 samples noise is."""
+_SAID_AT_ONCE = 5
+"""Hits of which a warning speaks one by one; the notes have all of them."""
 _EARLY = 0.5
 """Of the usual time between hits; what comes sooner is an accident, not the rhythm."""
 _CUT_OFF = 0.8
@@ -64,7 +66,7 @@ def find_hits(
     records : TimeRecords or sequence of TimeRecords
         One record with several hits, or several with one each; a sequence may have records of different lengths.
     trigger : float, optional
-        Force in N that begins a hit; by default a tenth of the record's largest, and at least ten times the noise.
+        Force in N that begins a hit; by default a tenth of the record's largest, and at least six times the noise.
     duration_s : float, optional
         Length of a block; by default the whole record where each holds one hit, else what is free between hits.
     pre_trigger_s : float, optional
@@ -145,7 +147,9 @@ def find(records: TimeRecords | Sequence[TimeRecords], settings: Settings, *, st
         )
     if said:
         label = f"{together[0].label}: " if together[0].label else ""
-        warnings.warn(label + "; ".join(said), ReceptanceWarning, stacklevel=stacklevel)
+        more = len(said) - _SAID_AT_ONCE
+        shown = [*said[:_SAID_AT_ONCE], f"and {more} more, see the notes"] if more > 0 else said
+        warnings.warn(label + "; ".join(shown), ReceptanceWarning, stacklevel=stacklevel)
     return Hits(together, hits, search.n_samples, search.noise, (*notes, *said))
 
 
@@ -287,8 +291,10 @@ class _Search:
         first = contacts[0]
         later = self.groups[row][place + 1 :]
         end = min([stop, *(group[0].onset for group in later)])
-        found = [(contact.onset, contact.peak / first.peak) for contact in contacts[1:] if contact.onset < end]
-        release = max([first.release, *(contact.release for contact in contacts[1:] if contact.onset < end)])
+        others = [contact for contact in contacts[1:] if contact.onset < end]
+        others = [contact for contact in others if contact.peak >= self.settings.double_share * first.peak]
+        found = [(contact.onset, contact.peak / first.peak) for contact in others]
+        release = max([first.release, *(contact.release for contact in others)])
         matched = second_contact(self.forces[row], first, end, self.settings.double_share)
         if matched is not None and not found:
             found.append(matched)

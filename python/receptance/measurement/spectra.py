@@ -13,6 +13,7 @@ from receptance.frf.variance import pool_variance
 from receptance.measurement.band import BIAS_SHARE, NEGLIGIBLE, force_band
 from receptance.measurement.leakage import cut_off, left_over
 from receptance.measurement.noise import force_noise
+from receptance.measurement.windows import alike_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,8 +83,10 @@ class Spectra:
         self.force = self._all_force[:, self.lines]
         self.response = rfft(self._time_response, axis=1)[:, self.lines]
         self.power = np.sum(np.abs(self.force) ** 2, axis=0)
-        noise = force_noise(force, windows, self.frequency_hz, hits.sample_rate_hz)
-        self.noise_share = None if noise is None else np.minimum(len(force) * noise / self.power, 1.0)
+        self.noise = force_noise(force, windows, self.frequency_hz, hits.sample_rate_hz)
+        self.noise_share = None
+        if self.noise is not None:
+            self.noise_share = np.minimum(len(force) * self.noise * windows.force_energy / self.power, 1.0)
 
     @cached_property
     def skew(self) -> NDArray[np.float64]:
@@ -95,9 +98,12 @@ class Spectra:
         """What the force's window takes away; see `leakage.cut_off`."""
         from scipy.fft import rfft
 
-        if not self.windows.shape.size:
+        if not self.windows.shape.size or self.noise is None:
             return np.zeros(self.frequency_hz.size)
-        return cut_off(rfft(self._time_force * self.windows.around, axis=1)[:, self.lines], self.force)
+        whole = rfft(self._time_force * self.windows.around, axis=1)[:, self.lines]
+        outside = self.windows.around - self.windows.force
+        energy = float(np.mean(np.sum(outside**2, axis=1)))
+        return cut_off(whole, self.force, self.noise * energy, alike_lines(outside))
 
     def outside(self, limits: Limits) -> dict[str, NDArray[np.bool_]]:
         """Return the lines that the force does not reach, and those that the recorder's filter does not guard."""
