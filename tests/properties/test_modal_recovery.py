@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from known_modes import FORMS, frf_of
 from receptance.modal import fit_modes
 
-ACCURACY_FREQUENCY, ACCURACY_DAMPING, ACCURACY_CONSTANT = 1e-9, 1e-6, 1e-5
+ACCURACY_FREQUENCY, ACCURACY_DAMPING, ACCURACY_CONSTANT = 1e-12, 1e-10, 1e-9
 """Relative, of natural frequencies, of dampings as the lines show them, and of modal constants."""
 
 
