@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from collections.abc import Iterable, Mapping
@@ -211,11 +212,16 @@ def _on_kind(context: Mapping[str, Any], found: Any) -> str:
     return f"has the kind {shown(context['tag'])}, expected {one_of(tags)}{did_you_mean(str(context['tag']), tags)}"
 
 
+@functools.cache
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema()
+
+
 class _Fields:
     """The keys that a table may have, found along the path of an error."""
 
     def __init__(self, model: type[BaseModel]) -> None:
-        self._schema = model.model_json_schema()
+        self._schema = _schema_of(model)
 
     def of(self, loc: tuple[int | str, ...]) -> list[str]:
         """Return the keys known in the table that holds the last step of a path."""
