@@ -16,7 +16,6 @@ from receptance.campaign.suggestions import did_you_mean, one_of
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
-    from pydantic_core import ErrorDetails
 
 __all__ = ["CampaignError", "Problem", "Problems", "path_text", "translate"]
 
@@ -114,7 +113,7 @@ def path_text(path: Path) -> str:
 
 
 def translate(
-    errors: Iterable[ErrorDetails], data: Mapping[str, Any], model: type[BaseModel]
+    errors: Iterable[Mapping[str, Any]], data: Mapping[str, Any], model: type[BaseModel]
 ) -> list[tuple[Path, str]]:
     """Return what pydantic found as paths in the file and words."""
     details = list(errors)
@@ -158,7 +157,7 @@ def _near(word: str, known: list[str], data: Any, place: Path) -> str:
     return match.group(1) if match else ""
 
 
-def _words(error: ErrorDetails, place: Path, known: list[str], data: Any) -> str:
+def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -> str:
     kind, found = error["type"], error["input"]
     context = error.get("ctx", {})
     if kind == "value_error":
