@@ -260,3 +260,22 @@ def test_result_pickles_and_speaks():
     np.testing.assert_allclose(again.poles, fit.poles)
     assert repr(fit).startswith("ModalFit(1 mode between 160 and 239.5 Hz: ")
     assert fit.summary().splitlines()[0].split("  ")[0] == "frequency (Hz)"
+
+
+def test_an_entry_of_zeros_changes_nothing():
+    """A point at a node of every mode, or a channel that was not connected."""
+    one = frf_of(F, [200.0, 210.0], [0.01, 0.01], [[1.0], [2.0]], noise=1e-3, seed=SEED)
+    values = np.concatenate([one.values, np.zeros_like(one.values)], axis=1)
+    for scatter in ("absolute", "relative"):
+        alone = fit_modes(one, 2, scatter=scatter)
+        both = fit_modes(FRF(frequency_hz=F, values=values), 2, scatter=scatter)
+        np.testing.assert_allclose(both.frequency_hz, alone.frequency_hz, rtol=1e-6)
+        np.testing.assert_allclose(both.modal_constant[:, 1], 0.0, atol=1e-12)
+
+
+def test_few_lines():
+    f = np.arange(190.0, 210.0, 2.0)
+    frf = frf_of(f, [200.5], [0.01], [[1.0]])
+    np.testing.assert_allclose(quiet(frf, 1).damping_ratio, 0.01, rtol=1e-6)
+    with pytest.raises(ValueError, match="3 lines of FRF"):
+        fit_modes(frf, 1, low_hz=195.0, high_hz=201.0)

@@ -237,3 +237,23 @@ def test_zero_hertz_is_no_line():
     mode = circle_fit(FRF(frequency_hz=f, values=values, form="accelerance"), low_hz=600.0)
     assert mode.frequency_hz == pytest.approx(800.0)
     assert find_peaks(FRF(frequency_hz=f, values=values, form="accelerance"))[-1].frequency_hz == pytest.approx(800.0)
+
+
+def test_degrees_of_freedom_of_a_variance_from_few_hits():
+    """Nine degrees of freedom widen the interval from 1.96 to 2.26 standard errors."""
+    f = np.arange(700.0, 900.0, 1.0)
+    frf = frf_of(f, [800.0], [0.01], [[1.0]], noise=0.01, seed=SEED, stated=True)
+    few = frf.with_(degrees_of_freedom=9.0)
+    for method in METHODS:
+        exact, wide = highest(method, frf), highest(method, few)
+        assert (exact.degrees_of_freedom, wide.degrees_of_freedom) == (np.inf, 9.0)
+        low, high = wide.damping_interval()
+        assert (high - low) / wide.damping_standard_error == pytest.approx(2.0 * 2.262, rel=1e-3)
+
+
+def test_too_few_lines_for_the_scatter():
+    """Three lines give half-power points and nothing to tell their scatter from."""
+    with pytest.warns(ReceptanceWarning, match="half-power band"):
+        mode = half_power(frf_of([790.0, 800.0, 810.0], [801.0], [0.004], [[1.0]]))
+    assert np.isinf(mode.damping_standard_error)
+    assert any("too few to tell their scatter" in note for note in mode.notes)

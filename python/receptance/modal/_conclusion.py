@@ -70,7 +70,7 @@ def conclude(
             term: (outside[:, 2 * index] + 1j * outside[:, 2 * index + 1]).reshape(shape)
             for index, term in enumerate(terms)
         },
-        lines_in_band=decay / np.pi / _spacing(lines, poles.imag / (2.0 * np.pi)),
+        lines_in_band=np.maximum(decay, 0.0) / np.pi / _spacing(lines, poles.imag / (2.0 * np.pi)),
         frf=lines.frf,
         scatter=_scatter(fit, lines, scatter).reshape(shape),
         known_scatter=lines.relative is not None,
@@ -98,7 +98,7 @@ def _spread(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]
             "are larger by that"
         )
     else:
-        variance, of_factor = 1.0, float("inf")
+        variance, of_factor = 1.0, lines.freedom
     correlation = _correlation(fit)
     # AR(1): that many lines share one independent value.
     kept = min(max(correlation, 0.0), 0.98)
@@ -197,7 +197,7 @@ def _remarks(frequency: NDArray[np.float64], decay: NDArray[np.float64], lines: 
     width = decay / np.pi
     spacing = _spacing(lines, frequency)
     for f, own, step in zip(frequency, width, spacing, strict=True):
-        if own < step:
+        if 0.0 < own < step:
             said.append(
                 f"the half-power band of the mode at {f:.6g} Hz is {own / step:.1g} of the distance of the lines: its "
                 "damping rests on the lines being exact, without leakage"

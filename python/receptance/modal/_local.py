@@ -85,7 +85,7 @@ def single_mode(lines: Lines, part: slice, start: complex) -> SingleMode:
         weights /= float(np.max(np.abs(values)))
     fit = PoleProblem(PoleModel(lines.s[part], lines.power, BACKGROUND), values, weights).fit(np.array([start]))
     if lines.relative is not None:
-        return SingleMode(fit, lines.shared, float("inf"))
+        return SingleMode(fit, lines.shared, lines.freedom)
     freedom = fit.degrees_of_freedom
     if freedom <= 0:
         return SingleMode(fit, float("inf"), 1.0)
@@ -99,7 +99,7 @@ def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[
     that was measured.
     """
     if lines.relative is not None:
-        return lines.relative[:, 0], float("inf"), ()
+        return lines.relative[:, 0], lines.freedom, ()
     size = np.abs(lines.values[:, 0])
     part = around(np.abs(mobility(lines)), peak)
     decay = np.pi * width_hz - lines.frf.decay_rate

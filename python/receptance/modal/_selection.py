@@ -170,7 +170,9 @@ def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: b
         Whether magnitudes are those of the fit as well: a line that noise made small would else weigh too much.
     """
     size = np.abs(lines.values)
-    floor = np.maximum(1e-12 * np.sqrt(np.mean(size**2, axis=0)), np.finfo(np.float64).tiny)
+    level = np.sqrt(np.mean(size**2, axis=0))
+    # An entry of zeros, a node of every mode, weighs something and says nothing.
+    floor = np.where(level > 0.0, 1e-12 * level, 1.0)
     if smooth and fit is not None:
         size = np.sqrt(0.5 * (size**2 + np.abs(fit.fitted) ** 2))
     size = np.maximum(size, floor)

@@ -44,7 +44,8 @@ class ModeEstimate:
     lines : int
         How many lines were used.
     degrees_of_freedom : float
-        Of the standard errors; infinite where the variance of the lines was given.
+        Of the standard errors: those of the FRF's variance where it has one, infinite if that is exact, else those of
+        the residuals.
     notes : tuple of str
         What a person should know.
 

@@ -101,9 +101,9 @@ def fit_modes(
 
     References
     ----------
-    Guillaume, Verboven, Vanlanduit, ISMA 23 (1998): LSCF. Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413,
-    Kaufman, BIT 15 (1975) 49: variable projection. Verboven, Guillaume, Cauberghe, IMAC 23 (2005): maximum likelihood
-    started from LSCF.
+    LSCF: Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002; Guillaume et al., IMAC 21 (2003). Variable
+    projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; Kaufman, BIT 15 (1975) 49. Number of modes:
+    Schwarz, Ann. Stat. 6 (1978) 461. Entries that disagree: Liang and Zeger, Biometrika 73 (1986) 13.
 
     Examples
     --------
@@ -212,7 +212,10 @@ def _at_peaks(lines: Lines) -> NDArray[np.complex128]:
 
     f = lines.frequency_hz
     each = np.abs(lines.receptance * f[:, None]) ** 2
-    power = np.sum(each / each.mean(axis=0), axis=1)
+    level = each.mean(axis=0)
+    power = np.sum(each[:, level > 0.0] / level[level > 0.0], axis=1)
+    # A line of zeros is no place for a peak, nor for a logarithm.
+    power = np.maximum(power, 1e-30)
     peaks, _ = find_peaks(power)
     height = np.log(power)
     peaks = peaks[np.argsort(-peak_prominences(height, peaks)[0])[:_PEAKS]]

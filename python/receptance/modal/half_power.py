@@ -61,7 +61,7 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
 
     References
     ----------
-    Ewins, Modal Testing, 2nd ed. 2000, sect. 4.3 (peak amplitude method).
+    Ewins, Modal Testing, 2nd ed. 2000, ch. 4 (peak amplitude method).
 
     Examples
     --------
@@ -89,8 +89,8 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     slopes = np.stack([0.5 * (points.slopes[0] + points.slopes[1]), (points.slopes[1] - points.slopes[0]) / width])
     slopes = np.vstack([slopes, slopes[1]])
     slopes[2, peak] += 1.0
-    reach = slopes * np.where(np.any(slopes != 0.0, axis=0), scatter, 0.0)
-    reach = np.where(slopes == 0.0, 0.0, np.abs(reach))
+    # Nothing is known of some lines; that matters where they are used.
+    reach = np.multiply(np.abs(slopes), scatter, out=np.zeros_like(slopes), where=slopes != 0.0)
     # Of lines that share their values only the two around each end are near enough to matter: at most twice as much.
     of_centre, of_width, of_constant = np.sqrt(min(lines.shared, 2.0) * np.sum(reach**2, axis=1))
 

@@ -54,7 +54,8 @@ class ModalFit:
     correlation : float
         Of what is left on neighbouring lines.
     degrees_of_freedom : float
-        Of the standard errors; infinite where the variance was stated and explains what is left.
+        Of the standard errors: those of the FRF's variance where it explains what is left, infinite if that is exact,
+        else those of the residuals or of the entries that disagree.
     converged : bool
         Whether the last fit stopped because nothing changed any more.
     stabilisation : tuple of ndarray
