@@ -179,7 +179,7 @@ def identify_campaign(
     ]
     if any(effects):
         notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
-        notes += _on_damping(fit)
+        notes += _on_damping(fit) if any(isinstance(o, MeasuredFRF) for o in observations) else []
     if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):
         notes.append(
             "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "

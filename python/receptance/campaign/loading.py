@@ -7,6 +7,7 @@ import difflib
 import re
 import tomllib
 import warnings
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -33,13 +34,15 @@ FILE = "campaign.toml"
 _SECTIONS = ("materials", "parts", "joints", "sensors", "attachments", "assemblies", "measurements", "unknowns")
 
 
-def load(path: str | FilePath) -> Campaign:
+def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None) -> Campaign:
     """Read a campaign file and the data files that it names.
 
     Parameters
     ----------
     path : str or path
         The TOML file, or a folder with a `campaign.toml` in it. Data files are sought beside it.
+    progress : callable, optional
+        Called with a line of text before each measurement is read.
 
     Returns
     -------
@@ -76,6 +79,8 @@ def load(path: str | FilePath) -> Campaign:
     effects |= {f"sensor {name}": sensor_effects(name, table, built) for name in built.sensors}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
+        if progress is not None:
+            progress(f"reading {name}")
         measured = build_measurement(name, table, built, effects, file.parent, workshop)
         if measured is not None:
             measurements[name] = measured
