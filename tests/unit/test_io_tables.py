@@ -81,11 +81,15 @@ def test_time_records(tmp_path: Path) -> None:
     assert "tip: the unit in the file, 'g', was overruled by 'm/s^2'" in replaced.notes
 
 
+def test_f_and_t_behind_the_first_column_are_channels(tmp_path: Path) -> None:
+    series = read_time_series(text_file(tmp_path, "t [s],f [N],T [V]\n0,1,2\n1,3,4\n"))
+    assert (series.channels, series.quantities) == (("f", "T"), ("force", ""))
+
+
 WRONG = [
     ("", "the file is empty"),
     ("10,1,2\n20,3,4\n", r"line 1: this line holds numbers, expected a header .* columns=\[\.\.\.\]"),
     ("a,b\n1,2\n", "line 1: the columns are 'a', 'b'; expected one named frequency or time"),
-    ("frequency [Hz],time [s]\n1,2\n", "expected one named frequency or time"),
     ("words only\n", "line 1: found 'words only', expected columns between"),
     ("frequency [Hz],real [m/N],imag [m/N]\n", "line 1: there are no rows of numbers"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,x,3\n", "line 3: column 'real' is 'x', expected a number"),

@@ -15,6 +15,7 @@ import numpy as np
 
 from receptance.coordinates import Coordinate
 from receptance.frf import FRF, Unplaced
+from receptance.frf.creation import SAID_OF_DRIVE_POINTS
 from receptance.io.coherence import Coherence, refuse_above_one
 from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
@@ -157,7 +158,7 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
         averages=about.get("averages"),
         labels=_labels(about),
         **known,
-        **_texts(about),
+        **_texts(about, again=SAID_OF_DRIVE_POINTS),
     )
     _check_given(frf, options)
     placed = {"responses": options.responses, "excitations": options.excitations}
@@ -199,9 +200,12 @@ def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], o
     )
 
 
-def _texts(about: Mapping[str, Any]) -> dict[str, Any]:
+def _texts(about: Mapping[str, Any], *, again: str | None = None) -> dict[str, Any]:
+    """Return label, source and notes, without the notes of which the beginning says that they will be made again."""
     texts: dict[str, Any] = {name: str(about.get(name, "")) for name in ("label", "source")}
-    return texts | {"notes": tuple(map(str, _list(about, "notes")))}
+    return texts | {
+        "notes": tuple(str(note) for note in _list(about, "notes") if again is None or not str(note).startswith(again))
+    }
 
 
 def _list(about: Mapping[str, Any], name: str) -> Sequence[Any]:

@@ -152,7 +152,13 @@ def parse_unit(text: str) -> Unit:
         )
     # Only what can be a unit reaches pint: it would also compute, and a power of a power may take for ever.
     without_powers = _POWER.sub("", plain)
-    if len(plain) > _LONGEST or not _ALLOWED.fullmatch(without_powers) or re.search(r"\*\*|//", without_powers):
+    named = plain == "1" or re.search(r"[A-Za-zµμ]", plain)
+    if (
+        not named
+        or len(plain) > _LONGEST
+        or not _ALLOWED.fullmatch(without_powers)
+        or re.search(r"\*\*|//", without_powers)
+    ):
         raise UnitError(_not_understood(text))
     try:
         base = (_registry().Quantity(1.0, "") * _registry().parse_expression(plain)).to_base_units()
@@ -161,8 +167,8 @@ def parse_unit(text: str) -> Unit:
     except Exception as error:
         # pint raises whatever its parts raise: syntax errors, undefined units, arithmetic.
         unknown = getattr(error, "unit_names", None)
-        names = unknown if isinstance(unknown, str) else ", ".join(map(str, unknown or ()))
-        raise UnitError(_not_understood(text) + (f" (what is {names!r}?)" if names else "")) from None
+        what = unknown if isinstance(unknown, str) else ", ".join(map(str, unknown or ()))
+        raise UnitError(_not_understood(text) + (f" (what is {what!r}?)" if what else "")) from None
     if not 0.0 < factor < float("inf") or any(power != round(power) for power in powers.values()):
         raise UnitError(_not_understood(text))
     return Unit(text, factor, tuple(sorted((name, int(power)) for name, power in powers.items() if power)))

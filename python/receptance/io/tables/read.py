@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import joined, make_frf, sampled
+from receptance.io.build import in_si, joined, make_frf, sampled
 from receptance.io.coherence import Coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.fields import thing_of
@@ -170,7 +170,7 @@ def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.c
         directions=None,
         undeclared=f"column {first.name!r} says no unit: write {first.name} [m/s^2/N], say, into the header",
     )
-    return values if resolved.factor == 1.0 else values * resolved.factor, resolved
+    return in_si(values, resolved.factor), resolved
 
 
 def _own_frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:
