@@ -196,9 +196,9 @@ def _on_damping(fit: Identification) -> list[str]:
     if not damped or not fit.known_scatter or fit.rms < _DISAGREE:
         return []
     return [
-        f"the residuals are {fit.rms:.2g} times what noise explains: where dimensions are off, the resonances of "
-        "several measurements do not fit one model, and a fit answers with more damping; the intervals of "
-        f"{', '.join(damped)} do not cover that"
+        f"the residuals are {fit.rms:.2g} times what noise explains: dimensions are off (the resonances of several "
+        "measurements then do not fit one model) or the noise is larger than stated; dampings answer to that first, "
+        f"and the intervals of {', '.join(damped)} do not cover it"
     ]
 
 

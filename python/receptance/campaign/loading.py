@@ -76,12 +76,12 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
     problems = Problems(lines)
     table, workshop, built = _described(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
-    effects |= {f"sensor {name}": sensor_effects(name, table, built) for name in built.sensors}
+    of_sensors = {name: sensor_effects(name, table, built) for name in built.sensors}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         if progress is not None:
             progress(f"reading {name}")
-        measured = build_measurement(name, table, built, effects, file.parent, workshop)
+        measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop)
         if measured is not None:
             measurements[name] = measured
     conditions = _conditions(table, workshop)
@@ -97,7 +97,7 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
         assemblies=built.assemblies,
         measurements=measurements,
         unknowns=tuple(built.unknowns.values()),
-        effects={name: effects[name] for name in built.assemblies},
+        effects=effects,
         conditions=conditions,
         places=places,
         notes=tuple(workshop.notes),
