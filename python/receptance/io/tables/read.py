@@ -168,7 +168,7 @@ def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.c
         declared=declared,
         form=first.form,
         directions=None,
-        undeclared=f"column {first.name!r} says no unit: write {first.name} [m/s^2/N], say, into the header",
+        undeclared=f"column {first.name!r} says no unit, such as {first.name} [m/s^2/N]",
     )
     return in_si(values, resolved.factor), resolved
 
