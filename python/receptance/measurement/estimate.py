@@ -155,7 +155,7 @@ def estimate_frf(
     if exponential_on == "response" and decay_rate > 0.0:
         refused = {_NO_LINE: np.ones(spectra.frequency_hz.size, dtype=bool)}
     usable = ~np.any(list(refused.values()), axis=0)
-    said = _worth_saying(spectra, channels, refused, usable, estimator, limits)
+    said = _worth_saying(spectra, channels, refused, usable, estimator, limits, decay_rate)
     if said:
         label = f"{found.records[0].label}: " if found.records[0].label else ""
         warnings.warn(label + "; ".join(said), ReceptanceWarning, stacklevel=2)
@@ -261,6 +261,7 @@ def _worth_saying(
     usable: NDArray[np.bool_],
     estimator: Estimator,
     limits: Limits,
+    decay_rate: float,
 ) -> list[str]:
     """Return what a person should know: it goes into a warning and into the notes."""
     if _NO_LINE in refused:
@@ -284,7 +285,8 @@ def _worth_saying(
             )
         elif "died away" in reason:
             said.append(
-                f"on {share[reason]:.0%} of the lines that the force reaches " + _not_dead(spectra, channels, inside)
+                f"on {share[reason]:.0%} of the lines that the force reaches "
+                + _not_dead(spectra, channels, inside, decay_rate)
             )
         elif "cuts off" in reason:
             said.append(
@@ -298,14 +300,14 @@ def _worth_saying(
     return said
 
 
-def _not_dead(spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.bool_]) -> str:
+def _not_dead(spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.bool_], decay_rate: float) -> str:
     after = spectra.hits.duration_s - spectra.over / spectra.hits.sample_rate_hz
     left = max(float(channel.left[inside].max()) for channel in channels)
     wanted = min(float(np.median(np.sqrt(c.log_variance[inside]))) for c in channels if c.log_variance is not None)
-    rate = np.log(max(left / (_DEAD * wanted), 1.0)) / after
+    rate = decay_rate + _rounded_up(np.log(max(left / (_DEAD * wanted), 1.0)) / after)
     return (
-        f"the response has not died away when the block ends (down to {100.0 * left:.2g} %); "
-        f"longer blocks, or an exponential window of decay_rate {_rounded_up(rate):g} 1/s more, help"
+        f"the response has not died away when the block ends (down to {100.0 * left:.2g} %); longer blocks help, or "
+        f"an exponential window (decay_rate={rate:g})"
     )
 
 

@@ -137,7 +137,7 @@ def find(records: TimeRecords | Sequence[TimeRecords], settings: Settings, *, st
     together = _together(records)
     search = _Search(together, settings)
     hits = tuple(search.judge(number, *found) for number, found in enumerate(search.candidates(), start=1))
-    notes = [note for one in together for note in one.notes]
+    notes = dict.fromkeys(note for one in together for note in one.notes)
     said = [f"hit {hit.number} dropped: {hit.reason}" for hit in hits if not hit.kept]
     said += [f"hit {hit.number}: {hit.remark}" for hit in hits if hit.kept and hit.remark]
     if search.polarity < 0.0:
