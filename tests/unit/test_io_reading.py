@@ -80,7 +80,12 @@ def test_options_that_are_wrong(options: dict[str, Any], error: type[Exception],
         (HIT, {"variables": {"a": "b"}}, "variables was given, but the file is a table with a header"),
         (HIT, {"unit": {"a": "m"}}, r"channel 'a' is in 'm/s\^2', but unit='m' was given"),
         (ONE, {"unit": "m/N"}, "the file says that it is a mobility in m/s/N, but"),
-        (ONE, {"unit": {"a": "m"}}, None),
+        (ONE, {"unit": {"a": "m"}}, "unit names the channel 'a'; the channels of the file are none: it holds FRF"),
+        (HIT, {"unit": {"hamer": "N"}}, "unit names the channel 'hamer'; the channels of the file are 'f', 'a'"),
+        (HIT, {"coherence": "x.csv"}, "coherence was given, but there is no FRF in the file"),
+        (ONE, {"sample_rate_hz": 10.0}, "sample_rate_hz was given, but there is no time record in the file"),
+        (HIT, {"sample_rate_hz": 10.0}, r"the file has 100.0 samples per second, but sample_rate_hz=10.0 was given"),
+        (HIT, {"sample_rate_hz": 100.0}, None),
         (ONE, {"unit": "SI", "quantity": "mobility"}, None),
     ],
 )
@@ -123,6 +128,10 @@ def test_a_coherence_from_another_file(tmp_path: Path) -> None:
     assert frf.coherence is not None
     assert frf.coherence.ravel() == pytest.approx([0.9, 0.8])
     assert frf.notes == ("coherence of coh.uff",)
+    own = tmp_path / "own.npz"
+    write(own, frf)
+    with pytest.raises(FileFormatError, match="the file has a coherence of its own, but coherence="):
+        read_frf(own, coherence=tmp_path / "coh.uff")
     write(tmp_path / "poor.csv", Coherence(frequency_hz=FREQUENCY, values=[0.1, 0.2]))
     with pytest.warns(ReceptanceWarning, match="the median coherence is 0.15") as caught:
         read_frf(tmp_path / "frf.uff", coherence=tmp_path / "poor.csv")

@@ -102,7 +102,10 @@ WRONG = [
     ("frequency [Hz],real [m/N],imag [m/N]\n-1,2,3\n", "line 2: the frequency is -1 Hz"),
     ("frequency,real [m/N],imag [m/N]\n1,2,3\n", "line 1: column 'frequency' says no unit"),
     ("frequency [s],real [m/N],imag [m/N]\n1,2,3\n", "column 'frequency' is in 's', expected Hz"),
-    ("frequency [Hz],real,imag\n1,2,3\n", r"line 1: column 'real' says no unit, such as real \[m/s\^2/N\]; give it: unit="),
+    (
+        "frequency [Hz],real,imag\n1,2,3\n",
+        r"line 1: column 'real' says no unit, such as real \[m/s\^2/N\]; give it: unit=",
+    ),
     ("frequency [Hz],real [m/N],imag [mm/N]\n1,2,3\n", "the real part is in 'm/N', the imaginary part in 'mm/N'"),
     (
         "frequency [Hz],mobility real [m/N],mobility imag [m/N]\n1,2,3\n",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from receptance.frf.forms import Form
 
-__all__ = ["in_si", "joined", "make_frf", "outside", "sampled"]
+__all__ = ["in_si", "joined", "make_frf", "outside", "sampled", "without_phase"]
 
 _RATE_TOLERANCE = 1e-4
 """Between a sample rate that is given and one from a file, whose time step has six digits."""
@@ -79,6 +79,15 @@ def joined(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.compl
     values = np.empty(real_part.shape, dtype=np.complex128)
     values.real, values.imag = real_part, imaginary
     return values
+
+
+def without_phase(values: NDArray[Any]) -> list[str]:
+    """Return what to note of real values where an FRF should be, after warning of it; nothing of complex ones."""
+    if np.iscomplexobj(values):
+        return []
+    note = "the values are real: without a phase this is a magnitude, or one part of the FRF"
+    warnings.warn(note, ReceptanceWarning, stacklevel=outside())
+    return [note]
 
 
 def in_si(values: NDArray[Any], factor: float) -> NDArray[Any]:

@@ -190,11 +190,16 @@ def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], o
         given = options.channel_unit(name)
         if given not in (None, SI, unit):
             raise FileFormatError(f"the file says that channel {name!r} is in {unit!r}, but unit={given!r} was given")
+    rate = about.get("sample_rate_hz", math.nan)
+    if options.sample_rate_hz is not None and not math.isclose(options.sample_rate_hz, rate, rel_tol=1e-9):
+        raise FileFormatError(
+            f"the file has {rate!r} samples per second, but sample_rate_hz={options.sample_rate_hz!r} was given"
+        )
     return TimeSeries(
         values=values,
         channels=channels,
         units=units,
-        sample_rate_hz=about.get("sample_rate_hz", math.nan),
+        sample_rate_hz=rate,
         start_s=about.get("start_s", 0.0),
         **_texts(about),
     )

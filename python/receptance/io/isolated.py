@@ -64,7 +64,6 @@ class _Reader:
         environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         # -P: the folder of the script is not searched for modules; the names of some would hide others.
         command = [sys.executable, "-P", "-W", "ignore", str(script)]
-        self.owner = os.getpid()
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
         )
@@ -151,10 +150,8 @@ def load(path: Path, kind: Literal["mat", "hdf5"], names: Sequence[str] | None) 
         "seconds": seconds,
     }
     with _lock:
-        if _reader is not None and (_reader.owner != os.getpid() or _reader.process.poll() is not None):
-            # Of the process that this one was forked from, or gone since.
-            if _reader.owner == os.getpid():
-                _reader.end()
+        if _reader is not None and _reader.process.poll() is not None:
+            _reader.end()
             _reader = None
         if _reader is None:
             _reader = _Reader()
@@ -180,7 +177,20 @@ def _epitaph(kind: str, code: int | None, seconds: float) -> str:
     return f"the file is damaged: {library} crashed on it"
 
 
+def _forget() -> None:
+    """Leave the reader, and a lock that a thread may have held, to the process that this one was forked from."""
+    global _lock, _reader
+    if _reader is not None:
+        # It is not this one's child: nothing to wait for, and nothing to complain of.
+        _reader.process.returncode = 0
+    _lock, _reader = threading.Lock(), None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
+
+
 @atexit.register
 def _at_exit() -> None:
-    if _reader is not None and _reader.owner == os.getpid():
+    if _reader is not None:
         _reader.end()

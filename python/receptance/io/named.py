@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import in_si, joined, make_frf, sampled
+from receptance.io.build import in_si, joined, make_frf, sampled, without_phase
 from receptance.io.coherence import Coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.fields import ABOUT, about_text, arrays_of, kind_of, parse_about, thing_of
@@ -144,7 +144,7 @@ def _foreign_frf(
         raise FileFormatError(f"variables names {', '.join(chosen)}, expected 'values', or 'real' and 'imaginary'")
     values = parts["values"] if "values" in parts else joined(parts["real"], parts["imaginary"])
     resolved = resolve_frf(options, declared=None, form=None, directions=None)
-    notes = [] if np.iscomplexobj(values) else ["the values are real: without a phase this is a magnitude or one part"]
+    notes = without_phase(values)
     kind = resolved.kind
     return make_frf(
         frequency_hz=lines,
