@@ -38,7 +38,7 @@ def conclude(
     shape = np.asarray(lines.frf.values).shape[1:]
     sigma = float(lines.frf.decay_rate)
     factor, freedom, correlation, notes = _spread(fit, lines)
-    of_poles, remark = scaled(fit.inverse, factor), list[str]()
+    of_poles, remark = scaled(fit.of_poles, factor), list[str]()
     if not _exact(fit, lines):
         of_poles, freedom, remark = _between_entries(fit, of_poles, freedom)
     place = np.argsort(fit.poles.imag)
@@ -86,9 +86,9 @@ def conclude(
 def _spread(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]:
     """What the covariances are multiplied by, its degrees of freedom, the residuals' correlation, and notes."""
     notes = []
-    freedom = max(fit.degrees_of_freedom, 0)
+    freedom = fit.degrees_of_freedom
     independent = freedom / lines.shared
-    variance = fit.chi_square / freedom if freedom > 0 else float("inf")
+    variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
     if lines.relative is None:
         of_factor = max(independent, 1.0)
     elif variance > 1.0 + 3.0 * np.sqrt(2.0 / max(independent, 1.0)):
@@ -100,18 +100,19 @@ def _spread(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]
     else:
         variance, of_factor = 1.0, lines.freedom
     correlation = _correlation(fit)
-    # AR(1): that many lines share one independent value.
-    kept = min(max(correlation, 0.0), 0.98)
-    seen = (1.0 + kept) / (1.0 - kept)
-    visible = correlation > max(_VISIBLE, 3.0 / np.sqrt(2.0 * fit.values)) and seen > 1.5 * lines.shared
-    if visible and not _exact(fit, lines):
-        notes.append(
-            f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model misses something, or "
-            "the lines are closer than the record resolves; the standard errors are "
-            f"{np.sqrt(seen / lines.shared):.2g} times larger for it"
-        )
-        return variance * seen, max(of_factor * lines.shared / seen, 1.0), correlation, notes
-    return variance * lines.shared, of_factor, correlation, notes
+    # What the lines share is in the covariance already.
+    stated = 1.0 / (1.0 + (np.pi / lines.shared) ** 2) if lines.shared > 1.0 else 0.0
+    chance = 3.0 / np.sqrt(2.0 * fit.residual.size / lines.shared)
+    if correlation <= stated + max(_VISIBLE * (1.0 - stated), chance) or _exact(fit, lines):
+        return variance, of_factor, correlation, notes
+    # As if neighbours were all that is correlated: so many more lines share one independent value than is stated.
+    kept = min(correlation, 0.98)
+    more = (1.0 + kept) / (1.0 - kept) * (1.0 - stated) / (1.0 + stated)
+    notes.append(
+        f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model misses something, or the "
+        f"lines are closer than the record resolves; the standard errors are {np.sqrt(more):.2g} times larger for it"
+    )
+    return variance * more, max(of_factor / more, 1.0), correlation, notes
 
 
 def _correlation(fit: PoleFit) -> float:

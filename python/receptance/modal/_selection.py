@@ -149,7 +149,7 @@ def refined(lines: Lines, terms: tuple[int, ...], scatter: Scatter, fit: PoleFit
 
 
 def _problem(lines: Lines, terms: tuple[int, ...], weights: NDArray[np.float64]) -> PoleProblem:
-    return PoleProblem(PoleModel(lines.s, lines.power, terms), lines.values, weights)
+    return PoleProblem(PoleModel(lines.s, lines.power, terms), lines.values, weights, lines.shared)
 
 
 def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: bool = False) -> NDArray[np.float64]:

@@ -107,7 +107,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     start = _first_pole(lines.frequency_hz[part], moved[part], centre) + frf.decay_rate
     single = single_mode(lines, part, start)
     fit = single.fit
-    frequency, damping, covariance = modal_values(fit.poles, scaled(fit.inverse, single.factor))
+    frequency, damping, covariance = modal_values(fit.poles, scaled(fit.of_poles, single.factor))
     constant, of_constant = constants(
         complex(fit.poles[0]), complex(fit.residues[0, 0]), scaled(joint_with_residue(fit, 0, 0), single.factor)
     )

@@ -149,7 +149,7 @@ def joint_with_residue(fit: PoleFit, mode: int, entry: int) -> NDArray[np.float6
     joint = np.empty((3, 3))
     joint[:2, :2] = fit.of_coefficients[entry][np.ix_(own, own)]
     joint[:2, 2] = joint[2, :2] = fit.with_poles[entry][own, count + mode]
-    joint[2, 2] = fit.inverse[count + mode, count + mode]
+    joint[2, 2] = fit.of_poles[count + mode, count + mode]
     return joint
 
 
