@@ -2,8 +2,8 @@
 
     python tests/properties/mutated_files.py --count 100000 --seed 1
 
-Run it under `ulimit -v 8000000`. A file whose reading takes longer than a second is read again, so that a busy machine
-is not taken for a hang; files that fail are kept in the folder for temporary files.
+Run it under `ulimit -v 8000000`. A file whose reading takes longer than a second is read again, and its processor time
+counts then, so that a busy machine is not taken for a hang; files that fail are kept in the folder for temporary files.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def run(count: int, seed: int, *, say: Callable[[str], None] = lambda _: None) -
             path.write_bytes(content)
             outcome, seconds = _outcome(path, options)
             if seconds > SECONDS_AT_MOST:
-                seconds = min(seconds, *(_outcome(path, options)[1] for _ in range(2)))
+                seconds = min(seconds, *(_outcome(path, options)[1] for _ in range(2)), _processor_time(path, options))
             report.count += 1
             report.outcomes[f"{kind}:{'read' if outcome == 'read' else 'refused'}"] += 1
             if seconds > report.slowest[0]:
@@ -82,6 +82,14 @@ def run(count: int, seed: int, *, say: Callable[[str], None] = lambda _: None) -
             if number % 1000 == 999:
                 say(f"{number + 1} files, {len(report.failures)} failures")
     return report
+
+
+def _processor_time(path: Path, options: dict[str, Any]) -> float:
+    """Return the processor time of reading a file, that of a second process that ended over it included."""
+    began = os.times()
+    _outcome(path, options)
+    ended = os.times()
+    return sum(ended[:4]) - sum(began[:4])
 
 
 def _outcome(path: Path, options: dict[str, Any]) -> tuple[str, float]:

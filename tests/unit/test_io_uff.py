@@ -184,6 +184,8 @@ def test_units_by_labels_by_164_and_given(tmp_path: Path) -> None:
     overruled = read_frf(file(tmp_path, MM, data_set()), unit="m/s^2/N")
     assert values(overruled) == [1 - 1j, 2 - 2j]
     assert "was overruled" in overruled.notes[0]
+    for abscissa in ((18, "", "cycles per second"), (0, "", "Hertz")):
+        assert read_frf(file(tmp_path, data_set(axes=(abscissa, *labelled[1:])))).shape == (2, 1, 1)
     whole = ((18, "", "Hz"), (0, "Inertance", "(m/s²)/N"), (0, "", ""))
     assert read_frf(file(tmp_path, data_set(axes=whole))).form == "accelerance"
 
@@ -202,7 +204,8 @@ def test_units_by_labels_by_164_and_given(tmp_path: Path) -> None:
         (((18, "", ""), (13, "", "N"), (12, "", "g")), [], {}, "numerator of the FRF is a force"),
         (((18, "", ""), (12, "", "g"), (12, "", "g")), [], {}, "denominator of the FRF is a acceleration|transmissib"),
         (((17, "", ""), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's specific data type is 17, expected 18"),
-        (((18, "", "rpm"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's unit"),
+        (((0, "", "rpm"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's unit"),
+        (((0, "", ""), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's specific data type is 0, expected 18"),
         (((18, "", "kHz"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa is in 'kHz', expected Hz"),
         (((18, "", ""), (12, "", ""), (13, "", "")), [], {"unit": "m/N"}, "to overrule the file give quantity="),
         (

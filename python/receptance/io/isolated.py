@@ -57,7 +57,8 @@ class _Reader:
 
     def __init__(self) -> None:
         script = Path(__file__).with_name("_worker.py")
-        if not sys.executable:
+        if not sys.executable or getattr(sys, "frozen", False):
+            # What a frozen program would start is itself.
             raise FileFormatError(
                 "MAT and HDF5 files are read in a second process, but there is no interpreter to start"
             )

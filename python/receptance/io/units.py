@@ -36,12 +36,12 @@ deci- = 1e-1 = d-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
 metre = [length] = m = meter
-second = [time] = s = sec
+second = [time] = s = sec = seconds = Seconds
 newton = [force] = N
 radian = [angle] = rad
 volt = [voltage] = V
 minute = 60 * second = min
-hertz = 1 / second = Hz
+hertz = 1 / second = Hz = Hertz
 degree = 0.017453292519943295 * radian = deg
 inch = 0.0254 * metre = in
 foot = 0.3048 * metre = ft
