@@ -13,6 +13,7 @@ import pytest
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.frf import Unplaced
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+from receptance.io.uff.sets import Function, data_sets
 
 SI = ["    -1", "   164", f"         1{'SI':<20}         2", f"{1.0:25.17E}" * 3, f"{0.0:25.17E}", "    -1"]
 MM = [
@@ -420,6 +421,24 @@ def test_written_files_are_standard_and_pyuff_reads_them(tmp_path: Path) -> None
             assert one["rsp_dir"] == (2, 6)[row]
             assert one["ordinate_axis_units_lab"] == ("m/s^2", "rad/s^2")[row]
     assert all(len(line) <= 80 for line in (tmp_path / "text.uff").read_bytes().split(b"\n"))
+
+
+def test_nodes_stand_for_places(tmp_path: Path) -> None:
+    """Other programs take equal nodes for a drive point."""
+    tip, nose = Coordinate("tool", 0.0), Coordinate("holder", 0.0)
+    numbers = np.ones((2, 3, 2))
+    frf = FRF(
+        frequency_hz=[1.0, 2.0],
+        values=numbers,
+        responses=[tip, Coordinate("tool", 0.0, "theta"), nose],
+        excitations=[nose, "y"],
+    )
+    write(tmp_path / "a.uff", frf)
+    data = [item for item in data_sets((tmp_path / "a.uff").read_bytes()) if isinstance(item, Function)]
+    nodes = [(one.response.node, one.response.direction, one.reference.node, one.reference.direction) for one in data]
+    assert nodes == [(1, 2, 2, 2), (1, 2, 3, 2), (1, 6, 2, 2), (1, 6, 3, 2), (2, 2, 2, 2), (2, 2, 3, 2)]
+    back = read_frf(tmp_path / "a.uff")
+    assert (back.responses, back.excitations, back.labels) == (frf.responses, frf.excitations, None)
 
 
 def test_files_that_pyuff_writes(tmp_path: Path) -> None:

@@ -121,6 +121,9 @@ def _delimiter(line: int, text: str) -> str:
 def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, list[str]]]:
     rows = []
     for line, text in lines:
+        if '"' not in text:
+            rows.append((line, text.split(delimiter)))
+            continue
         try:
             fields = next(csv.reader([text], delimiter=delimiter, strict=True))
         except (csv.Error, StopIteration) as error:
