@@ -88,6 +88,7 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         ('"joint.k_y" = {', '"joint.mass" = {', 'unknowns."joint.mass"'),
         ('lower = "1e7 N/m"', 'lower = "1e11 N/m"', 'unknowns."joint.k_y": lower is 1e+11 and upper 1e+10'),
         ('lower = "1e7 N/m"', 'lower = "1e7 N/m", start = "1 N/m"', "start is 1, outside the bounds"),
+        ("[joints.joint]", '[joints.joint]\nk_y = "1e6 N/m"', 'unknowns."joint.k_y": has bounds without the 1e+06'),
         ('lower = "1e7 N/m"', 'lower = "1e7 Pa"', 'unknowns."joint.k_y".lower: is "1e7 Pa", a modulus'),
         (
             '"joint.k_y" = {',

@@ -211,9 +211,12 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
 def test_what_was_not_identified_is_said(tmp_path: Path) -> None:
     """A parameter that no measurement is there for keeps its start, and that is said."""
     other = '[joints.joint]\n[joints.other]\nk_y = "1e8 N/m"\nk_theta = "1e5 N m/rad"'
-    text = changed(("[joints.joint]", other),
-                   ('longest]\nchain = ["tool", "joint"', 'longest]\nchain = ["tool", "other"'),
-                   ('"joint.k_y" = {', '"other.k_y" = { lower = "1e7 N/m", upper = "1e9 N/m" }\n"joint.k_y" = {'))  # fmt: skip
+    unknown = '"other.k_y" = { lower = "1e7 N/m", upper = "1e9 N/m" }'
+    text = changed(
+        ("[joints.joint]", other),
+        ('longest]\nchain = ["tool", "joint"', 'longest]\nchain = ["tool", "other"'),
+        ("[unknowns]", f"[unknowns]\n{unknown}"),
+    )
     found = load(tmp_path, text).predict()
     assert "other.k_y is not identified" in " ".join(found.notes)
     assert "stays at its start" in " ".join(found.notes)

@@ -103,6 +103,7 @@ def test_own_arrays():
             ValueError,
             "values at 550 Hz is .nan",
         ),
+        ({"values": 1e60 * VALUES}, ValueError, "values at 50 Hz is .*, which no structure has"),
         ({"form": "inertance"}, ValueError, "form is 'inertance', expected one of receptance, mobility, accelerance"),
         ({"form": 2}, TypeError, "form is 2"),
         ({"responses": [TIP, END]}, ValueError, "there are 2 responses for values with 3"),
@@ -115,7 +116,7 @@ def test_own_arrays():
         ({"excitations": [TIP, 3]}, TypeError, r"excitations\[1\] is 3"),
         ({"decay_rate": -1.0}, ValueError, "decay_rate is -1, expected zero or more 1/s"),
         ({"decay_rate": "fast"}, TypeError, "decay_rate is 'fast'"),
-        ({"coherence": np.full(100, -0.2)}, ValueError, r"coherence\[0, 0, 0\] is -0.2"),
+        ({"coherence": np.full(100, -0.2)}, ValueError, "coherence at 50 Hz is -0.2, expected from 0 to 1"),
         (
             {"coherence": np.where(LINES == 550.0, 1.25, 0.5)},
             ValueError,
@@ -123,8 +124,9 @@ def test_own_arrays():
         ),
         ({"coherence": np.where(LINES == 550.0, np.nan, 0.5)}, ValueError, "coherence at 550 Hz is nan"),
         ({"coherence": np.ones((100, 3))}, ValueError, r"coherence has shape \(100, 3\), expected one number"),
-        ({"averages": 0}, ValueError, "averages is 0, expected a whole number of at least 1"),
+        ({"averages": 0}, ValueError, "averages is 0, expected a whole number from 1 to 1000000000"),
         ({"averages": 2.5}, TypeError, "averages is 2.5"),
+        ({"averages": 10**400}, ValueError, "averages is 1000000"),
         ({"averages": True}, ValueError, "averages is True"),
         ({"log_variance": -1.0}, ValueError, r"log_variance\[0, 0, 0\] is -1, expected at least 0"),
         ({"log_variance": np.full(100, np.nan)}, ValueError, "log_variance at 50 Hz is nan"),
@@ -140,6 +142,10 @@ def test_own_arrays():
         ({"labels": ("a", "b")}, TypeError, "labels is"),
         ({"labels": (("a",), ("b", "c"))}, ValueError, "labels names 1 responses and 2 excitations, expected 3 and 2"),
         ({"notes": "one text"}, TypeError, "notes is 'one text'"),
+        ({"notes": 5}, TypeError, "notes is 5"),
+        ({"labels": 5}, TypeError, "labels is 5"),
+        ({"labels": (5, 6)}, TypeError, "labels is"),
+        ({"responses": 5}, ValueError, "there are 1 responses"),
     ],
 )
 def test_bad_input_is_answered_in_words(changes, error, words):

@@ -84,8 +84,13 @@ def _unknown(address: str, table: UnknownTable, campaign: CampaignTable, worksho
     if lower is None or upper is None:
         return None
     if start is None:
-        given = _given(address, campaign)
-        start = given if given is not None and lower <= given <= upper else None
+        start = _given(address, campaign)
+        if start is not None and not lower <= start <= upper:
+            workshop.problems.add(
+                path,
+                f"has bounds without the {start:g} that the joint is given, expected wider bounds or another start",
+            )
+            return None
     return workshop.make(path, Unknown, address=address, lower=lower, upper=upper, start=start, scale=table.scale)
 
 

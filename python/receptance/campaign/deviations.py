@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from receptance.campaign.quantities import NUMBER, Kind, json_schema, parse, shown, split
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    from pydantic import GetCoreSchemaHandler
 
 __all__ = ["Deviation", "Spread", "parse_deviation", "parse_share"]
 
@@ -93,17 +92,13 @@ class Spread:
 
     kind: Kind
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Replace pydantic's own reading by `parse_deviation`."""
-        from pydantic_core import core_schema
+        from pydantic import PlainValidator, WithJsonSchema
 
-        del source, handler
-        return core_schema.no_info_plain_validator_function(lambda value: parse_deviation(value, self.kind))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Describe the two spellings."""
-        del schema, handler
-        return deviation_schema(self.kind)
+        del source
+        reading = PlainValidator(lambda value: parse_deviation(value, self.kind))
+        return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(deviation_schema(self.kind))])
 
 
 def deviation_schema(kind: Kind) -> dict[str, Any]:

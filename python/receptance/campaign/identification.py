@@ -179,7 +179,7 @@ def identify_campaign(
     ]
     if any(effects):
         notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
-        notes += _on_damping(fit)
+        notes += _on_damping(fit) if any(isinstance(o, MeasuredFRF) for o in observations) else []
     if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):
         notes.append(
             "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "
@@ -196,9 +196,9 @@ def _on_damping(fit: Identification) -> list[str]:
     if not damped or not fit.known_scatter or fit.rms < _DISAGREE:
         return []
     return [
-        f"the residuals are {fit.rms:.2g} times what noise explains: where dimensions are off, the resonances of "
-        "several measurements do not fit one model, and a fit answers with more damping; the intervals of "
-        f"{', '.join(damped)} do not cover that"
+        f"the residuals are {fit.rms:.2g} times what noise explains: dimensions are off (the resonances of several "
+        "measurements then do not fit one model) or the noise is larger than stated; dampings answer to that first, "
+        f"and the intervals of {', '.join(damped)} do not cover it"
     ]
 
 

@@ -7,6 +7,7 @@ import difflib
 import re
 import tomllib
 import warnings
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -33,13 +34,15 @@ FILE = "campaign.toml"
 _SECTIONS = ("materials", "parts", "joints", "sensors", "attachments", "assemblies", "measurements", "unknowns")
 
 
-def load(path: str | FilePath) -> Campaign:
+def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None) -> Campaign:
     """Read a campaign file and the data files that it names.
 
     Parameters
     ----------
     path : str or path
         The TOML file, or a folder with a `campaign.toml` in it. Data files are sought beside it.
+    progress : callable, optional
+        Called with a line of text before each measurement is read.
 
     Returns
     -------
@@ -73,10 +76,12 @@ def load(path: str | FilePath) -> Campaign:
     problems = Problems(lines)
     table, workshop, built = _described(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
-    effects |= {f"sensor {name}": sensor_effects(name, table, built) for name in built.sensors}
+    of_sensors = {name: sensor_effects(name, table, built) for name in built.sensors}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
-        measured = build_measurement(name, table, built, effects, file.parent, workshop)
+        if progress is not None:
+            progress(f"reading {name}")
+        measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop)
         if measured is not None:
             measurements[name] = measured
     conditions = _conditions(table, workshop)
@@ -92,7 +97,7 @@ def load(path: str | FilePath) -> Campaign:
         assemblies=built.assemblies,
         measurements=measurements,
         unknowns=tuple(built.unknowns.values()),
-        effects={name: effects[name] for name in built.assemblies},
+        effects=effects,
         conditions=conditions,
         places=places,
         notes=tuple(workshop.notes),

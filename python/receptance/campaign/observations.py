@@ -167,11 +167,14 @@ def build_measurement(
     name: str,
     campaign: CampaignTable,
     built: Built,
-    effects: dict[str, Effects],
+    effects: tuple[dict[str, Effects], dict[str, Effects]],
     folder: FilePath,
     workshop: Workshop,
 ) -> Measurement | None:
-    """Return a measurement with its data read, or None after its mistakes are added."""
+    """Return a measurement with its data read, or None after its mistakes are added.
+
+    `effects` are the errors of assemblies and of sensors by their names.
+    """
     table = campaign.measurements[name]
     before = len(workshop.notes)
     observation = _Reader(name, campaign, built, folder, workshop).observation()
@@ -181,9 +184,9 @@ def build_measurement(
     }
     if observation is None:
         return None
-    own = dict(effects.get(table.assembly, {}))
+    own = dict(effects[0].get(table.assembly, {}))
     if table.sensor is not None:
-        for error, moved in effects.get(f"sensor {table.sensor}", {}).items():
+        for error, moved in effects[1].get(table.sensor, {}).items():
             own[error] = {**own.get(error, {}), **moved}
     return Measurement(
         name=name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from collections.abc import Iterable, Mapping
@@ -15,7 +16,6 @@ from receptance.campaign.suggestions import did_you_mean, one_of
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
-    from pydantic_core import ErrorDetails
 
 __all__ = ["CampaignError", "Problem", "Problems", "path_text", "translate"]
 
@@ -113,7 +113,7 @@ def path_text(path: Path) -> str:
 
 
 def translate(
-    errors: Iterable[ErrorDetails], data: Mapping[str, Any], model: type[BaseModel]
+    errors: Iterable[Mapping[str, Any]], data: Mapping[str, Any], model: type[BaseModel]
 ) -> list[tuple[Path, str]]:
     """Return what pydantic found as paths in the file and words."""
     details = list(errors)
@@ -157,7 +157,7 @@ def _near(word: str, known: list[str], data: Any, place: Path) -> str:
     return match.group(1) if match else ""
 
 
-def _words(error: ErrorDetails, place: Path, known: list[str], data: Any) -> str:
+def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -> str:
     kind, found = error["type"], error["input"]
     context = error.get("ctx", {})
     if kind == "value_error":
@@ -211,11 +211,16 @@ def _on_kind(context: Mapping[str, Any], found: Any) -> str:
     return f"has the kind {shown(context['tag'])}, expected {one_of(tags)}{did_you_mean(str(context['tag']), tags)}"
 
 
+@functools.cache
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema()
+
+
 class _Fields:
     """The keys that a table may have, found along the path of an error."""
 
     def __init__(self, model: type[BaseModel]) -> None:
-        self._schema = model.model_json_schema()
+        self._schema = _schema_of(model)
 
     def of(self, loc: tuple[int | str, ...]) -> list[str]:
         """Return the keys known in the table that holds the last step of a path."""

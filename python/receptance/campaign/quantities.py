@@ -6,14 +6,13 @@ import functools
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from receptance.campaign.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    from pydantic import GetCoreSchemaHandler
 
 __all__ = ["KINDS", "Amount", "Kind", "OneOf", "parse", "parse_any"]
 
@@ -234,17 +233,13 @@ class Amount:
 
     kind: Kind
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Replace pydantic's own reading of a float by `parse`."""
-        from pydantic_core import core_schema
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        """Replace pydantic's own reading of a float by `parse`; that the unit fits is more than a schema can say."""
+        from pydantic import PlainValidator, WithJsonSchema
 
-        del source, handler
-        return core_schema.no_info_plain_validator_function(lambda value: parse(value, self.kind))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Describe the text; that the unit fits is more than a schema can say."""
-        del schema, handler
-        return json_schema(self.kind)
+        del source
+        reading = PlainValidator(lambda value: parse(value, self.kind))
+        return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(json_schema(self.kind))])
 
 
 def json_schema(kind: Kind) -> dict[str, Any]:
@@ -266,11 +261,11 @@ class OneOf:
         object.__setattr__(self, "types", types)
         object.__setattr__(self, "what", what)
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Check the type before pydantic does, in words."""
-        from pydantic_core import core_schema
+        from pydantic import BeforeValidator
 
-        return core_schema.no_info_before_validator_function(self._check, handler(source))
+        return handler.generate_schema(Annotated[source, BeforeValidator(self._check)])
 
     def _check(self, value: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, self.types):

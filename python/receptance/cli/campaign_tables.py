@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance.campaign.problems import path_text
-from receptance.cli._tables import head, print_sentences, table
+from receptance.cli._tables import ends, head, print_sentences, table
 from receptance.identification import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ __all__ = ["print_identification", "print_prediction"]
 _TIED = 0.9
 _ABOUT_DATA = "measurements."
 _NOTHING = 1e-3
+_WIDE = 116
+"""Characters in a line that the widest table needs; in less its last column is left out."""
 
 
 def print_identification(console: Console, found: CampaignIdentification) -> None:
@@ -44,7 +46,8 @@ def print_prediction(console: Console, found: CampaignPrediction) -> None:
     if found.identified is not None:
         for item in _parameters(found.identified):
             console.print(item)
-    for item in [*_compared_frequencies(found), *_compared_frfs(found), *_unmeasured(found)]:
+    wide = console.width >= _WIDE
+    for item in [*_compared_frequencies(found, wide), *_compared_frfs(found), *_unmeasured(found)]:
         console.print(item)
     if found.rms_percent is not None:
         console.print(Text(f"{_verdict(found)}\n"))
@@ -66,11 +69,20 @@ def _heading(console: Console, campaign: Campaign, what: str) -> None:
 
 
 def _measurements(campaign: Campaign) -> Group:
-    rows = [
-        (measured.name, measured.assembly, _content(measured), measured.sensor or "-", measured.role)
-        for measured in campaign.measurements.values()
-    ]
-    return table("Measurements", ("<name", "<assembly", "<what", "<sensor", "<role"), rows)
+    """Return what was measured; a column that says nothing new is left out."""
+    measured = list(campaign.measurements.values())
+    columns = {
+        "<name": [one.name for one in measured],
+        "<assembly": [one.assembly for one in measured],
+        "<what": [_content(one) for one in measured],
+        "<sensor": [one.sensor or "-" for one in measured],
+        "<role": [one.role for one in measured],
+    }
+    if columns["<assembly"] == columns["<name"]:
+        del columns["<assembly"]
+    if not any(one.sensor for one in measured):
+        del columns["<sensor"]
+    return table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
 
 
 def _content(measured: Measurement) -> str:
@@ -88,17 +100,14 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     toleranced = bool(found.propagation.errors)
     rows = []
     for address, value in fit.values.items():
-        low, high = fit.interval(address)
-        cells = [address, _number(value, 5), _number(fit.standard_errors[address], 2), f"{low:.4g} to {high:.4g}"]
-        if toleranced:
-            low, high = found.interval(address)
-            cells += [_number(together[address], 2), f"{low:.3g} to {high:.3g}"]
-        rows.append(cells)
-    columns = ["<parameter", "value", "standard error", "95 % interval"]
-    title = "Identified, SI units"
+        low, high = found.interval(address)
+        cells = [address, _number(value, 5), _number(fit.standard_errors[address], 2)]
+        cells += [_number(together[address], 2)] if toleranced else []
+        rows.append([*cells, ends((low, high if np.isfinite(high) else None), ".4g")])
+    columns = ["<parameter", "value", "standard error\nfrom the data", "95 % interval"]
     if toleranced:
-        columns += ["error with\ntolerances", "95 % interval\nwith tolerances"]
-    yield table(title, columns, rows)
+        columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
+    yield table("Identified, SI units", columns, rows)
     yield Text(f"{fit.summary().splitlines()[0]}\n")
     left = [
         (name, str(residual.size), _rms(residual), unit)
@@ -125,7 +134,7 @@ def _verdict(found: CampaignPrediction) -> str:
     )
 
 
-def _compared_frequencies(found: CampaignPrediction) -> Iterable[Group]:
+def _compared_frequencies(found: CampaignPrediction, wide: bool) -> Iterable[Group]:
     rows = []
     for one in found.frequencies:
         if one.measured_hz is None:
@@ -156,7 +165,8 @@ def _compared_frequencies(found: CampaignPrediction) -> Iterable[Group]:
         "<mostly from",
     )
     if rows:
-        yield table("Natural frequencies held out", columns, rows)
+        count = len(columns) if wide else len(columns) - 1
+        yield table("Natural frequencies held out", columns[:count], [row[:count] for row in rows])
 
 
 def _compared_frfs(found: CampaignPrediction) -> Iterable[Group]:

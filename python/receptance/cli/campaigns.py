@@ -126,11 +126,7 @@ def _loaded(path: Path, targets: Targets) -> Campaign:
     """Read the campaign; nothing that it reads may be written over."""
     from receptance.campaign import load
 
-    def read(say: object) -> Campaign:
-        del say
-        return load(path)
-
-    found = with_progress(read)
+    found = with_progress(lambda say: load(path, progress=say))
     targets.keep_off(found.file, "the campaign file")
     for measured in found.measurements.values():
         for name in measured.files:

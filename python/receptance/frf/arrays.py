@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,9 +20,14 @@ __all__ = [
     "per_line",
     "response_values",
     "text_pair",
+    "texts",
     "without_bad_zero_line",
 ]
 
+_MOST = 10**9
+"""Averages; more is a number from somewhere else."""
+_LARGEST = 1e50
+"""Of a value: far beyond any structure, and its fourth power is still a number."""
 _ROUNDING = 1e-4
 """A coherence above one by less is rounding of the analyser or of its file."""
 
@@ -69,6 +74,13 @@ def response_values(owner: str, values: ArrayLike, frequency_hz: NDArray[np.floa
         raise ValueError(
             f"{owner}: values has shape {array.shape} for {n} lines, expected ({n},) or ({n}, responses, excitations)"
         )
+    size = np.maximum(np.abs(array.real), np.abs(array.imag))
+    wild = np.argwhere(np.isfinite(size) & (size > _LARGEST))
+    if wild.size:
+        place = tuple(wild[0])
+        raise ValueError(
+            f"{owner}: values at {frequency_hz[place[0]]:g} Hz is {array[place]:g}, which no structure has in SI units"
+        )
     return np.ascontiguousarray(array)
 
 
@@ -113,9 +125,15 @@ def coherences(
     owner: str, value: ArrayLike | None, frequency_hz: NDArray[np.float64], shape: tuple[int, ...]
 ) -> tuple[NDArray[np.float64] | None, str]:
     """Return coherences `(n, n_out, n_in)` from 0 to 1, and a note where rounding was clipped."""
-    array = per_entry(owner, "coherence", value, shape, at_least=-_ROUNDING)
+    array = per_entry(owner, "coherence", value, shape, at_least=-np.inf)
     if array is None:
         return None, ""
+    below = np.argwhere(array < -_ROUNDING)
+    if below.size:
+        place = tuple(below[0])
+        raise ValueError(
+            f"{owner}: the coherence at {frequency_hz[place[0]]:g} Hz is {array[place]:.4g}, expected from 0 to 1"
+        )
     above = array > 1.0 + _ROUNDING
     if above.any():
         place = tuple(int(index[0]) for index in np.nonzero(above))
@@ -146,17 +164,25 @@ def mask(owner: str, value: ArrayLike | None, n: int) -> NDArray[np.bool_] | Non
     return array
 
 
+def texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Return several texts; one alone would be taken letter by letter."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise TypeError(f"{owner}: {quantity} is {value!r}, expected a sequence of texts")
+    return tuple(str(one) for one in value)
+
+
 def text_pair(
     owner: str, value: Sequence[Sequence[str]] | None, counts: tuple[int, int]
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """Return the names of responses and excitations."""
     if value is None:
         return None
-    if isinstance(value, str) or len(value) != 2 or any(isinstance(side, str) for side in value):
+    sides = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else []
+    if len(sides) != 2 or any(isinstance(side, str) or not isinstance(side, Iterable) for side in sides):
         raise TypeError(
             f"{owner}: labels is {value!r}, expected the names of the responses and those of the excitations"
         )
-    pair = tuple(str(name) for name in value[0]), tuple(str(name) for name in value[1])
+    pair = tuple(str(name) for name in sides[0]), tuple(str(name) for name in sides[1])
     if (len(pair[0]), len(pair[1])) != counts:
         raise ValueError(
             f"{owner}: labels names {len(pair[0])} responses and {len(pair[1])} excitations, "
@@ -173,8 +199,8 @@ def count(owner: str, quantity: str, value: Any) -> int | None:
         whole = int(value.__index__())
     except AttributeError:
         raise TypeError(f"{owner}: {quantity} is {value!r}, expected a whole number") from None
-    if whole < 1 or isinstance(value, bool):
-        raise ValueError(f"{owner}: {quantity} is {value!r}, expected a whole number of at least 1")
+    if not 1 <= whole <= _MOST or isinstance(value, bool):
+        raise ValueError(f"{owner}: {quantity} is {value!r}, expected a whole number from 1 to {_MOST}")
     return whole
 
 

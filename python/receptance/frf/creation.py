@@ -44,8 +44,6 @@ def checked(
     lines = arrays.lines(owner, frequency_hz)
     kept = arrays.response_values(owner, values, lines)
     shape = kept.shape
-    if isinstance(notes, str):
-        raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
     quality, clipped = arrays.coherences(owner, coherence, lines, shape)
     found: dict[str, Any] = {
         "frequency_hz": lines,
@@ -63,9 +61,9 @@ def checked(
         "correlated_lines": arrays.per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0),
         "usable": arrays.mask(owner, usable, lines.size),
         "labels": arrays.text_pair(owner, labels, (shape[1], shape[2])),
-        "label": str(label),
-        "source": str(source),
-        "notes": tuple(str(note) for note in notes) + ((clipped,) if clipped else ()),
+        "label": "" if label is None else str(label),
+        "source": "" if source is None else str(source),
+        "notes": arrays.texts(owner, "notes", notes) + ((clipped,) if clipped else ()),
     }
     return arrays.without_bad_zero_line(owner, found)
 

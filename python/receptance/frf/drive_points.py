@@ -159,7 +159,8 @@ def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) ->
         end = low[place] if place < low.size else size.size
         begin, end = min(begin, top - _LEAST_LINES // 2), max(end, top + _LEAST_LINES // 2 + 1)
         part = slice(max(begin, first), min(end, last))
-        peak = _fit(frequency_hz[part], values[part], float(frequency_hz[top]))
+        with np.errstate(all="ignore"):
+            peak = _fit(frequency_hz[part], values[part], float(frequency_hz[top]))
         if peak is not None:
             found.append(peak)
     return found
@@ -190,7 +191,8 @@ def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_
     chance = fdtrc(4, 2 * (freedom - 1), (level - left) / 2.0 / left * (freedom - 1))
     near = max(abs(p.imag), 1.5 * float(np.abs(np.diff(x)).max()))
     falls = np.abs(model[[0, -1]]).max() <= _FALLS * np.abs(model).max()
-    if misfit > _MISFIT**2 * np.sum(np.abs(d) ** 2) or chance > _CHANCE or abs(p.real) > near or not falls:
+    one_mode = misfit <= _MISFIT**2 * np.sum(np.abs(d) ** 2) and chance <= _CHANCE
+    if not (one_mode and abs(p.real) <= near and falls):
         return None
     rows = matrix * weight[:, None]
     covariance = np.linalg.pinv(rows.conj().T @ rows) * misfit / freedom

@@ -46,7 +46,7 @@ def places(owner: str, quantity: str, side: Side, count: int) -> tuple[Coordinat
     """Return one side's coordinates, of an unknown place where none is given or only a direction."""
     if side is None:
         return (Unplaced(),) * count
-    given = (side,) if isinstance(side, (Coordinate, str)) else tuple(side)
+    given = tuple(side) if isinstance(side, Iterable) and not isinstance(side, str) else (side,)
     if len(given) != count:
         raise ValueError(f"{owner}: there are {len(given)} {quantity} for values with {count}, expected as many")
     return tuple(_place(owner, f"{quantity}[{index}]", one) for index, one in enumerate(given))

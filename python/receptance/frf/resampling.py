@@ -78,7 +78,7 @@ class Between:
 def between(measured_hz: NDArray[np.float64], frequency_hz: NDArray[np.float64], owner: str) -> Between:
     """Return where new lines lie, or raise for those outside or too close together."""
     spacing = np.diff(measured_hz) if measured_hz.size > 1 else measured_hz * 0.0 + 1.0
-    slack = _SAME * float(spacing.min())
+    slack = _ROUNDING * float(spacing.min())
     outside = (frequency_hz < measured_hz[0] - slack) | (frequency_hz > measured_hz[-1] + slack)
     if outside.any():
         first = frequency_hz[outside][0]

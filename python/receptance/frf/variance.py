@@ -124,6 +124,7 @@ def pool_variance(
     result = np.array(log_variance, dtype=np.float64)
     alike = np.broadcast_to(np.asarray(correlated_lines, dtype=np.float64), values.shape)[known]
     gain = np.abs(values[known]) ** 2
+    gain /= gain.max(initial=np.finfo(float).tiny)
     scatter = result[known] * gain
     if half_width is None:
         widths = [width for width in _HALF_WIDTHS if width <= (gain.size - 1) // 2]
@@ -135,11 +136,15 @@ def pool_variance(
         return result, own
     alone = own[known]
     for width in widths:
-        fitted, freedom = _fit(scatter, gain, alone, alike, width)
+        with np.errstate(all="ignore"):
+            fitted, freedom = _fit(scatter, gain, alone, alike, width)
+            pooled = fitted / gain
         if float(np.median(freedom)) >= _ENOUGH:
             break
-    result[known] = fitted / gain
-    own[known] = freedom
+    # Values that span hundreds of decades leave nothing to fit: such lines keep their own.
+    sound = np.isfinite(pooled) & np.isfinite(freedom)
+    result[known] = np.where(sound, pooled, result[known])
+    own[known] = np.where(sound, freedom, alone)
     return result, own
 
 

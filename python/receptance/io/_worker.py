@@ -54,8 +54,9 @@ def _flat(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
     if isinstance(value, dict) and depth < _DEEPEST:
         for key, inner in value.items():
             yield from _flat(f"{name}.{key}", inner, depth + 1)
-    elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 1 and depth < _DEEPEST:
-        for index, inner in enumerate(value[:_MOST_ELEMENTS]):
+    elif (isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object)) and depth < _DEEPEST:
+        # Arrays of structs and cell arrays.
+        for index, inner in enumerate(list(value)[:_MOST_ELEMENTS]):
             yield from _flat(f"{name}[{index}]", inner, depth + 1)
     elif isinstance(value, (str, np.ndarray, np.generic, int, float, complex, bool)):
         yield name, value if isinstance(value, str) else np.asarray(value)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from receptance.frf.forms import Form
 
-__all__ = ["joined", "make_frf", "outside", "sampled"]
+__all__ = ["in_si", "joined", "make_frf", "outside", "sampled", "without_phase"]
 
 _RATE_TOLERANCE = 1e-4
 """Between a sample rate that is given and one from a file, whose time step has six digits."""
@@ -81,6 +81,20 @@ def joined(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.compl
     return values
 
 
+def without_phase(values: NDArray[Any]) -> list[str]:
+    """Return what to note of real values where an FRF should be, after warning of it; nothing of complex ones."""
+    if np.iscomplexobj(values):
+        return []
+    note = "the values are real: without a phase this is a magnitude, or one part of the FRF"
+    warnings.warn(note, ReceptanceWarning, stacklevel=outside())
+    return [note]
+
+
+def in_si(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """Return values in SI; bit for bit where they are (a product with one loses the sign of complex zeros)."""
+    return values if factor == 1.0 else values * factor
+
+
 def outside() -> int:
     """Return the stack level, as seen by the caller, of the first frame that is not of this package."""
     import sys
@@ -101,12 +115,12 @@ def _placed(name: str, given: tuple[Coordinate, ...], side: Sequence[str]) -> tu
     return given
 
 
-def sampled(times: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
+def sampled(seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
     """Return sample rate and start of sample times, which must be even.
 
     Parameters
     ----------
-    times : ndarray
+    seconds : ndarray
         `(n,)` in s.
     options : ReadOptions
         A given sample rate is taken where it agrees.
@@ -118,21 +132,21 @@ def sampled(times: NDArray[np.float64], options: ReadOptions, *, step: float | N
     FileFormatError
         Times that are not even, or a given sample rate that is another one.
     """
-    start, count = float(times[0]), times.size
+    start, count = float(seconds[0]), seconds.size
     if step is None:
         if count < 2:
             if options.sample_rate_hz is None:
                 raise FileFormatError("there is one sample and no sample rate; give it: sample_rate_hz=51200")
             return options.sample_rate_hz, start
-        step = float(times[-1] - times[0]) / (count - 1)
-        rounding = 1e-6 * float(np.max(np.abs(times)))
-        away = np.abs(times - (start + step * np.arange(count)))
+        step = float(seconds[-1] - seconds[0]) / (count - 1)
+        rounding = 1e-6 * float(np.max(np.abs(seconds)))
+        away = np.abs(seconds - (start + step * np.arange(count)))
         worst = int(np.argmax(away))
         # Rounded times are off by little from even ones; times that were summed up drift, with steps that are even.
-        steady = float(np.max(np.abs(np.diff(times) - step))) <= _UNSTEADY * step
+        steady = float(np.max(np.abs(np.diff(seconds) - step))) <= _UNSTEADY * step
         if not (step > 0.0 and (steady or away[worst] <= _JITTER * step + rounding)):
             raise FileFormatError(
-                f"the samples are not evenly spaced in time: sample {worst + 1} is at {times[worst]:.9g} s, "
+                f"the samples are not evenly spaced in time: sample {worst + 1} is at {seconds[worst]:.9g} s, "
                 f"expected {start + step * worst:.9g} s; resample the record before reading it"
             )
     if not (step > 0.0 and np.isfinite(1.0 / step) and np.isfinite(start)):

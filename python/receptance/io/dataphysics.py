@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from receptance.frf import FRF
-from receptance.io.build import joined, make_frf
+from receptance.io.build import in_si, joined, make_frf
 from receptance.io.errors import FileFormatError
 from receptance.io.options import ReadOptions, resolve_frf
 from receptance.io.text import check_ascending, decode, rows_of_numbers, shown
@@ -106,7 +106,7 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[FRF]:
     return [
         make_frf(
             frequency_hz=table[:, 0],
-            values=joined(table[:, 1], table[:, 2]) * resolved.factor,
+            values=in_si(joined(table[:, 1], table[:, 2]), resolved.factor),
             form=resolved.kind.form,
             directions=([resolved.kind.response], [resolved.kind.excitation]),
             labels=((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None,

@@ -15,6 +15,7 @@ import numpy as np
 
 from receptance.coordinates import Coordinate
 from receptance.frf import FRF, Unplaced
+from receptance.frf.creation import SAID_OF_DRIVE_POINTS
 from receptance.io.coherence import Coherence, refuse_above_one
 from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
@@ -70,6 +71,7 @@ def about_text(thing: FRF | TimeSeries | Coherence) -> str:
         about["sample_rate_hz"] = thing.sample_rate_hz
         about["start_s"] = thing.start_s
     else:
+        about["shape"] = thing.values.shape[1:]
         about["labels"] = thing.labels
     about["label"], about["source"], about["notes"] = thing.label, thing.source, thing.notes
     return json.dumps(about, allow_nan=False)
@@ -90,10 +92,10 @@ def parse_about(text: Any) -> dict[str, Any] | None:
     if not isinstance(text, str) or not text.lstrip().startswith('{"receptance"'):
         return None
     try:
-        about = json.loads(text)
+        about: dict[str, Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"the JSON text {ABOUT!r} is damaged: {error}") from None
-    if not isinstance(about, dict) or about.get("receptance") not in _KINDS:
+    if about.get("receptance") not in list(_KINDS):
         raise FileFormatError(f"{ABOUT!r} says it is {about.get('receptance')!r}, expected one of {', '.join(_KINDS)}")
     if about.get("version") != _VERSION:
         raise FileFormatError(
@@ -120,7 +122,7 @@ def thing_of(
             return _time_series(arrays, about, options)
         return Coherence(
             frequency_hz=_real(arrays, "frequency_hz").ravel(),
-            values=_cube(_real(arrays, "values"), about, "labels"),
+            values=_cube(_real(arrays, "values"), about),
             labels=_labels(about),
             **_texts(about),
         )
@@ -156,7 +158,7 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
         averages=about.get("averages"),
         labels=_labels(about),
         **known,
-        **_texts(about),
+        **_texts(about, again=SAID_OF_DRIVE_POINTS),
     )
     _check_given(frf, options)
     placed = {"responses": options.responses, "excitations": options.excitations}
@@ -188,19 +190,27 @@ def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], o
         given = options.channel_unit(name)
         if given not in (None, SI, unit):
             raise FileFormatError(f"the file says that channel {name!r} is in {unit!r}, but unit={given!r} was given")
+    rate = about.get("sample_rate_hz", math.nan)
+    if options.sample_rate_hz is not None and not math.isclose(options.sample_rate_hz, rate, rel_tol=1e-9):
+        raise FileFormatError(
+            f"the file has {rate!r} samples per second, but sample_rate_hz={options.sample_rate_hz!r} was given"
+        )
     return TimeSeries(
         values=values,
         channels=channels,
         units=units,
-        sample_rate_hz=about.get("sample_rate_hz", math.nan),
+        sample_rate_hz=rate,
         start_s=about.get("start_s", 0.0),
         **_texts(about),
     )
 
 
-def _texts(about: Mapping[str, Any]) -> dict[str, Any]:
+def _texts(about: Mapping[str, Any], *, again: str | None = None) -> dict[str, Any]:
+    """Return label, source and notes, without the notes of which the beginning says that they will be made again."""
     texts: dict[str, Any] = {name: str(about.get(name, "")) for name in ("label", "source")}
-    return texts | {"notes": tuple(map(str, _list(about, "notes")))}
+    return texts | {
+        "notes": tuple(str(note) for note in _list(about, "notes") if again is None or not str(note).startswith(again))
+    }
 
 
 def _list(about: Mapping[str, Any], name: str) -> Sequence[Any]:
@@ -247,9 +257,8 @@ def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[A
     return array if array.shape == shape else array.reshape(shape)
 
 
-def _cube(array: NDArray[Any], about: Mapping[str, Any], name: str) -> NDArray[Any]:
-    labels = _labels(about)
-    if labels is None or array.ndim == 3:
-        return array
-    sides = len(labels[0]), len(labels[1])
-    return _shaped("values", array, (array.size // max(math.prod(sides), 1), *sides))
+def _cube(array: NDArray[Any], about: Mapping[str, Any]) -> NDArray[Any]:
+    sides = _list(about, "shape")
+    if len(sides) != 2 or any(not isinstance(side, int) or side < 1 for side in sides):
+        raise FileFormatError(f"shape in {ABOUT!r} is {sides!r}, expected the numbers of responses and excitations")
+    return _shaped("values", array, (array.size // math.prod(sides), *sides))

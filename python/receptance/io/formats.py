@@ -26,7 +26,6 @@ ENDINGS = {
     ".ufb": "uff",
     ".58": "uff",
     ".csv": "csv",
-    ".tsv": "csv",
     ".npz": "npz",
     ".mat": "mat",
     ".h5": "hdf5",
@@ -54,7 +53,7 @@ def format_of(path: Path, start: bytes) -> str:
         return "dataphysics"
     if not start:
         raise FileFormatError("the file is empty")
-    kind = ENDINGS.get(path.suffix.lower(), "csv" if path.suffix.lower() in (".txt", ".asc", ".dat") else "")
+    kind = ENDINGS.get(path.suffix.lower(), "csv" if path.suffix.lower() in (".txt", ".tsv", ".asc", ".dat") else "")
     if not kind:
         known = ", ".join(f"{name} ({text})" for name, text in FORMATS.items())
         raise FileFormatError(f"neither contents nor ending say what format this is; give format=, one of {known}")

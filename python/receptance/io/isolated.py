@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Contents", "load"]
 
-_SECONDS = 0.6
+_SECONDS = 0.3
 _BYTES_PER_SECOND = 5e6
 _PATIENCE = 60.0
 """Seconds by the clock beyond those of the processor, for a machine that has much else to do."""
@@ -57,14 +57,14 @@ class _Reader:
 
     def __init__(self) -> None:
         script = Path(__file__).with_name("_worker.py")
-        if not sys.executable:
+        if not sys.executable or getattr(sys, "frozen", False):
+            # What a frozen program would start is itself.
             raise FileFormatError(
                 "MAT and HDF5 files are read in a second process, but there is no interpreter to start"
             )
         environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         # -P: the folder of the script is not searched for modules; the names of some would hide others.
         command = [sys.executable, "-P", "-W", "ignore", str(script)]
-        self.owner = os.getpid()
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
         )
@@ -109,6 +109,13 @@ class _Reader:
             count *= int(length)
         return np.frombuffer(self._exactly(count * kind.itemsize), dtype=kind).reshape(shape)
 
+    def ended(self) -> int | None:
+        """Return how the process ended, None where it goes on."""
+        try:
+            return self.process.wait(timeout=0.1)
+        except subprocess.TimeoutExpired:
+            return None
+
     def end(self) -> int | None:
         """End the process; return how it ended."""
         self.process.kill()
@@ -144,17 +151,15 @@ def load(path: Path, kind: Literal["mat", "hdf5"], names: Sequence[str] | None) 
         "seconds": seconds,
     }
     with _lock:
-        if _reader is not None and (_reader.owner != os.getpid() or _reader.process.poll() is not None):
-            # Of the process that this one was forked from, or gone since.
-            if _reader.owner == os.getpid():
-                _reader.end()
+        if _reader is not None and _reader.process.poll() is not None:
+            _reader.end()
             _reader = None
         if _reader is None:
             _reader = _Reader()
         try:
             return _reader.ask(request, _PATIENCE + seconds)
         except _DiedError:
-            code = _reader.process.poll()
+            code = _reader.ended()
             _reader.end()
             _reader = None
             raise FileFormatError(_epitaph(kind, code, seconds)) from None
@@ -173,7 +178,20 @@ def _epitaph(kind: str, code: int | None, seconds: float) -> str:
     return f"the file is damaged: {library} crashed on it"
 
 
+def _forget() -> None:
+    """Leave the reader, and a lock that a thread may have held, to the process that this one was forked from."""
+    global _lock, _reader
+    if _reader is not None:
+        # It is not this one's child: nothing to wait for, and nothing to complain of.
+        _reader.process.returncode = 0
+    _lock, _reader = threading.Lock(), None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
+
+
 @atexit.register
 def _at_exit() -> None:
-    if _reader is not None and _reader.owner == os.getpid():
+    if _reader is not None:
         _reader.end()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import joined, make_frf, sampled
+from receptance.io.build import in_si, joined, make_frf, sampled, without_phase
 from receptance.io.coherence import Coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.fields import ABOUT, about_text, arrays_of, kind_of, parse_about, thing_of
@@ -144,11 +144,11 @@ def _foreign_frf(
         raise FileFormatError(f"variables names {', '.join(chosen)}, expected 'values', or 'real' and 'imaginary'")
     values = parts["values"] if "values" in parts else joined(parts["real"], parts["imaginary"])
     resolved = resolve_frf(options, declared=None, form=None, directions=None)
-    notes = [] if np.iscomplexobj(values) else ["the values are real: without a phase this is a magnitude or one part"]
+    notes = without_phase(values)
     kind = resolved.kind
     return make_frf(
         frequency_hz=lines,
-        values=values.astype(np.complex128) * resolved.factor,
+        values=in_si(values.astype(np.complex128), resolved.factor),
         form=kind.form,
         directions=([kind.response] * values.shape[1], [kind.excitation] * values.shape[2]),
         coherence=coherence,
@@ -198,18 +198,16 @@ def _foreign_time_series(
             )
         units.append(unit)
     if "time_s" in chosen:
-        times = _get(arrays, chosen, "time_s").astype(np.float64).ravel()
-        if times.size != next(iter(sizes.values())):
-            raise FileFormatError(f"there are {times.size} times for {next(iter(sizes.values()))} samples")
-        if times.size == 0 or not np.all(np.isfinite(times)):
+        seconds = _get(arrays, chosen, "time_s").astype(np.float64).ravel()
+        if seconds.size != next(iter(sizes.values())):
+            raise FileFormatError(f"there are {seconds.size} times for {next(iter(sizes.values()))} samples")
+        if seconds.size == 0 or not np.all(np.isfinite(seconds)):
             raise FileFormatError("the times are not finite numbers")
-        rate, start = sampled(times, options)
+        rate, start = sampled(seconds, options)
     elif options.sample_rate_hz is not None:
         rate, start = options.sample_rate_hz, 0.0
     else:
-        raise FileFormatError(
-            "it is not said how fast the records were sampled; give 'time_s' in variables=, or sample_rate_hz="
-        )
+        raise FileFormatError("the sample rate is not said; give 'time_s' in variables=, or sample_rate_hz=")
     return TimeSeries(
         values=np.stack(list(columns.values()), axis=1), channels=names, units=units, sample_rate_hz=rate, start_s=start
     )

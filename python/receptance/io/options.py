@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from os import PathLike
+from typing import Any, TypedDict
 
 from receptance import _checks
 from receptance.coordinates import Coordinate, as_coordinates
@@ -12,12 +13,26 @@ from receptance.frf.forms import Form
 from receptance.io.errors import FileFormatError
 from receptance.io.units import FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
-__all__ = ["SI", "ReadOptions", "Resolved", "resolve_frf", "several_channels"]
+__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "resolve_frf", "several_channels"]
 
 SI = "SI"
 _GIVE_UNIT = (
     "give it: unit='m/s^2/N', say (on the command line --unit m/s^2/N), or unit='SI' with quantity='accelerance'"
 )
+
+
+class ReadKeywords(TypedDict, total=False):
+    """The options of `read` as they are given."""
+
+    quantity: str | None
+    unit: str | Mapping[str, str] | None
+    responses: Coordinate | Sequence[Coordinate] | None
+    excitations: Coordinate | Sequence[Coordinate] | None
+    coherence: str | PathLike[str] | None
+    ignore_coherence: bool
+    variables: Mapping[str, str] | None
+    columns: Sequence[str] | None
+    sample_rate_hz: float | None
 
 
 @dataclass(frozen=True)
@@ -113,7 +128,7 @@ def resolve_frf(
     FileFormatError
         Where neither says it, or file, unit and quantity contradict each other.
     """
-    given = _given(options, form, directions)
+    given = _given(options, form, directions, declared)
     unit = given or declared
     if unit is None:
         raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
@@ -129,6 +144,13 @@ def resolve_frf(
             f"unit of {_a(kind.form)}; give quantity= and unit= that belong together"
         )
     against = _against(kind, form, directions, declared if given else None)
+    placed = options.responses is not None and options.excitations is not None
+    if given and directions not in (None, (kind.response, kind.excitation)) and not placed:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_a(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{_of_directions(directions)}; give unit='SI' where all of the file is in SI, or responses= and "
+            "excitations= as well to overrule the directions"
+        )
     if against and given is None:
         raise FileFormatError(
             f"the file contradicts itself: {against}, but its unit {unit.text!r} is that of {_a(kind.form)} in "
@@ -151,7 +173,9 @@ def several_channels(names: Sequence[str], unit: str) -> str:
     return f"one unit, {unit!r}, was given for {len(names)} channels; give one for each: unit={{{example}}}"
 
 
-def _given(options: ReadOptions, form: Form | None, directions: tuple[str, str] | None) -> Unit | None:
+def _given(
+    options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
+) -> Unit | None:
     """Return the unit that was given; "SI" means that of the form."""
     if options.unit is None:
         return None
@@ -159,7 +183,10 @@ def _given(options: ReadOptions, form: Form | None, directions: tuple[str, str] 
         raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
     if options.unit != SI:
         return parse_unit(options.unit)
-    form = options.quantity or form
+    said = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (said.form if said is not None else None)
+    if directions is None and said is not None:
+        directions = (said.response, said.excitation)
     if form is None:
         raise FileFormatError(
             "unit is 'SI', but neither the file nor quantity= says whether this is a receptance, a mobility or an "
@@ -175,12 +202,19 @@ def _against(kind: FRFKind, form: Form | None, directions: tuple[str, str] | Non
     """Return what in the file is against this kind of FRF, empty where nothing is."""
     if form is not None and form != kind.form:
         return f"it is said to be {_a(form)}"
-    if directions is not None and directions != (kind.response, kind.excitation):
-        motion = "a translation" if directions[0] == "y" else "a rotation"
-        return f"the directions are those of {motion} per {'force' if directions[1] == 'y' else 'moment'}"
+    if directions not in (None, (kind.response, kind.excitation)):
+        return _of_directions(directions)
     if declared is not None and (said := frf_kind(declared)) is not None and said != kind:
         return f"the unit is {declared.text!r}, that of {_a(said.form)}"
     return ""
+
+
+def _of_directions(directions: tuple[str, str] | None) -> str:
+    motion, load = directions or ("y", "y")
+    return (
+        f"the directions are those of {'a translation' if motion == 'y' else 'a rotation'} per "
+        f"{'force' if load == 'y' else 'moment'}"
+    )
 
 
 def _a(form: Form) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from receptance.io.build import outside
 from receptance.io.coherence import Coherence, describe_low
 from receptance.io.errors import FileFormatError
 from receptance.io.formats import FORMATS, GZIP, HDF5_MARK, format_of, inflated
-from receptance.io.options import ReadOptions
+from receptance.io.options import ReadKeywords, ReadOptions
 from receptance.io.time_series import TimeSeries
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ __all__ = ["read", "read_all", "read_frf", "read_time_series"]
 _BY_PATH = ("mat", "hdf5")
 
 
-def read(path: str | PathLike[str], *, format: str | None = None, **options: Any) -> FRF | TimeSeries | Coherence:
+def read(
+    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
+) -> FRF | TimeSeries | Coherence:
     """Return the one measurement in a file: an FRF, a time series or a coherence.
 
     The format follows from the contents. Quantity and unit come from the file or from the options, never from a guess.
@@ -91,7 +93,7 @@ def read(path: str | PathLike[str], *, format: str | None = None, **options: Any
     return found[0]
 
 
-def read_frf(path: str | PathLike[str], *, format: str | None = None, **options: Any) -> FRF:
+def read_frf(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> FRF:
     """Return the one FRF in a file, whatever else is in it; see `read`.
 
     Raises
@@ -113,7 +115,9 @@ def read_frf(path: str | PathLike[str], *, format: str | None = None, **options:
     return frfs[0]
 
 
-def read_time_series(path: str | PathLike[str], *, format: str | None = None, **options: Any) -> TimeSeries:
+def read_time_series(
+    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
+) -> TimeSeries:
     """Return the one time series in a file, whatever else is in it; see `read`.
 
     Raises
@@ -145,7 +149,7 @@ def _expect_one(path: str | PathLike[str], wanted: Sequence[Any], found: Sequenc
 
 
 def read_all(
-    path: str | PathLike[str], *, format: str | None = None, **options: Any
+    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
 ) -> list[FRF | TimeSeries | Coherence]:
     """Return all measurements in a file; see `read` for the options.
 
@@ -166,9 +170,9 @@ def read_all(
     try:
         found = _read(path, format, checked)
         if partner is not None:
-            found = [
-                _with_coherence(thing, Path(partner), checked) if isinstance(thing, FRF) else thing for thing in found
-            ]
+            if not any(isinstance(thing, FRF) for thing in found):
+                raise FileFormatError(f"coherence was given, but there is no FRF in the file: it holds {found[0]!r}")
+            found = [_with_coherence(thing, Path(partner)) if isinstance(thing, FRF) else thing for thing in found]
     except FileFormatError as error:
         raise error.named(path.name) from None
     return found
@@ -234,10 +238,21 @@ def _by_data(data: bytes, kind: str, options: ReadOptions) -> list[FRF | TimeSer
 
 def _check_used(found: Sequence[FRF | TimeSeries | Coherence], kind: str, options: ReadOptions) -> None:
     """Raise where an option was given that says nothing of this file."""
-    if not any(isinstance(thing, FRF) for thing in found):
-        for name in ("quantity", "responses", "excitations"):
-            if getattr(options, name) is not None:
-                raise FileFormatError(f"{name} was given, but there is no FRF in the file: it holds {found[0]!r}")
+    series = [thing for thing in found if isinstance(thing, TimeSeries)]
+    frfs = any(isinstance(thing, FRF) for thing in found)
+    for names, there, what in (
+        (("quantity", "responses", "excitations"), frfs, "FRF"),
+        (("sample_rate_hz",), series, "time record"),
+    ):
+        for name in names:
+            if getattr(options, name) is not None and not there:
+                raise FileFormatError(f"{name} was given, but there is no {what} in the file: it holds {found[0]!r}")
+    if isinstance(options.unit, Mapping):
+        channels = {channel: None for thing in series for channel in thing.channels}
+        unknown = [name for name in options.unit if name not in channels]
+        if unknown:
+            listed = ", ".join(map(repr, channels)) or f"none: it holds {found[0]!r}"
+            raise FileFormatError(f"unit names the channel {unknown[0]!r}; the channels of the file are {listed}")
     for name, kinds in (("variables", ("npz", "mat", "hdf5")), ("columns", ("csv",))):
         if getattr(options, name) is not None and kind not in kinds:
             raise FileFormatError(f"{name} was given, but the file is a {FORMATS[kind]}")
@@ -245,12 +260,15 @@ def _check_used(found: Sequence[FRF | TimeSeries | Coherence], kind: str, option
 
 def _sourced(thing: FRF | TimeSeries | Coherence, source: str) -> FRF | TimeSeries | Coherence:
     if not thing.source:
+        # Frozen, and made just now: nobody else has seen it without.
         object.__setattr__(thing, "source", source)
     return thing
 
 
-def _with_coherence(frf: FRF, path: Path, options: ReadOptions) -> FRF:
+def _with_coherence(frf: FRF, path: Path) -> FRF:
     """Return an FRF with the coherence in another file."""
+    if frf.coherence is not None:
+        raise FileFormatError(f"the file has a coherence of its own, but coherence={str(path)!r} was given")
     try:
         candidates = [thing for thing in _read(path, None, ReadOptions()) if isinstance(thing, Coherence)]
     except FileFormatError as error:

@@ -30,7 +30,7 @@ def decode(data: bytes) -> str:
 
 def numbered_lines(text: str) -> list[tuple[int, str]]:
     """Return the lines that are not blank, with their numbers from 1."""
-    lines = re.split(r"\r\n|\n|\r", text)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
 
 

@@ -36,12 +36,12 @@ deci- = 1e-1 = d-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
 metre = [length] = m = meter
-second = [time] = s = sec
+second = [time] = s = sec = seconds = Seconds
 newton = [force] = N
 radian = [angle] = rad
 volt = [voltage] = V
 minute = 60 * second = min
-hertz = 1 / second = Hz
+hertz = 1 / second = Hz = Hertz
 degree = 0.017453292519943295 * radian = deg
 inch = 0.0254 * metre = in
 foot = 0.3048 * metre = ft
@@ -152,7 +152,13 @@ def parse_unit(text: str) -> Unit:
         )
     # Only what can be a unit reaches pint: it would also compute, and a power of a power may take for ever.
     without_powers = _POWER.sub("", plain)
-    if len(plain) > _LONGEST or not _ALLOWED.fullmatch(without_powers) or re.search(r"\*\*|//", without_powers):
+    named = plain == "1" or re.search(r"[A-Za-zµμ]", plain)
+    if (
+        not named
+        or len(plain) > _LONGEST
+        or not _ALLOWED.fullmatch(without_powers)
+        or re.search(r"\*\*|//", without_powers)
+    ):
         raise UnitError(_not_understood(text))
     try:
         base = (_registry().Quantity(1.0, "") * _registry().parse_expression(plain)).to_base_units()
@@ -161,7 +167,8 @@ def parse_unit(text: str) -> Unit:
     except Exception as error:
         # pint raises whatever its parts raise: syntax errors, undefined units, arithmetic.
         unknown = getattr(error, "unit_names", None)
-        raise UnitError(_not_understood(text) + (f" (what is {unknown!r}?)" if unknown else "")) from None
+        what = unknown if isinstance(unknown, str) else ", ".join(map(str, unknown or ()))
+        raise UnitError(_not_understood(text) + (f" (what is {what!r}?)" if what else "")) from None
     if not 0.0 < factor < float("inf") or any(power != round(power) for power in powers.values()):
         raise UnitError(_not_understood(text))
     return Unit(text, factor, tuple(sorted((name, int(power)) for name, power in powers.items() if power)))

@@ -90,7 +90,7 @@ def write(
             ReceptanceWarning,
             stacklevel=2,
         )
-    write_whole({path: gzip.compress(content, mtime=0) if compressed else content})
+    write_whole({path: gzip.compress(content, 6, mtime=0) if compressed else content})
 
 
 def _content(things: Sequence[FRF | TimeSeries | Coherence], kind: str, binary: bool) -> tuple[bytes, list[str]]:

@@ -59,5 +59,6 @@ def summary(frequency_hz: NDArray[np.float64], refused: Mapping[str, NDArray[np.
         counted |= lines_refused
         if new.any():
             low, high = frequency_hz[new][[0, -1]]
-            lines.append(f"not usable: {new.sum()} lines between {low:g} and {high:g} Hz, {reason}")
+            which = f"{new.sum()} lines between {low:g} and {high:g} Hz" if new.sum() > 1 else f"1 line at {low:g} Hz"
+            lines.append(f"not usable: {which}, {reason}")
     return tuple(lines)

@@ -18,10 +18,14 @@ _EDGE_NOISE = 3.0
 """A contact lasts until the force is below this many standard deviations of the noise, or below `_EDGE_SHARE`."""
 _EDGE_SHARE = 0.1
 """Of the trigger."""
+_EDGE_MOST = 0.5
+"""Of the trigger, however noisy the force is."""
 _SECOND_NOISE = 6.0
 """Standard deviations above which a second contact is not taken for noise: once in 1e9 samples."""
 _FLAT_SAMPLES = 4
 """Equal samples at the extreme that make a flat top."""
+_EXTREME = 0.3
+"""Of the largest value, that an extreme is where something may be clipped: a force's lower one is silence."""
 _FLAT_STEP = 3.0
 """How many steps of the digitiser the wave is away from its extreme beside a flat top; less beside a round one."""
 
@@ -44,7 +48,8 @@ def noise_level(force: NDArray[np.float64]) -> tuple[float, float]:
 def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
     """Return the contacts in a force `(n,)` without offset, pulses positive, in order of time."""
     above = np.flatnonzero(force > trigger)
-    low = np.flatnonzero(force <= max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger))
+    edge = min(max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger), _EDGE_MOST * trigger)
+    low = np.flatnonzero(force <= edge)
     found: list[Contact] = []
     while above.size:
         first = int(above[0])
@@ -91,16 +96,21 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
 
 
 def flat_top(signal: NDArray[np.float64]) -> int:
-    """Return how many equal samples in a row a clipped wave has at its extreme, 0 where it does not look clipped."""
-    size = np.abs(signal)
-    top = size.max()
-    at_top = np.flatnonzero(np.diff(np.concatenate([[False], size == top, [False]]).astype(np.int8)))
-    begins, ends = at_top[::2], at_top[1::2]
+    """Return how many equal samples in a row a clipped wave has at an extreme, 0 where it does not look clipped."""
+    size = float(np.abs(signal).max())
+    # A slow wave on a coarse digitiser is flat at its top as well, but leaves it by single steps.
+    step = float(np.diff(np.unique(signal)).min(initial=np.inf))
+    counts = [_flat(side, step) for side in (signal, -signal) if side.max() >= _EXTREME * size]
+    return max(counts, default=0)
+
+
+def _flat(signal: NDArray[np.float64], step: float) -> int:
+    top = signal.max()
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], signal == top, [False]]).astype(np.int8)))
+    begins, ends = changes[::2], changes[1::2]
     longest = int(np.argmax(ends - begins))
     count = int(ends[longest] - begins[longest])
-    if count < _FLAT_SAMPLES or top == 0.0:
+    if count < _FLAT_SAMPLES or top <= 0.0:
         return 0
-    # A slow wave on a coarse digitiser is flat at its top as well, but leaves it by single steps.
-    step = np.diff(np.unique(signal)).min(initial=np.inf)
-    beside = [size[i] for i in (begins[longest] - 1, ends[longest]) if 0 <= i < size.size]
+    beside = [signal[i] for i in (begins[longest] - 1, ends[longest]) if 0 <= i < signal.size]
     return count if all(top - value > _FLAT_STEP * step for value in beside) else 0

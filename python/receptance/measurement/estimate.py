@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.measurement.band import summary
+from receptance.measurement.band import NEGLIGIBLE, summary
 from receptance.measurement.hits import Hits
 from receptance.measurement.records import TimeRecords
 from receptance.measurement.search import Settings, find
@@ -155,7 +155,7 @@ def estimate_frf(
     if exponential_on == "response" and decay_rate > 0.0:
         refused = {_NO_LINE: np.ones(spectra.frequency_hz.size, dtype=bool)}
     usable = ~np.any(list(refused.values()), axis=0)
-    said = _worth_saying(spectra, channels, refused, usable, estimator, limits)
+    said = _worth_saying(spectra, channels, refused, usable, estimator, limits, decay_rate)
     if said:
         label = f"{found.records[0].label}: " if found.records[0].label else ""
         warnings.warn(label + "; ".join(said), ReceptanceWarning, stacklevel=2)
@@ -261,6 +261,7 @@ def _worth_saying(
     usable: NDArray[np.bool_],
     estimator: Estimator,
     limits: Limits,
+    decay_rate: float,
 ) -> list[str]:
     """Return what a person should know: it goes into a warning and into the notes."""
     if _NO_LINE in refused:
@@ -284,44 +285,47 @@ def _worth_saying(
             )
         elif "died away" in reason:
             said.append(
-                f"on {share[reason]:.0%} of the lines that the force reaches " + _not_dead(spectra, channels, inside)
+                f"on {share[reason]:.0%} of the lines that the force reaches "
+                + _not_dead(spectra, channels, inside, decay_rate)
             )
         elif "cuts off" in reason:
             said.append(
                 f"on {share[reason]:.0%} of the lines that the force reaches there is force outside the force's window "
                 "(a bounce, or the sensor's own ringing); give a longer force_window_s"
             )
-    if spectra.noise_share is None and len(spectra.force) > 1:
-        said.append(_unknown_noise(spectra, channels, estimator, inside))
+    if spectra.noise_share is None:
+        said += _unknown_noise(channels, len(spectra.force), estimator, inside)
     if not usable.any():
         said.append("no line is usable; the notes say why")
     return said
 
 
-def _not_dead(spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.bool_]) -> str:
+def _not_dead(spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.bool_], decay_rate: float) -> str:
     after = spectra.hits.duration_s - spectra.over / spectra.hits.sample_rate_hz
     left = max(float(channel.left[inside].max()) for channel in channels)
     wanted = min(float(np.median(np.sqrt(c.log_variance[inside]))) for c in channels if c.log_variance is not None)
-    rate = np.log(max(left / (_DEAD * wanted), 1.0)) / after
+    rate = decay_rate + _rounded_up(np.log(max(left / (_DEAD * wanted), 1.0)) / after)
     return (
-        f"the response has not died away when the block ends (down to {100.0 * left:.2g} %); "
-        f"longer blocks, or an exponential window of decay_rate {_rounded_up(rate):g} 1/s more, help"
+        f"the response has not died away when the block ends (down to {100.0 * left:.2g} %); longer blocks help, or "
+        f"an exponential window (decay_rate={rate:g})"
     )
 
 
 def _unknown_noise(
-    spectra: Spectra, channels: Sequence[Channel], estimator: Estimator, inside: NDArray[np.bool_]
-) -> str:
-    most = 0.0
-    for channel in channels:
-        if channel.log_variance is not None and inside.any():
-            most = max(most, float(np.median(2 * len(spectra.force) * channel.log_variance[inside])))
+    channels: Sequence[Channel], hits: int, estimator: Estimator, inside: NDArray[np.bool_]
+) -> list[str]:
+    variances = [channel.log_variance[inside] for channel in channels if channel.log_variance is not None]
+    # All scatter of one hit, were it on the one channel that makes the estimator wrong.
+    most = max((float(np.median(2 * hits * variance)) for variance in variances if variance.size), default=0.0)
+    if estimator == "Hv":
+        most = 0.5 * most
+    if most <= NEGLIGIBLE:
+        return []
     which = {"H1": "too small", "H2": "too large", "Hv": "too small or too large"}[estimator]
-    half = 0.5 if estimator == "Hv" else 1.0
-    return (
+    return [
         "noise on the force could not be measured (too little silence around the hits, or the recorder's own force "
-        f"window); {estimator} may be {which} by up to {100.0 * half * most:.2g} %, the median of all scatter"
-    )
+        f"window); {estimator} may be {which} by up to {100.0 * most:.2g} %, the median of all scatter"
+    ]
 
 
 def _rounded_up(value: float) -> float:

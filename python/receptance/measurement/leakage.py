@@ -16,6 +16,10 @@ _PARTS = 8
 """The block is looked at in parts of this share."""
 _CHANCE = 1e-4
 """Of taking noise for something that repeats."""
+_TOGETHER = 17
+"""Lines that are looked at together for what the force's window cuts off."""
+_UNSURE = 1.5
+"""How far noise may be above what the silence says."""
 _WEAK_DB = 40.0
 """Below its largest the force's spectrum tells nothing of what the structure does."""
 
@@ -78,18 +82,34 @@ def left_over(response: NDArray[np.float64], spectra: NDArray[np.complex128], fi
     return LeftOver(halfway**2, np.abs(rfft(rest * step)))
 
 
-def cut_off(whole: NDArray[np.complex128], spectra: NDArray[np.complex128]) -> NDArray[np.float64]:
+def cut_off(
+    whole: NDArray[np.complex128], spectra: NDArray[np.complex128], noise: NDArray[np.float64], alike: float
+) -> NDArray[np.float64]:
     """Return what the force's window takes away over what it leaves, `(n_lines,)`; 0 where it is noise.
+
+    A bounce or the ringing of a sensor has a broad spectrum, so neighbouring lines are looked at together.
 
     Parameters
     ----------
     whole, spectra : ndarray
         `(n_hits, n_lines)` of the force without and with its window.
+    noise : ndarray
+        `(n_lines,)` power of the noise in what is taken away.
+    alike : float
+        How many neighbouring lines share one independent value of that noise.
     """
-    if len(whole) < 2:
-        return np.zeros(spectra.shape[1])
-    gain = _repeated(whole - spectra, spectra)
-    return np.where(gain.clear, np.sqrt(np.maximum(np.abs(gain.value) ** 2 - gain.noise, 0.0)), 0.0)
+    from scipy.special import chdtri
+
+    hits, n_lines = spectra.shape
+    width = min(_TOGETHER, n_lines)
+    count = np.convolve(np.ones(n_lines), np.ones(width), "same")
+    power, taken, expected = (
+        np.convolve(values, np.ones(width), "same") / count
+        for values in (np.mean(np.abs(spectra) ** 2, axis=0), np.mean(np.abs(whole - spectra) ** 2, axis=0), noise)
+    )
+    freedom = 2.0 * hits * max(1.0, width / alike)
+    clear = taken > _UNSURE * chdtri(freedom, _CHANCE) / freedom * expected
+    return np.where(clear, np.sqrt(np.maximum(taken - expected, 0.0) / power), 0.0)
 
 
 @dataclass(frozen=True)

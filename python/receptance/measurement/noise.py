@@ -25,10 +25,11 @@ _PADDING = 4
 def force_noise(
     force: NDArray[np.float64], windows: Windows, frequency_hz: NDArray[np.float64], sample_rate_hz: float
 ) -> NDArray[np.float64] | None:
-    """Return the mean power |M|^2 of the noise in the windowed force's spectrum.
+    """Return the power |M|^2 of the noise in the force's spectrum, per unit of the windows' energy sum w^2.
 
     Stretches of silence are cut to the length of the force's window and go through it as the pulse does, so that noise
-    of any colour is spread over the lines as it is there. Nothing is known of noise that comes with the contact.
+    of any colour is spread over the lines as it is there. A median over the stretches keeps a bounce out. Nothing is
+    known of noise that comes with the contact.
 
     Parameters
     ----------
@@ -62,6 +63,8 @@ def force_noise(
         return None
     shape = windows.shape if windows.shape.size == length else hann(length, sym=False)
     n_fft = next_fast_len(_PADDING * length, real=True)
-    power = np.mean(np.abs(rfft(np.array(pieces) * shape, n_fft, axis=1)) ** 2, axis=0) / np.sum(shape**2)
+    powers = np.abs(rfft(np.array(pieces) * shape, n_fft, axis=1)) ** 2 / np.sum(shape**2)
+    # |M|^2 of Gaussian noise is exponentially distributed.
+    power = np.median(powers, axis=0) / np.log(2.0)
     found: NDArray[np.float64] = np.interp(frequency_hz, rfftfreq(n_fft, 1.0 / sample_rate_hz), power)
-    return found * windows.force_energy
+    return found

@@ -23,8 +23,10 @@ __all__ = ["Settings", "find", "find_hits"]
 DoubleHits = Literal["drop", "keep"]
 _TRIGGER_SHARE = 0.1
 """Of the largest force."""
-_TRIGGER_NOISE = 10.0
-"""Standard deviations of the noise that a trigger is above: a hammer's pulse has at least this much."""
+_TRIGGER_NOISE = 6.0
+"""Standard deviations of the noise that a trigger is above: once in 1e9 samples noise is."""
+_SAID_AT_ONCE = 5
+"""Hits of which a warning speaks one by one; the notes have all of them."""
 _EARLY = 0.5
 """Of the usual time between hits; what comes sooner is an accident, not the rhythm."""
 _CUT_OFF = 0.8
@@ -64,7 +66,7 @@ def find_hits(
     records : TimeRecords or sequence of TimeRecords
         One record with several hits, or several with one each; a sequence may have records of different lengths.
     trigger : float, optional
-        Force in N that begins a hit; by default a tenth of the record's largest, and at least ten times the noise.
+        Force in N that begins a hit; by default a tenth of the record's largest, and at least six times the noise.
     duration_s : float, optional
         Length of a block; by default the whole record where each holds one hit, else what is free between hits.
     pre_trigger_s : float, optional
@@ -126,6 +128,11 @@ class Settings:
             if getattr(self, name) is not None:
                 _checks.positive("find_hits", name, getattr(self, name))
         _checks.not_negative("find_hits", "pre_trigger_s", self.pre_trigger_s, unit="s")
+        if self.duration_s is not None and self.pre_trigger_s >= self.duration_s:
+            raise ValueError(
+                f"find_hits: pre_trigger_s is {self.pre_trigger_s:g} s, expected less than duration_s, "
+                f"{self.duration_s:g} s"
+            )
         if self.double_hits not in get_args(DoubleHits):
             raise ValueError(f"find_hits: double_hits is {self.double_hits!r}, expected one of drop, keep")
 
@@ -135,7 +142,7 @@ def find(records: TimeRecords | Sequence[TimeRecords], settings: Settings, *, st
     together = _together(records)
     search = _Search(together, settings)
     hits = tuple(search.judge(number, *found) for number, found in enumerate(search.candidates(), start=1))
-    notes = [note for one in together for note in one.notes]
+    notes = dict.fromkeys(note for one in together for note in one.notes)
     said = [f"hit {hit.number} dropped: {hit.reason}" for hit in hits if not hit.kept]
     said += [f"hit {hit.number}: {hit.remark}" for hit in hits if hit.kept and hit.remark]
     if search.polarity < 0.0:
@@ -145,7 +152,9 @@ def find(records: TimeRecords | Sequence[TimeRecords], settings: Settings, *, st
         )
     if said:
         label = f"{together[0].label}: " if together[0].label else ""
-        warnings.warn(label + "; ".join(said), ReceptanceWarning, stacklevel=stacklevel)
+        more = len(said) - _SAID_AT_ONCE
+        shown = [*said[:_SAID_AT_ONCE], f"and {more} more, see the notes"] if more > 0 else said
+        warnings.warn(label + "; ".join(shown), ReceptanceWarning, stacklevel=stacklevel)
     return Hits(together, hits, search.n_samples, search.noise, (*notes, *said))
 
 
@@ -257,6 +266,8 @@ class _Search:
     def _cut_off(self, row: int, hit: Hit, stop: int) -> str:
         if hit.onset == 0:
             return "cut off: the record begins inside the contact"
+        if hit.release > stop:
+            return f"cut off: the contact is not over when the block of {self.n_samples / self.rate:.3g} s ends"
         missing = stop - self.forces[row].size
         return f"cut off: the record ends {missing / self.rate:.3g} s before the block" if missing > 0 else ""
 
@@ -287,8 +298,10 @@ class _Search:
         first = contacts[0]
         later = self.groups[row][place + 1 :]
         end = min([stop, *(group[0].onset for group in later)])
-        found = [(contact.onset, contact.peak / first.peak) for contact in contacts[1:] if contact.onset < end]
-        release = max([first.release, *(contact.release for contact in contacts[1:] if contact.onset < end)])
+        others = [contact for contact in contacts[1:] if contact.onset < end]
+        others = [contact for contact in others if contact.peak >= self.settings.double_share * first.peak]
+        found = [(contact.onset, contact.peak / first.peak) for contact in others]
+        release = max([first.release, *(contact.release for contact in others)])
         matched = second_contact(self.forces[row], first, end, self.settings.double_share)
         if matched is not None and not found:
             found.append(matched)
@@ -308,6 +321,8 @@ class _Search:
         worst = int(np.argmax(level / np.maximum(self._quietest, 1e-300)))
         if level[worst] <= _RINGING * self._quietest[worst] or level[worst] <= _RINGING_SHARE * largest[worst]:
             return ""
+        if largest[worst] == 0.0:
+            return "the response is zero after it"
         share = 100.0 * level[worst] / largest[worst]
         return f"before it the response is {share:.2g} % of its largest: an earlier hit rings on"
 

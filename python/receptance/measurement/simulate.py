@@ -61,7 +61,8 @@ def simulate_hits(
     Parameters
     ----------
     assembly : Assembly
-        The structure; should lose energy, or it rings for ever.
+        The structure. With loss factors it begins to move before the hit, by a little, as such materials do in
+        theory (they are not causal); with dashpots alone the records are exact.
     response, excitation : Coordinate, optional
         Where the sensors are and where the hammer hits; the tip by default. Several responses are several channels.
     hits : int, optional
@@ -144,18 +145,10 @@ def simulate_hits(
     ]
     places = (as_coordinates(response), as_coordinates(excitation))
     clean = _responses(assembly, places, quantity, pulses, rate, long_s)
-    n_samples = round(long_s * rate)
-    if one_record:
-        channels = [np.zeros((1, n_samples * hits, one.shape[2])) for one in clean]
-        for whole, parts in zip(channels, clean, strict=True):
-            for number, part in enumerate(parts):
-                rest = whole[0, number * n_samples :]
-                rest[: len(part)] += part[: len(rest)]
-    else:
-        channels = [one[:, :n_samples] for one in clean]
     regular = [number - 1 for number in range(1, hits + 1) if number not in overloads] or list(range(hits))
     recorded, scales = [], []
-    for channel, one, level in zip(channels, clean, levels, strict=True):
+    for one, level in zip(clean, levels, strict=True):
+        channel = _laid_out(one, round(long_s * rate), one_record)
         top = np.abs(one[regular]).max(axis=(0, 1))
         noisy = channel + level * top * generator.standard_normal(channel.shape)
         recorded.append(np.clip(noisy, -_HEADROOM * top, _HEADROOM * top))
@@ -193,6 +186,17 @@ class _Pulse:
             one * np.exp(-s * self.start_s) * (1.0 + self.bounce * np.exp(-s * self.bounce_s))
         )
         return shifted
+
+
+def _laid_out(blocks: NDArray[np.float64], n_samples: int, one_record: bool) -> NDArray[np.float64]:
+    """Return records `(n_records, n, n_channels)` from blocks that are longer than the time from hit to hit."""
+    if not one_record:
+        return blocks[:, :n_samples]
+    whole = np.zeros((1, n_samples * len(blocks), blocks.shape[2]))
+    for number, block in enumerate(blocks):
+        rest = whole[0, number * n_samples :]
+        rest[: len(block)] += block[: len(rest)]
+    return whole
 
 
 def _responses(

@@ -13,6 +13,7 @@ from receptance.frf.variance import pool_variance
 from receptance.measurement.band import BIAS_SHARE, NEGLIGIBLE, force_band
 from receptance.measurement.leakage import cut_off, left_over
 from receptance.measurement.noise import force_noise
+from receptance.measurement.windows import alike_lines, one_phase
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,8 +83,11 @@ class Spectra:
         self.force = self._all_force[:, self.lines]
         self.response = rfft(self._time_response, axis=1)[:, self.lines]
         self.power = np.sum(np.abs(self.force) ** 2, axis=0)
-        noise = force_noise(force, windows, self.frequency_hz, hits.sample_rate_hz)
-        self.noise_share = None if noise is None else np.minimum(len(force) * noise / self.power, 1.0)
+        self._check_alive(self.power, "the force")
+        self.noise = force_noise(force, windows, self.frequency_hz, hits.sample_rate_hz)
+        self.noise_share = None
+        if self.noise is not None:
+            self.noise_share = np.minimum(len(force) * self.noise * windows.force_energy / self.power, 1.0)
 
     @cached_property
     def skew(self) -> NDArray[np.float64]:
@@ -91,13 +95,21 @@ class Spectra:
         return self.windows.skew(self.force, self.lines)
 
     @cached_property
+    def response_skew(self) -> NDArray[np.float64]:
+        """Share of the response's noise that is in one phase: of lines as low as an exponential window decays."""
+        return one_phase(self.windows.response, self.lines)
+
+    @cached_property
     def cut(self) -> NDArray[np.float64]:
         """What the force's window takes away; see `leakage.cut_off`."""
         from scipy.fft import rfft
 
-        if not self.windows.shape.size:
+        if not self.windows.shape.size or self.noise is None:
             return np.zeros(self.frequency_hz.size)
-        return cut_off(rfft(self._time_force * self.windows.around, axis=1)[:, self.lines], self.force)
+        whole = rfft(self._time_force * self.windows.around, axis=1)[:, self.lines]
+        outside = self.windows.around - self.windows.force
+        energy = float(np.mean(np.sum(outside**2, axis=1)))
+        return cut_off(whole, self.force, self.noise * energy, alike_lines(outside))
 
     def outside(self, limits: Limits) -> dict[str, NDArray[np.bool_]]:
         """Return the lines that the force does not reach, and those that the recorder's filter does not guard."""
@@ -115,14 +127,13 @@ class Spectra:
         hits = len(x)
         cross = np.sum(np.conj(self.force) * x, axis=0)
         motion = np.sum(np.abs(x) ** 2, axis=0)
-        if not np.all(motion > 0.0):
-            raise ValueError(f"estimate_frf: response channel {index} is zero in all hits; is the sensor connected?")
+        self._check_alive(motion, f"response channel {index}")
         first = cross / self.power
+        self._check_alive(np.abs(first) ** 2, f"the FRF of response channel {index}")
         refused = self.outside(limits)
         if hits == 1:
             alike = self.windows.alike_lines(np.zeros(x.shape[1]))
-            values = first if estimator == "H1" else motion / np.conj(cross)
-            return Channel(values, None, None, None, alike, np.zeros(x.shape[1]), refused)
+            return Channel(first, None, None, None, alike, np.zeros(x.shape[1]), refused)
         coherence = np.clip(np.abs(cross) ** 2 / (self.power * motion), 0.0, 1.0)
         # From the residuals themselves: 1 - g^2 has no digits left where there is little noise.
         scatter = np.sum(np.abs(x - first * self.force) ** 2, axis=0) / (hits - 1)
@@ -137,7 +148,7 @@ class Spectra:
         )
         relative = 2.0 * hits * variance
         share = self._force_share(relative)
-        variance = variance * (1.0 + self.skew * share)
+        variance = variance * (1.0 + self.skew * share + self.response_skew * (1.0 - share))
         factor, bias = self._correction(estimator, coherence, relative)
         left = left_over(self._time_response[:, :, index], self._all_force, self.over, self.onset)
         lost = np.maximum(left.share[self.lines], left.error[self.lines] / np.abs(first))
@@ -164,6 +175,16 @@ class Spectra:
             left=left.share[self.lines],
             refused=refused,
         )
+
+    def _check_alive(self, power: NDArray[np.float64], name: str) -> None:
+        if not np.any(power):
+            raise ValueError(f"estimate_frf: {name} is zero in all hits; is the sensor connected?")
+        if not np.all(power):
+            line = self.frequency_hz[np.flatnonzero(power == 0.0)[0]]
+            raise ValueError(
+                f"estimate_frf: {name} is exactly zero at {line:g} Hz, which no recorder gives; leave such lines out "
+                "with low_hz and high_hz"
+            )
 
     def _force_share(self, relative: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the share of the scatter that is noise on the force, as far as it is known."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from receptance.measurement.hits import Hits
 
-__all__ = ["ExponentialOn", "Windows", "make_windows"]
+__all__ = ["ExponentialOn", "Windows", "alike_lines", "make_windows", "one_phase"]
 
 ExponentialOn = Literal["both", "response"]
 _PLATEAU = 1.0
@@ -77,6 +77,22 @@ class Windows:
         power = np.sum(np.abs(spectra) ** 2, axis=0)
         found: NDArray[np.float64] = np.abs(np.sum(np.conj(spectra) ** 2 * twice, axis=0)) / power / self.force_energy
         return np.minimum(found, 1.0)
+
+
+def alike_lines(weights: NDArray[np.float64]) -> float:
+    """Return how many lines share one independent value of white noise through windows `(n_hits, n_samples)`."""
+    energy = np.mean(weights**2, axis=0)
+    return float(energy.size * np.sum(energy**2) / np.sum(energy) ** 2)
+
+
+def one_phase(weights: NDArray[np.float64], lines: slice) -> NDArray[np.float64]:
+    """Return how much of white noise through windows `(n_hits, n_samples)` is in one phase, `(n_lines,)`, 0 to 1."""
+    from scipy.fft import fft
+
+    energy = np.mean(weights**2, axis=0)
+    twice = 2 * np.arange(energy.size // 2 + 1)[lines] % energy.size
+    found: NDArray[np.float64] = np.abs(fft(energy)[twice]) / np.sum(energy)
+    return found
 
 
 def make_windows(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.modal._selection import Scatter, weights_of
+from receptance.modal._selection import Scatter, reach_of, weights_of
 from receptance.modal.estimate import constants, joint_with_residue, modal_values, scaled
 from receptance.modal.modal_fit import ModalFit
 
@@ -32,13 +32,13 @@ def conclude(
     terms: tuple[int, ...],
     scatter: Scatter,
     orders: list[NDArray[np.complex128]],
-    wanted: int,
+    wanted: int | tuple[float, ...] | None,
 ) -> tuple[ModalFit, list[str]]:
     """Return the result, and those of its notes that are to be warned of."""
     shape = np.asarray(lines.frf.values).shape[1:]
     sigma = float(lines.frf.decay_rate)
     factor, freedom, correlation, notes = _spread(fit, lines)
-    of_poles, remark = scaled(fit.inverse, factor), list[str]()
+    of_poles, remark = scaled(fit.of_poles, factor), list[str]()
     if not _exact(fit, lines):
         of_poles, freedom, remark = _between_entries(fit, of_poles, freedom)
     place = np.argsort(fit.poles.imag)
@@ -55,7 +55,7 @@ def conclude(
             constant[row, entry], of_constant[row, entry] = constants(complex(fit.poles[mode]), residue, joint)
     outside = fit.coefficients[:, 2 * count :]
     decay = sigma - poles.real
-    aloud = _doubts(fit, frequency, damping, spread[count:], wanted)
+    aloud = [*_missing(frequency, lines, wanted), *_doubts(fit, frequency, damping, spread[count:])]
     said = [*lines.notes, *notes, *remark, *aloud, *_remarks(frequency, decay, lines)]
     result = ModalFit(
         frequency_hz=frequency,
@@ -70,7 +70,7 @@ def conclude(
             term: (outside[:, 2 * index] + 1j * outside[:, 2 * index + 1]).reshape(shape)
             for index, term in enumerate(terms)
         },
-        lines_in_band=decay / np.pi / _spacing(lines, poles.imag / (2.0 * np.pi)),
+        lines_in_band=np.maximum(decay, 0.0) / np.pi / _spacing(lines, poles.imag / (2.0 * np.pi)),
         frf=lines.frf,
         scatter=_scatter(fit, lines, scatter).reshape(shape),
         known_scatter=lines.relative is not None,
@@ -86,9 +86,9 @@ def conclude(
 def _spread(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]:
     """What the covariances are multiplied by, its degrees of freedom, the residuals' correlation, and notes."""
     notes = []
-    freedom = max(fit.degrees_of_freedom, 0)
+    freedom = fit.degrees_of_freedom
     independent = freedom / lines.shared
-    variance = fit.chi_square / freedom if freedom > 0 else float("inf")
+    variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
     if lines.relative is None:
         of_factor = max(independent, 1.0)
     elif variance > 1.0 + 3.0 * np.sqrt(2.0 / max(independent, 1.0)):
@@ -98,20 +98,21 @@ def _spread(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]
             "are larger by that"
         )
     else:
-        variance, of_factor = 1.0, float("inf")
+        variance, of_factor = 1.0, lines.freedom
     correlation = _correlation(fit)
-    # AR(1): that many lines share one independent value.
-    kept = min(max(correlation, 0.0), 0.98)
-    seen = (1.0 + kept) / (1.0 - kept)
-    visible = correlation > max(_VISIBLE, 3.0 / np.sqrt(2.0 * fit.values)) and seen > 1.5 * lines.shared
-    if visible and not _exact(fit, lines):
-        notes.append(
-            f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model misses something, or "
-            "the lines are closer than the record resolves; the standard errors are "
-            f"{np.sqrt(seen / lines.shared):.2g} times larger for it"
-        )
-        return variance * seen, max(of_factor * lines.shared / seen, 1.0), correlation, notes
-    return variance * lines.shared, of_factor, correlation, notes
+    # What the lines share is in the covariance already.
+    stated = 1.0 / (1.0 + (np.pi / lines.shared) ** 2) if lines.shared > 1.0 else 0.0
+    chance = 3.0 / np.sqrt(2.0 * fit.residual.size / lines.shared)
+    if correlation <= stated + max(_VISIBLE * (1.0 - stated), chance) or _exact(fit, lines):
+        return variance, of_factor, correlation, notes
+    # As if neighbours were all that is correlated: so many more lines share one independent value than is stated.
+    kept = min(correlation, 0.98)
+    more = (1.0 + kept) / (1.0 - kept) * (1.0 - stated) / (1.0 + stated)
+    notes.append(
+        f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model misses something, or the "
+        f"lines are closer than the record resolves; the standard errors are {np.sqrt(more):.2g} times larger for it"
+    )
+    return variance * more, max(of_factor / more, 1.0), correlation, notes
 
 
 def _correlation(fit: PoleFit) -> float:
@@ -159,19 +160,31 @@ def _between_entries(
     return covariance * np.outer(scale, scale), min(freedom, max(float(clusters[over].min()) - 1.0, 1.0)), [note]
 
 
+def _missing(frequency: NDArray[np.float64], lines: Lines, wanted: int | tuple[float, ...] | None) -> list[str]:
+    if wanted is None:
+        return []
+    if isinstance(wanted, int):
+        if frequency.size == wanted:
+            return []
+        return [
+            f"{wanted} modes were asked for, {frequency.size} found: no further pole in the band improves the fit; "
+            "give the frequencies as modes"
+        ]
+    return [
+        f"no mode was found near {place:g} Hz, but one at {found:.6g} Hz; the band seems to hold others than those "
+        "asked for"
+        for place, found in zip(wanted, frequency, strict=True)
+        if abs(found - place) > reach_of(place, lines)
+    ]
+
+
 def _doubts(
     fit: PoleFit,
     frequency: NDArray[np.float64],
     damping: NDArray[np.float64],
     of_damping: NDArray[np.float64],
-    wanted: int,
 ) -> list[str]:
     said = []
-    if fit.poles.size < wanted:
-        said.append(
-            f"{wanted} modes were asked for, {fit.poles.size} found: no further pole in the band improves the fit; "
-            "give the frequencies as modes"
-        )
     if not fit.converged:
         said.append("the fit did not converge; is the number of modes right?")
     for f, z, spread in zip(frequency, damping, of_damping, strict=True):
@@ -185,7 +198,7 @@ def _remarks(frequency: NDArray[np.float64], decay: NDArray[np.float64], lines: 
     width = decay / np.pi
     spacing = _spacing(lines, frequency)
     for f, own, step in zip(frequency, width, spacing, strict=True):
-        if own < step:
+        if 0.0 < own < step:
             said.append(
                 f"the half-power band of the mode at {f:.6g} Hz is {own / step:.1g} of the distance of the lines: its "
                 "damping rests on the lines being exact, without leakage"

@@ -30,8 +30,10 @@ class PoleFit:
     fitted : ndarray
         `(n, m)` complex, in the form of the data.
     inverse : ndarray
-        `(2M, 2M)` covariance of the real, then the imaginary parts of the poles for weights that are the inverse
-        standard deviation of the real and of the imaginary part.
+        `(2M, 2M)` inverse of the information on the real, then the imaginary parts of the poles.
+    of_poles : ndarray
+        `(2M, 2M)` their covariance for weights that are the inverse standard deviation of the real and of the
+        imaginary part; `inverse` itself where lines are independent.
     of_coefficients : ndarray
         `(m, k, k)` covariance of the coefficients, that of the poles included.
     with_poles : ndarray
@@ -41,8 +43,9 @@ class PoleFit:
         which is zero for all entries together.
     informations : ndarray
         `(m, 2M, 2M)` share of each entry in the inverse of `inverse`.
-    values : int
-        Complex values with a weight above zero.
+    degrees_of_freedom : float
+        What the sum of squared residuals is expected to be for those weights: twice the number of values less that of
+        real parameters where lines are independent.
     converged : bool
         Whether it stopped because nothing changed any more.
     """
@@ -52,22 +55,18 @@ class PoleFit:
     residual: NDArray[np.complex128]
     fitted: NDArray[np.complex128]
     inverse: NDArray[np.float64]
+    of_poles: NDArray[np.float64]
     of_coefficients: NDArray[np.float64]
     with_poles: NDArray[np.float64]
     scores: NDArray[np.float64]
     informations: NDArray[np.float64]
-    values: int
+    degrees_of_freedom: float
     converged: bool
 
     @property
     def chi_square(self) -> float:
         """Sum of the squared residuals."""
         return float(np.sum(self.residual.real**2 + self.residual.imag**2))
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Real residuals less real parameters."""
-        return 2 * self.values - 2 * int(self.poles.size) - int(self.coefficients.size)
 
     @property
     def residues(self) -> NDArray[np.complex128]:
@@ -143,11 +142,15 @@ class PoleProblem:
         `(n, m)` in the form of the data.
     weights : ndarray
         `(n, m)`, the inverse standard deviation of the real and of the imaginary part, up to one factor.
+    shared : float
+        How many neighbouring lines share one independent value. The estimate does not depend on it, its covariance
+        does.
     """
 
     model: PoleModel
     values: NDArray[np.complex128]
     weights: NDArray[np.float64]
+    shared: float = 1.0
 
     def fit(self, start: NDArray[np.complex128], *, tolerance: float = _TOLERANCE, steps: int = _STEPS) -> PoleFit:
         """Return the fit that a Levenberg-Marquardt search from these poles ends at; without poles the background's."""
@@ -236,38 +239,73 @@ class PoleProblem:
         return np.concatenate(residuals), np.concatenate(jacobians)
 
     def _conclude(self, poles: NDArray[np.complex128], groups: list[_Group], converged: bool) -> PoleFit:
-        entries, count = self.values.shape[1], poles.size
         basis, slopes = self.model.basis(poles), self.model.slopes(poles)
-        size = basis.shape[1]
-        coefficients = np.zeros((entries, size))
-        own, by_poles = np.zeros((entries, size, size)), np.zeros((entries, size, 2 * count))
-        scores, informations = np.zeros((entries, 2 * count)), np.zeros((entries, 2 * count, 2 * count))
+        entries, size, count = self.values.shape[1], basis.shape[1], 2 * poles.size
+        coefficients, scores = np.zeros((entries, size)), np.zeros((entries, count))
+        # Of the coefficients with the poles held, their slopes by the poles, and what links both errors.
+        own, by_poles, link = (np.zeros((entries, size, each)) for each in (size, count, count))
+        informations, squares = (np.zeros((entries, count, count)) for _ in range(2))
+        freedom = 2.0 * np.count_nonzero(self.weights)
         for group in groups:
             solved = _Solved.of(self, group, basis)
             moved = solved.moved(slopes)
-            inside = np.einsum("ij,ipe->jpe", solved.q, moved)
             back = np.linalg.pinv(solved.r) / solved.norms[:, None]
+            spread = self._with_shared(solved.q)
+            seen = solved.q.T @ spread
             for place, entry in enumerate(group.entries):
                 coefficients[entry] = solved.coefficients[:, place]
+                inside = solved.q.T @ moved[:, :, place]
                 # Rounding makes a difference of two squares negative; a product of a matrix with itself never is.
-                outside = moved[:, :, place] - solved.q @ inside[:, :, place]
+                outside = moved[:, :, place] - solved.q @ inside
                 informations[entry] = outside.T @ outside
+                squares[entry] = outside.T @ self._with_shared(outside)
                 scores[entry] = -outside.T @ solved.residual[:, place]
-                own[entry] = back @ back.T / group.factor[place] ** 2
-                by_poles[entry] = -back @ inside[:, :, place] / group.factor[place]
+                own[entry] = back @ seen @ back.T / group.factor[place] ** 2
+                by_poles[entry] = -back @ inside / group.factor[place]
+                link[entry] = back @ (spread.T @ outside) / group.factor[place]
+                freedom -= float(np.trace(seen))
         inverse = _inverse(informations.sum(axis=0))
         fitted = basis @ coefficients.T
         residual = (self.values - fitted) * self.weights
         if not np.all(np.isfinite(inverse)):
             # Poles that the data do not determine leave nothing determined that depends on them.
-            own, with_poles = np.full(own.shape, np.inf), np.full(by_poles.shape, np.inf)
+            of_poles, of_coefficients, with_poles = inverse, np.full(own.shape, np.inf), np.full(by_poles.shape, np.inf)
         else:
-            with_poles = by_poles @ inverse
-            own = own + with_poles @ by_poles.transpose(0, 2, 1)
-        used = int(np.count_nonzero(self.weights))
+            of_poles = inverse @ squares.sum(axis=0) @ inverse
+            freedom -= float(np.trace(inverse @ squares.sum(axis=0)))
+            linked = link @ inverse
+            with_poles = by_poles @ of_poles + linked
+            of_coefficients = own + by_poles @ of_poles @ by_poles.transpose(0, 2, 1)
+            of_coefficients += linked @ by_poles.transpose(0, 2, 1) + by_poles @ linked.transpose(0, 2, 1)
         return PoleFit(
-            poles, coefficients, residual, fitted, inverse, own, with_poles, scores, informations, used, converged
+            poles,
+            coefficients,
+            residual,
+            fitted,
+            inverse,
+            of_poles,
+            of_coefficients,
+            with_poles,
+            scores,
+            informations,
+            freedom,
+            converged,
         )
+
+    def _with_shared(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Product of the correlation of the lines with `(2n, k)` stacked columns.
+
+        Noise under an exponential window, exp(-2 sigma t) in power, has between lines m apart the correlation
+        1 / (1 + i pi m / c), where c, the sum of its squares, is the number of lines that share a value. Zero padding
+        leaves noise in the early part of the record as well, and is taken for the same.
+        """
+        if self.shared <= 1.0 or columns.size == 0:
+            return columns
+        from scipy.linalg import matmul_toeplitz
+
+        n = columns.shape[0] // 2
+        first = 1.0 / (1.0 + 1j * np.pi * np.arange(n) / self.shared)
+        return _stacked(np.asarray(matmul_toeplitz((first, first.conj()), columns[:n] + 1j * columns[n:])))
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ class Lines:
         Receptance times s to this power is that form.
     relative : ndarray or None
         `(n, m)` standard deviation of the real and of the imaginary part of the logarithm; may be infinite.
+    freedom : float
+        Degrees of freedom of those standard deviations; infinite where they are exact or not stated.
     shared : float
         How many neighbouring lines share one independent value.
     notes : tuple of str
@@ -46,6 +48,7 @@ class Lines:
     values: NDArray[np.complex128]
     power: int
     relative: NDArray[np.float64] | None
+    freedom: float
     shared: float
     notes: tuple[str, ...]
 
@@ -69,7 +72,8 @@ class Lines:
         if n <= most:
             return self
         # Peaks are what modes are found from; even thinning alone could step over them.
-        size = np.sum(np.abs(self.values) ** 2 / np.mean(np.abs(self.values) ** 2, axis=0), axis=1)
+        level = np.mean(np.abs(self.values) ** 2, axis=0)
+        size = np.sum(np.abs(self.values) ** 2 / np.where(level > 0.0, level, 1.0), axis=1)
         kept = np.union1d(np.linspace(0, n - 1, most // 2).astype(np.int64), np.argsort(size)[-(most // 2) :])
         relative = None if self.relative is None else self.relative[kept]
         return replace(
@@ -109,7 +113,9 @@ def lines_of(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, 
     relative, notes = _relative(owner, part)
     shared = float(np.median(part.correlated_lines))
     s = (2j * np.pi * lines + part.decay_rate).astype(np.complex128)
-    return Lines(part, lines, s, values, FORMS.index(part.form), relative, shared, notes)
+    # Of the errors that follow, too: to average many lines would give more, were these not estimated together.
+    freedom = float("inf") if part.degrees_of_freedom is None else float(np.median(part.degrees_of_freedom))
+    return Lines(part, lines, s, values, FORMS.index(part.form), relative, freedom, shared, notes)
 
 
 def one_entry(owner: str, lines: Lines) -> None:

@@ -64,8 +64,7 @@ class SingleMode:
     fit : PoleFit
         With weights that are inverse standard deviations: stated, or one for all lines.
     factor : float
-        What its covariances are multiplied by: the residual variance where no scatter is stated, times the number of
-        lines that share one independent value.
+        What its covariances are multiplied by: the residual variance where no scatter is stated, else 1.
     degrees_of_freedom : float
         Of that factor.
     """
@@ -83,13 +82,14 @@ def single_mode(lines: Lines, part: slice, start: complex) -> SingleMode:
         weights = 1.0 / (lines.relative[part] * np.maximum(np.abs(values), np.finfo(np.float64).tiny))
     else:
         weights /= float(np.max(np.abs(values)))
-    fit = PoleProblem(PoleModel(lines.s[part], lines.power, BACKGROUND), values, weights).fit(np.array([start]))
+    model = PoleModel(lines.s[part], lines.power, BACKGROUND)
+    fit = PoleProblem(model, values, weights, lines.shared).fit(np.array([start]))
     if lines.relative is not None:
-        return SingleMode(fit, lines.shared, float("inf"))
+        return SingleMode(fit, 1.0, lines.freedom)
     freedom = fit.degrees_of_freedom
-    if freedom <= 0:
+    if freedom < 0.5:
         return SingleMode(fit, float("inf"), 1.0)
-    return SingleMode(fit, lines.shared * fit.chi_square / freedom, max(freedom / lines.shared, 1.0))
+    return SingleMode(fit, fit.chi_square / freedom, max(freedom / lines.shared, 1.0))
 
 
 def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[np.float64], float, tuple[str, ...]]:
@@ -99,7 +99,7 @@ def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[
     that was measured.
     """
     if lines.relative is not None:
-        return lines.relative[:, 0], float("inf"), ()
+        return lines.relative[:, 0], lines.freedom, ()
     size = np.abs(lines.values[:, 0])
     part = around(np.abs(mobility(lines)), peak)
     decay = np.pi * width_hz - lines.frf.decay_rate
@@ -107,7 +107,7 @@ def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[
     if not np.isfinite(single.factor):
         note = f"{part.stop - part.start} lines around the peak are too few to tell their scatter from"
         return np.full(size.shape, np.inf), 1.0, (note,)
-    deviation = np.sqrt(single.factor / lines.shared) * float(np.max(size[part]))
+    deviation = np.sqrt(single.factor) * float(np.max(size[part]))
     floor = np.finfo(np.float64).tiny
     return deviation / np.maximum(size, floor), single.degrees_of_freedom, ()
 

@@ -23,7 +23,7 @@ def stabilisation(
 
     The band is laid on the unit circle, z = exp(i angle), and numerators and denominator are polynomials in 1/z with
     complex coefficients, which keeps the normal equations well-conditioned up to high orders and needs no even
-    spacing of the lines (Guillaume, Verboven, Vanlanduit 1998; Verboven 2002, sect. 5.3). The coefficient of the
+    spacing of the lines (Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002, sect. 5.3). The coefficient of the
     highest order is the one that is fixed: poles that only describe noise then tend to be unstable, and go.
 
     Parameters

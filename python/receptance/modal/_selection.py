@@ -23,8 +23,10 @@ _EXACT = 1e-22
 """Share of the sum of squares below which what is left is rounding."""
 _LOOSE, _QUICK = 1e-7, 40
 """Tolerance and most steps while modes are still being added."""
+_FEW = 30
+"""Fewer lines tell noise from misfit by their mean square alone."""
 _REWEIGHTED = 3
-"""Fits after which the weights, which the scatter decides that the fit leaves, no longer change visibly."""
+"""Fits after which the weights, which follow from what the fit leaves, no longer change visibly."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class Search:
         nearest = np.argmin(np.abs(places[:, None] - wanted), axis=1)
         for index, place in enumerate(wanted):
             # What is nearer to another wanted mode is that one's.
-            own = (nearest == index) & (np.abs(places - place) <= max(0.03 * place, 5.0 * self.lines.spacing_hz))
+            own = (nearest == index) & (np.abs(places - place) <= reach_of(place, self.lines))
             guess = complex(self._sigma - 2.0 * np.pi * self.lines.spacing_hz, 2.0 * np.pi * place)
             more = self._one_more(fit, self.candidates[own])
             fit = (
@@ -131,6 +133,11 @@ class Search:
         return bool(np.all(inside & damped & apart))
 
 
+def reach_of(place_hz: float, lines: Lines) -> float:
+    """How far in Hz a mode may be from where it was said to be."""
+    return max(0.03 * place_hz, 5.0 * lines.spacing_hz)
+
+
 def refined(lines: Lines, terms: tuple[int, ...], scatter: Scatter, fit: PoleFit) -> PoleFit:
     """Fit the same poles to all lines, with weights from what the fit leaves."""
     if fit.poles.size == 0:
@@ -142,14 +149,14 @@ def refined(lines: Lines, terms: tuple[int, ...], scatter: Scatter, fit: PoleFit
 
 
 def _problem(lines: Lines, terms: tuple[int, ...], weights: NDArray[np.float64]) -> PoleProblem:
-    return PoleProblem(PoleModel(lines.s, lines.power, terms), lines.values, weights)
+    return PoleProblem(PoleModel(lines.s, lines.power, terms), lines.values, weights, lines.shared)
 
 
 def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: bool = False) -> NDArray[np.float64]:
     """`(n, m)` inverse standard deviations of the real and of the imaginary part of each value.
 
-    Where the FRF states no variance, the scatter of an entry is what a fit leaves of it; before there is a fit every
-    entry counts alike.
+    Where the FRF states no variance, the weight of an entry follows from the noise that a fit leaves in it, and only
+    the ratio of the entries' weights has a meaning; before there is a fit every entry counts alike.
 
     Parameters
     ----------
@@ -163,14 +170,30 @@ def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: b
         Whether magnitudes are those of the fit as well: a line that noise made small would else weigh too much.
     """
     size = np.abs(lines.values)
-    floor = np.maximum(1e-12 * np.sqrt(np.mean(size**2, axis=0)), np.finfo(np.float64).tiny)
+    level = np.sqrt(np.mean(size**2, axis=0))
+    # An entry of zeros, a node of every mode, weighs something and says nothing.
+    floor = np.where(level > 0.0, 1e-12 * level, 1.0)
     if smooth and fit is not None:
         size = np.sqrt(0.5 * (size**2 + np.abs(fit.fitted) ** 2))
     size = np.maximum(size, floor)
     if lines.relative is not None:
         return np.asarray(1.0 / (lines.relative * size))
     unit = size if scatter == "relative" else np.ones_like(size)
-    left = lines.values if fit is None or fit.poles.size == 0 else lines.values - fit.fitted
-    spread = np.sqrt(np.mean(np.abs(left / unit) ** 2, axis=0) / 2.0)
+    left = lines.values if fit is None else lines.values - fit.fitted
+    spread = np.sqrt(_noise(left / unit) if fit is not None else np.mean(np.abs(left / unit) ** 2, axis=0))
     least = 1e-12 if scatter == "relative" else floor
     return np.asarray(1.0 / (unit * np.maximum(spread, least)))
+
+
+def _noise(left: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """`(m,)` variance of the noise in each entry's residuals, up to one factor.
+
+    From the median of how much a line differs from the mean of its neighbours, because a mode that sits elsewhere in
+    one entry leaves large residuals on a few lines: counted as noise they would leave all weight to
+    the entry that happens to agree. Few lines have no median worth having.
+    """
+    if len(left) < _FEW:
+        return np.asarray(np.mean(np.abs(left) ** 2, axis=0) / 2.0)
+    step = left[1:-1] - 0.5 * (left[:-2] + left[2:])
+    # |step|^2 is 1.5 times the variance times chi-square of two degrees of freedom, whose median is 2 ln 2.
+    return np.asarray(np.median(np.abs(step) ** 2, axis=0) / (3.0 * np.log(2.0)))

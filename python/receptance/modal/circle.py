@@ -82,7 +82,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
 
     References
     ----------
-    Kennedy and Pancu, J. Aeronautical Sciences 14 (1947) 603; Ewins, Modal Testing, 2nd ed. 2000, sect. 4.3;
+    Kennedy and Pancu, J. Aeronautical Sciences 14 (1947) 603; Ewins, Modal Testing, 2nd ed. 2000, ch. 4;
     Taubin, IEEE PAMI 13 (1991) 1115.
 
     Examples
@@ -107,7 +107,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     start = _first_pole(lines.frequency_hz[part], moved[part], centre) + frf.decay_rate
     single = single_mode(lines, part, start)
     fit = single.fit
-    frequency, damping, covariance = modal_values(fit.poles, scaled(fit.inverse, single.factor))
+    frequency, damping, covariance = modal_values(fit.poles, scaled(fit.of_poles, single.factor))
     constant, of_constant = constants(
         complex(fit.poles[0]), complex(fit.residues[0, 0]), scaled(joint_with_residue(fit, 0, 0), single.factor)
     )
@@ -115,7 +115,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     fitted = fit.fitted[:, 0] * moved[part] / lines.values[part, 0]
     centre, radius = _taubin(fitted)
     arc = float(np.sum(np.mod(-np.diff(np.angle(fitted - centre)), 2.0 * np.pi)))
-    width = (frf.decay_rate - fit.poles[0].real) / (np.pi * lines.spacing_at(peak))
+    width = max(frf.decay_rate - fit.poles[0].real, 0.0) / (np.pi * lines.spacing_at(peak))
     said = list(lines.notes)
     if arc < _SHORT:
         said.append(f"the lines cover {np.degrees(arc):.0f} degrees of the circle: its size rests on the noise")

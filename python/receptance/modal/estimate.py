@@ -44,7 +44,8 @@ class ModeEstimate:
     lines : int
         How many lines were used.
     degrees_of_freedom : float
-        Of the standard errors; infinite where the variance of the lines was given.
+        Of the standard errors: those of the FRF's variance where it has one, infinite if that is exact, else those of
+        the residuals.
     notes : tuple of str
         What a person should know.
 
@@ -148,7 +149,7 @@ def joint_with_residue(fit: PoleFit, mode: int, entry: int) -> NDArray[np.float6
     joint = np.empty((3, 3))
     joint[:2, :2] = fit.of_coefficients[entry][np.ix_(own, own)]
     joint[:2, 2] = joint[2, :2] = fit.with_poles[entry][own, count + mode]
-    joint[2, 2] = fit.inverse[count + mode, count + mode]
+    joint[2, 2] = fit.of_poles[count + mode, count + mode]
     return joint
 
 

@@ -101,9 +101,9 @@ def fit_modes(
 
     References
     ----------
-    Guillaume, Verboven, Vanlanduit, ISMA 23 (1998): LSCF. Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413,
-    Kaufman, BIT 15 (1975) 49: variable projection. Verboven, Guillaume, Cauberghe, IMAC 23 (2005): maximum likelihood
-    started from LSCF.
+    LSCF: Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002; Guillaume et al., IMAC 21 (2003). Variable
+    projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; Kaufman, BIT 15 (1975) 49. Number of modes:
+    Schwarz, Ann. Stat. 6 (1978) 461. Entries that disagree: Liang and Zeger, Biometrika 73 (1986) 13.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def fit_modes(
             f"{owner}: no mode between {lines.frequency_hz[0]:g} and {lines.frequency_hz[-1]:g} Hz stands out of the "
             "scatter; give the frequencies as modes, or another band"
         )
-    result, aloud = conclude(fit, lines, terms, scatter, orders, count if isinstance(wanted, int) else fit.poles.size)
+    result, aloud = conclude(fit, lines, terms, scatter, orders, wanted)
     for text in aloud:
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
     return result
@@ -212,7 +212,10 @@ def _at_peaks(lines: Lines) -> NDArray[np.complex128]:
 
     f = lines.frequency_hz
     each = np.abs(lines.receptance * f[:, None]) ** 2
-    power = np.sum(each / each.mean(axis=0), axis=1)
+    level = each.mean(axis=0)
+    power = np.sum(each[:, level > 0.0] / level[level > 0.0], axis=1)
+    # A line of zeros is no place for a peak, nor for a logarithm.
+    power = np.maximum(power, 1e-30)
     peaks, _ = find_peaks(power)
     height = np.log(power)
     peaks = peaks[np.argsort(-peak_prominences(height, peaks)[0])[:_PEAKS]]

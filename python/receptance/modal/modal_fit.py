@@ -54,7 +54,8 @@ class ModalFit:
     correlation : float
         Of what is left on neighbouring lines.
     degrees_of_freedom : float
-        Of the standard errors; infinite where the variance was stated and explains what is left.
+        Of the standard errors: those of the FRF's variance where it explains what is left, infinite if that is exact,
+        else those of the residuals or of the entries that disagree.
     converged : bool
         Whether the last fit stopped because nothing changed any more.
     stabilisation : tuple of ndarray
@@ -168,4 +169,5 @@ class ModalFit:
         )
         low, high = self.frf.frequency_hz[0], self.frf.frequency_hz[-1]
         state = "" if self.converged else ", not converged"
-        return f"ModalFit({len(self.frequency_hz)} modes between {low:g} and {high:g} Hz: {found}{state})"
+        count = f"{len(self.frequency_hz)} mode{'' if len(self.frequency_hz) == 1 else 's'}"
+        return f"ModalFit({count} between {low:g} and {high:g} Hz: {found}{state})"

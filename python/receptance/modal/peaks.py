@@ -63,8 +63,8 @@ def find_peaks(
     >>> s = 2j * np.pi * f
     >>> modes = [(251.3, 0.01), (700.4, 0.004)]
     >>> h = sum(1.0 / (s**2 + 4 * np.pi * z * n * s + (2 * np.pi * n) ** 2) for n, z in modes)
-    >>> [f"{peak.frequency_hz:.1f}" for peak in find_peaks(FRF(frequency_hz=f, values=h))]
-    ['251.3', '700.4']
+    >>> [f"{peak.frequency_hz:.0f} Hz" for peak in find_peaks(FRF(frequency_hz=f, values=h))]
+    ['251 Hz', '700 Hz']
     """
     from scipy.signal import find_peaks as peaks_of  # slow to import
 
@@ -153,7 +153,7 @@ class _Parabola:
             factor * back @ back.T,
             middle,
             reach,
-            float("inf") if known else max(freedom / lines.shared, 1.0),
+            lines.freedom if known else max(freedom / lines.shared, 1.0),
             at_peak,
         )
 

@@ -24,6 +24,10 @@ _DECIBEL = 20.0 / math.log(10.0)
 _ROW = 4.4
 """Height of a row of panels in inches."""
 _MOST_FRFS = 12
+_STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+"""Distances of ticks on an axis of factors."""
+_OPEN = 3.0
+"""Half-width of a band, as natural logarithm, beyond which more says nothing."""
 _BAND = "#BBD9EC"
 _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N", ("theta", "theta"): "rad/(N m)"}
 
@@ -144,6 +148,8 @@ def _ratio(
     set_up(axes, "", "frequency (Hz)", what)
     most = 0.5
     if band is not None:
+        # Where a parameter that matters is not determined the band is infinite: it fills the panel.
+        band = np.minimum(band, _OPEN)
         axes.fill_between(lines, -_DECIBEL * band, _DECIBEL * band, color=_BAND, linewidth=0)
         most = max(most, 1.5 * _DECIBEL * float(np.percentile(band, 98)))
     if log_ratio is not None:
@@ -235,7 +241,7 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
     low, high = axes.get_ylim()
     most = max(abs(low), abs(high), 0.05)
     axes.set_ylim(-most, 1.25 * most)
-    axes.margins(x=0.05)
+    axes.set_xlim(-1.2, place - 0.6)
     axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
 
 
@@ -244,26 +250,22 @@ def _parameters(axes: Axes, found: CampaignIdentification) -> None:
     set_up(axes, "How well the parameters are determined, 95 %", "factor of the value", "")
     fit = found.fit
     toleranced = bool(found.propagation.errors)
+    styles = [(_BAND, 12.0, "with tolerances")] if toleranced else []
+    styles.append((COLOURS[0], 6.0, "from the data"))
+    for colour, width, label in styles:
+        axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
     for index, (address, value) in enumerate(fit.values.items()):
-        ends = [np.array(fit.interval(address)) / value] + (
-            [np.array(found.interval(address)) / value] if toleranced else []
-        )
-        styles = ((COLOURS[0], 6.0, "from the data"), (_BAND, 12.0, "with tolerances"))
-        for (low, high), (colour, width, label) in reversed(list(zip(ends, styles, strict=False))):
+        intervals = [found.interval(address)] if toleranced else []
+        for ends, (colour, width, _) in zip([*intervals, fit.interval(address)], styles, strict=True):
+            low, high = sorted(end / value if value else float("inf") for end in ends)
             if np.isfinite(high) and low > 0.0:
-                axes.plot(
-                    [low, high],
-                    [-index, -index],
-                    color=colour,
-                    linewidth=width,
-                    solid_capstyle="butt",
-                    label=None if index else label,
-                )
-            else:
-                axes.annotate(
-                    "not determined", (1.0, -index), xytext=(8, -4), textcoords="offset points", fontsize=9, color=BAD
-                )
+                axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")
+                continue
+            text = "the interval includes zero" if np.isfinite(high) and value else "not determined"
+            axes.annotate(
+                text, (1.0, -index), xytext=(0, 9), textcoords="offset points", ha="center", fontsize=9, color=BAD
+            )
         axes.plot(1.0, -index, "|", color=INK, markersize=11)
         labels.append(f"{address}\n{value:.4g}")
     axes.set_yticks([-i for i in range(len(labels))], labels, fontsize=8 if len(labels) > 6 else 9)
@@ -271,8 +273,7 @@ def _parameters(axes: Axes, found: CampaignIdentification) -> None:
     axes.set_xscale("log")
     _factors(axes)
     axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
-    if toleranced:
-        axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+    axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
 
 def _factors(axes: Axes) -> None:
@@ -280,23 +281,21 @@ def _factors(axes: Axes) -> None:
     from matplotlib.ticker import FixedLocator, NullLocator
 
     low, high = axes.get_xlim()
-    span = max(high, 1.0 / low, 1.0 + 1e-9)
-    steps = next(
-        (
-            s
-            for s in (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
-            if 3.0 * s >= math.log(span)
-        ),
-        None,
-    )
-    if steps is None:
-        ticks = [10.0**k for k in range(-12, 13) if 1.0 / span <= 10.0**k <= span]
-        ticks = ticks if len(ticks) > 1 else [0.2, 0.5, 1.0, 2.0, 5.0]
+    span = max(high, 1.0 / low, 1.001)
+    decades = math.ceil(math.log10(span))
+    step = next((s for s in _STEPS if 4.0 * s >= span - 1.0), None)
+    if step is not None:
+        above = [1.0 + k * step for k in range(1, 5)]
+    elif decades == 1:
+        above = [2.0, 5.0, 10.0]
     else:
-        ticks = [1.0 + k * steps for k in range(-4, 5) if 1.0 + k * steps > 0.0]
+        every = -(-decades // 4)
+        above = [10.0**k for k in range(every, decades + 1, every)]
+    ticks = [*(1.0 / tick for tick in above[::-1]), 1.0, *above]
     axes.xaxis.set_major_locator(FixedLocator(ticks))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_xticks(ticks, [f"{tick:.6g}" for tick in ticks])
+    names = [f"{tick:.5g}" for tick in above]
+    axes.set_xticks(ticks, [*(f"\u00f7 {name}" for name in names[::-1]), "1", *(f"\u00d7 {name}" for name in names)])
     axes.set_xlim(1.0 / span, span)
 
 

@@ -127,7 +127,9 @@ def _draw_poles(axes: Axes, fit: ModalFit) -> None:
         axes.annotate(
             f"{fit.frequency_hz[number]:.5g} Hz\n{values[number]:.3g} %",
             (fit.frequency_hz[number], values[number]),
-            xytext=(7, 7 if number % 2 == 0 else -24),
+            # Neighbours on opposite sides: close modes are what such a fit is for.
+            xytext=(-8, 8) if number % 2 == 0 else (8, -26),
+            ha="right" if number % 2 == 0 else "left",
             textcoords="offset points",
             fontsize=8,
             color=INK,

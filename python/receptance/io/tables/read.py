@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import joined, make_frf, sampled
+from receptance.io.build import in_si, joined, make_frf, sampled
 from receptance.io.coherence import Coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.fields import thing_of
@@ -92,12 +92,17 @@ def _by_frequency(table: Table, frequency: int, options: ReadOptions) -> FRF | C
     coherence = table.of("coherence")
     if not coherence:
         raise FileFormatError(f"no column is an FRF or a coherence; expected a header such as {EXAMPLE}")
-    values = table.values[:, coherence]
+    values = np.stack([_coherence(table, index) for index in coherence], axis=1)
     if table.about is not None and own == "coherence":
         made = thing_of({"frequency_hz": lines, "values": values}, table.about, options)
         assert isinstance(made, Coherence)
         return made
     return Coherence(frequency_hz=lines, values=values[:, :, None], notes=_unread(table))
+
+
+def _coherence(table: Table, index: int) -> NDArray[np.float64]:
+    """Return a column from 0 to 1; without a unit it is taken as such, in percent it is converted."""
+    return scaled(table, index, "1") if table.columns[index].unit else table.values[:, index]
 
 
 def _unread(table: Table) -> list[str]:
@@ -116,7 +121,7 @@ def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: 
     if of_coherence:
         if set(of_coherence) != set(entries):
             raise FileFormatError("the coherence columns do not belong to the FRF columns: each needs its own")
-        coherence = table.values[:, [of_coherence[entry] for entry in entries]][:, :, None]
+        coherence = np.stack([_coherence(table, of_coherence[entry]) for entry in entries], axis=1)[:, :, None]
     notes = [*_unread(table), *dict.fromkeys(note for _, resolved in parts for note in resolved.notes)]
     return make_frf(
         frequency_hz=lines,
@@ -163,9 +168,9 @@ def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.c
         declared=declared,
         form=first.form,
         directions=None,
-        undeclared=f"column {first.name!r} says no unit: write {first.name} [m/s^2/N], say, into the header",
+        undeclared=f"column {first.name!r} says no unit, such as {first.name} [m/s^2/N]",
     )
-    return values if resolved.factor == 1.0 else values * resolved.factor, resolved
+    return in_si(values, resolved.factor), resolved
 
 
 def _own_frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:

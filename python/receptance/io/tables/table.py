@@ -61,11 +61,7 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
-    delimiter = next((sign for sign in "\t;," if sign in lines[0][1]), None)
-    if delimiter is None:
-        raise FileFormatError(
-            f"found {shown(lines[0][1])}, expected columns between commas, semicolons or tabs", line=lines[0][0]
-        )
+    delimiter = _delimiter(*lines[0])
     rows = _split(lines, delimiter)
     header, names = rows[0]
     if options.columns is not None:
@@ -96,8 +92,11 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     while columns and not columns[-1].name and all(len(row) < len(columns) or not row[-1].strip() for _, row in rows):
         # A delimiter at the end of each row.
         columns.pop()
-    roles = [column.role for column in columns]
-    if roles.count("frequency") + roles.count("time") != 1:
+    abscissae = [index for index, column in enumerate(columns) if column.role in ("frequency", "time")]
+    for index in abscissae[1:]:
+        # The first one is; f and t behind it are a force and a temperature.
+        columns[index] = replace(columns[index], role="channel")
+    if not abscissae:
         found = ", ".join(repr(column.name) for column in columns[:8])
         raise FileFormatError(
             f"the columns are {found}; expected one named frequency or time, in a header such as {EXAMPLE} or "
@@ -107,9 +106,24 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     return _numbers(columns, rows, header, delimiter, about)
 
 
+def _delimiter(line: int, text: str) -> str:
+    """Return what stands between columns: what leaves a frequency or time column whole, else what there is."""
+    there = [sign for sign in "\t;," if sign in text]
+    if not there:
+        raise FileFormatError(f"found {shown(text)}, expected columns between commas, semicolons or tabs", line=line)
+    for sign in there:
+        ((_, names),) = _split([(line, text)], sign)
+        if any(parse_column(name).role in ("frequency", "time") for name in names):
+            return sign
+    return there[0]
+
+
 def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, list[str]]]:
     rows = []
     for line, text in lines:
+        if '"' not in text:
+            rows.append((line, text.split(delimiter)))
+            continue
         try:
             fields = next(csv.reader([text], delimiter=delimiter, strict=True))
         except (csv.Error, StopIteration) as error:

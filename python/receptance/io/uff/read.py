@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import make_frf
+from receptance.io.build import in_si, make_frf, without_phase
 from receptance.io.coherence import Coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.options import ReadOptions, resolve_frf
@@ -111,10 +111,8 @@ def _entry(function: Function, options: ReadOptions) -> _Entry:
         )
     except FileFormatError as error:
         raise function.line.error(error.problem) from None
-    notes = [*function.notes, *resolved.notes]
-    if not np.iscomplexobj(function.ordinate):
-        notes.append("the values are real: without a phase this is a magnitude, or one part of the FRF")
-    values = function.ordinate if resolved.factor == 1.0 else function.ordinate * resolved.factor
+    notes = [*function.notes, *resolved.notes, *without_phase(function.ordinate)]
+    values = in_si(function.ordinate, resolved.factor)
     kind = resolved.kind
     return _Entry(function, kind.form, (kind.response, kind.excitation), values, tuple(notes))
 

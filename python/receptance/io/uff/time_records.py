@@ -53,9 +53,11 @@ def time_series(functions: Sequence[Function], notes: Sequence[str], options: Re
         if np.iscomplexobj(function.ordinate):
             raise function.line.error(f"the time record {name!r} is complex, expected real numbers")
     first = functions[0]
-    exact = remembered(first.texts).values.get("sample_rate_hz")
+    exact: float | None = remembered(first.texts).values.get("sample_rate_hz")
     try:
-        rate, start = sampled(first.abscissa, options, step=first.step)
+        # One sample has no step of its own.
+        step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
+        rate, start = sampled(first.abscissa, options, step=step)
         if exact is not None and options.sample_rate_hz is None and abs(exact / rate - 1.0) < 1e-5:
             rate = exact
         return TimeSeries(

@@ -71,7 +71,8 @@ def _records(thing: FRF | TimeSeries | Coherence, lost: list[str]) -> list[_Reco
     sides = (thing.labels or (None, None)) if isinstance(thing, (FRF, Coherence)) else (None, None)
     shape = thing.values.shape[1:]
     coordinates = (thing.responses, thing.excitations) if isinstance(thing, FRF) else (None, None)
-    points = [_points(sides[k], coordinates[k], shape[k], lost) for k in (0, 1)]
+    numbers: dict[object, int] = {}
+    points = [_points(sides[k], coordinates[k], shape[k], numbers, lost) for k in (0, 1)]
     texts = [_text(thing.label, "the label", lost), "", "", "", ""]
     if isinstance(thing, Coherence):
         pairs = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
@@ -153,18 +154,25 @@ def _channel(name: str, lost: list[str]) -> tuple[Point, str]:
 
 
 def _points(
-    labels: Sequence[str] | None, coordinates: Sequence[Coordinate] | None, count: int, lost: list[str]
+    labels: Sequence[str] | None,
+    coordinates: Sequence[Coordinate] | None,
+    count: int,
+    numbers: dict[object, int],
+    lost: list[str],
 ) -> list[Point]:
-    """Return a point for each response or excitation, all different."""
+    """Return a point for each response or excitation, all different; the same place has the same node on both sides."""
     points: list[Point] = []
     for index in range(count):
-        place = coordinates[index] if coordinates is not None else None
-        rotation = place is not None and place.direction == "theta"
+        place = coordinates[index] if coordinates is not None else Unplaced()
+        rotation = place.direction == "theta"
         point = _named_point(labels[index]) if labels is not None else None
         if point is None or point in points or (point.direction and rotation != (abs(point.direction) > 3)):
             if labels is not None:
                 lost.append("labels that are not like '22:+3' or at most 10 characters")
-            point = Point("", index + 1, 6 if rotation else 2)
+            key: object = object() if isinstance(place, Unplaced) else (place.part, place.position)
+            point = Point("", numbers.setdefault(key, len(numbers) + 1), 6 if rotation else 2)
+            if point in points:
+                point = Point("", numbers.setdefault(object(), len(numbers) + 1), point.direction)
         points.append(point)
     return points
 
