@@ -104,7 +104,10 @@ def test_a_stiff_joint_has_only_a_lower_bound():
 def test_one_mode_ties_the_two_stiffnesses():
     frequency = assembled().natural_frequencies(5e3)[:1]
     mode = MeasuredFrequencies(assembly=assembled(), frequency_hz=frequency, standard_deviation_hz=5.0)
-    found = identify(mode, STIFFNESSES, starts=4)
+    with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
+        identify(mode, STIFFNESSES)
+    # The same mode seen twice is no second mode.
+    found = identify([mode, mode], STIFFNESSES, starts=4)
     profiles = found.profiles()
     assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
     assert profiles["joint.k_y"].upper_open
@@ -125,12 +128,14 @@ def test_a_flat_receptance_says_nothing_of_the_joint():
         assert not profile.statement.startswith("determined")
 
 
-def test_more_errors_than_data_still_end_in_words():
+def test_more_parameters_than_information_is_said():
+    tolerances = [BLANK, Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)]
     modes = MeasuredFrequencies(
         assembly=assembled(), frequency_hz=assembled().natural_frequencies(9e3)[:1], standard_deviation_hz=5.0
     )
-    tolerances = [BLANK, Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)]
-    found = identify(modes, STIFFNESSES, tolerances=tolerances, starts=2)
+    with pytest.raises(ValueError, match="4 unknowns but only 3 observed"):
+        identify(modes, STIFFNESSES, tolerances=tolerances)
+    found = identify([modes, modes], STIFFNESSES, tolerances=tolerances, starts=2)
     assert not any(p.statement.startswith("determined") for p in found.profiles().values())
 
 

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from receptance.beams import Part, Segment
 from receptance.campaign.addresses import SPRING_FIELDS, parse_position, value_at
+from receptance.campaign.conditions import parse_condition
+from receptance.campaign.deviations import parse_share
 from receptance.campaign.workshop import Workshop
+from receptance.identification.laws import Law, Power
 from receptance.identification.unknowns import Unknown
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import STEEL, Material
@@ -91,7 +94,36 @@ def _unknown(address: str, table: UnknownTable, campaign: CampaignTable, worksho
                 f"has bounds without the {start:g} that the joint is given, expected wider bounds or another start",
             )
             return None
-    return workshop.make(path, Unknown, address=address, lower=lower, upper=upper, start=start, scale=table.scale)
+    given = {"address": address, "lower": lower, "upper": upper, "start": start, "scale": table.scale}
+    if table.power_of is None and not table.free and table.individual is None:
+        if table.reference is not None or table.exponent is not None:
+            workshop.problems.add(path, "has a reference or an exponent, but no `power_of`")
+            return None
+        return workshop.make(path, Unknown, **given)
+    return _law(path, table, given, workshop)
+
+
+def _law(path: Path, table: UnknownTable, given: dict[str, Any], workshop: Workshop) -> Law | None:
+    powers: tuple[Power, ...] = ()
+    if table.power_of is not None:
+        if table.reference is None:
+            workshop.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
+            return None
+        reference = workshop.make((*path, "reference"), parse_condition, table.reference)
+        if reference is None:
+            return None
+        lower, upper = table.exponent or (-4.0, 4.0)
+        power = workshop.make(path, Power, of=table.power_of, reference=reference.value, lower=lower, upper=upper)
+        if power is None:
+            return None
+        powers = (power,)
+    individual = 0.0
+    if table.individual is not None:
+        share = workshop.make((*path, "individual"), parse_share, table.individual, 'a percentage such as "5 %"')
+        if share is None:
+            return None
+        individual = share
+    return workshop.make(path, Law, **given, powers=powers, free=table.free, individual=individual)
 
 
 def _given(address: str, campaign: CampaignTable) -> float | None:

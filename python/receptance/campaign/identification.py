@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from receptance.campaign.deviations import parse_share
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation
+from receptance.campaign.propagation import Propagation, tolerances_of
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import covered
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.measurement_models import SettingsTable
+    from receptance.campaign.observations import Measurement
+    from receptance.identification.laws import Tolerance
+    from receptance.identification.profiles import Profile
 
 __all__ = ["CampaignIdentification", "identify_campaign"]
 
@@ -44,6 +47,8 @@ class CampaignIdentification:
         What a person should know, of the campaign and of the fit.
     versions : dict of str to str
         What is needed to do it again.
+    profiles : dict of str to Profile
+        What the data say about each parameter; empty where that was not asked for.
     """
 
     campaign: Campaign
@@ -51,6 +56,7 @@ class CampaignIdentification:
     propagation: Propagation
     notes: tuple[str, ...]
     versions: dict[str, str]
+    profiles: dict[str, Profile] = field(default_factory=dict)
 
     @property
     def measurements(self) -> tuple[str, ...]:
@@ -97,6 +103,22 @@ class CampaignIdentification:
                         "interval_95_with_tolerances": self.interval(address),
                     }
                     for address, value in fit.values.items()
+                    if address not in fit.errors
+                },
+                "errors": {
+                    name: {"value": fit.values[name], "standard_error": fit.standard_errors[name]}
+                    for name in fit.errors
+                },
+                "profiles": {
+                    name: {
+                        "statement": one.statement,
+                        "level": one.level,
+                        "interval": (one.lower, one.upper),
+                        "open": (one.lower_open, one.upper_open),
+                        "values": one.values,
+                        "rise": one.rise,
+                    }
+                    for name, one in self.profiles.items()
                 },
                 "correlation": {"parameters": fit.addresses, "matrix": fit.correlation},
                 "covariance_of_fitted_variables": fit.covariance,
@@ -166,11 +188,14 @@ def identify_campaign(
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
             threads=threads,
+            tolerances=_tolerances(seen) if settings.tolerances == "fit" else (),
+            strategy=settings.strategy,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
+    fitted = settings.tolerances == "fit"
     say("propagating the tolerances")
-    effects = [measured.effects for measured in seen.values()]
+    effects = [{} if fitted else measured.effects for measured in seen.values()]
     propagation = Propagation(fit, observations, effects, width)
     notes = [
         *campaign.notes,
@@ -185,9 +210,24 @@ def identify_campaign(
             "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "
             "percentage objective only resembles"
         )
+    if fitted and fit.errors:
+        notes.append(f"{len(fit.errors)} errors of dimensions and materials are fitted, their tolerances are priors")
+    profiles = {}
+    if settings.profiles and fit.known_scatter and settings.objective == "log" and not any(effects):
+        profiles = fit.profiles(progress=say)
     return CampaignIdentification(
-        campaign=campaign, fit=fit, propagation=propagation, notes=tuple(notes), versions=versions()
+        campaign=campaign,
+        fit=fit,
+        propagation=propagation,
+        notes=tuple(notes),
+        versions=versions(),
+        profiles=profiles,
     )
+
+
+def _tolerances(seen: Mapping[str, Measurement]) -> list[Tolerance]:
+    """Return the errors of all measurements; what has the same name is one error."""
+    return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
 
 
 def _on_damping(fit: Identification) -> list[str]:

@@ -77,14 +77,14 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
     table, workshop, built = _described(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
     of_sensors = {name: sensor_effects(name, table, built) for name in built.sensors}
+    conditions = _conditions(table, workshop)
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         if progress is not None:
             progress(f"reading {name}")
-        measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop)
+        measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop, conditions)
         if measured is not None:
             measurements[name] = measured
-    conditions = _conditions(table, workshop)
     places = _places(table, built, workshop)
     _check_weights(measurements, table, problems)
     if problems.found:

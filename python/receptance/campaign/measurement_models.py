@@ -178,7 +178,7 @@ MeasurementTable = Annotated[
 
 
 class UnknownTable(Table):
-    """A parameter to identify; shared by all assemblies that have it."""
+    """A parameter to identify; shared by all assemblies that have it, unless it says how it goes across them."""
 
     lower: Written
     """lower bound, a quantity of the parameter's kind"""
@@ -188,6 +188,16 @@ class UnknownTable(Table):
     """where the first fit starts; by default the joint's value, else the middle of the bounds"""
     scale: Literal["log", "linear"] | None = None
     """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
+    power_of: str | None = None
+    """name of a condition, or an address: the parameter is a power of it across assemblies"""
+    reference: Written | None = None
+    """value of that condition at which the parameter has the value that is identified, such as `"135 N m"`"""
+    exponent: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    """bounds of the exponent, by default `[-4, 4]`"""
+    free: bool = False
+    """a value for each assembly instead of one for all"""
+    individual: str | None = None
+    """standard deviation of the part that every assembly has of its own, such as `"5 %"`"""
 
 
 class SettingsTable(Table):
@@ -201,6 +211,13 @@ class SettingsTable(Table):
     """seed of the starts that are drawn"""
     max_evaluations: Annotated[int, Field(ge=1)] = 200
     """most evaluations from one start"""
+    strategy: Literal["direct", "staged"] = "direct"
+    """whether starts go straight into the fit, or are led to it by way of easier ones, from decades off"""
+    tolerances: Literal["propagate", "fit"] = "propagate"
+    """whether errors of dimensions and materials widen the intervals of a fit that takes them as exact, or are fitted
+    as well, with the tolerances as what is known of them"""
+    profiles: bool = True
+    """whether intervals are found by profile likelihoods too; not where tolerances are propagated"""
     band_width: str = "5 %"
     """with the percentage objective, how far a band reaches to either side of its peak"""
 

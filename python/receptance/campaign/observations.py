@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -170,10 +171,11 @@ def build_measurement(
     effects: tuple[dict[str, Effects], dict[str, Effects]],
     folder: FilePath,
     workshop: Workshop,
+    of_assemblies: Mapping[str, Mapping[str, Condition]],
 ) -> Measurement | None:
     """Return a measurement with its data read, or None after its mistakes are added.
 
-    `effects` are the errors of assemblies and of sensors by their names.
+    `effects` are the errors of assemblies and of sensors by their names, `of_assemblies` the conditions of these.
     """
     table = campaign.measurements[name]
     before = len(workshop.notes)
@@ -184,6 +186,9 @@ def build_measurement(
     }
     if observation is None:
         return None
+    known = {key: value for key, value in conditions.items() if value is not None}
+    described = {key: one.value for key, one in {**of_assemblies.get(table.assembly, {}), **known}.items()}
+    observation = observation.configured(table.assembly, described)
     own = dict(effects[0].get(table.assembly, {}))
     if table.sensor is not None:
         for error, moved in effects[1].get(table.sensor, {}).items():
@@ -195,7 +200,7 @@ def build_measurement(
         observation=observation,
         sensor=table.sensor,
         files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-        conditions={key: value for key, value in conditions.items() if value is not None},
+        conditions=known,
         effects=own,
         notes=tuple(workshop.notes[before:]),
     )

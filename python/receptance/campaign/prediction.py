@@ -11,7 +11,7 @@ import numpy as np
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF, match_peaks
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation
+from receptance.campaign.propagation import Propagation, Where, tolerances_of
 from receptance.identification import MeasuredFRF
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import covered
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.observations import Measurement
+    from receptance.campaign.tolerances import Effects
 
 __all__ = ["CampaignPrediction", "predict_campaign"]
 
@@ -132,15 +133,18 @@ def predict_campaign(
     frfs: list[PredictedFRF] = []
     for name, measured in held_out.items():
         say(f"predicting {name}")
-        assembly = _applied(identified, measured.observation.assembly, name, notes)
+        seen = measured.observation
+        at = Where(seen.configuration, seen.conditions)
+        assembly = _applied(identified, seen.assembly, name, notes, measured.effects, at)
         if isinstance(measured.observation, MeasuredFRF):
-            frfs.append(_held_out_frf(name, measured, assembly, propagation))
+            frfs.append(_held_out_frf(name, measured, assembly, propagation, at))
         else:
-            frequencies.append(_held_out_frequencies(name, measured, assembly, propagation))
+            frequencies.append(_held_out_frequencies(name, measured, assembly, propagation, at))
     for name, assembly in unmeasured.items():
         say(f"predicting {name}")
-        assembly = _applied(identified, assembly, name, notes)
-        found = _unmeasured(name, campaign, assembly, propagation, notes)
+        at = Where(name, {key: one.value for key, one in campaign.conditions.get(name, {}).items()})
+        assembly = _applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
+        found = _unmeasured(name, campaign, assembly, propagation, notes, at)
         frequencies += [found[0]] if found[0] is not None else []
         frfs.append(found[1])
     wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
@@ -160,18 +164,30 @@ def predict_campaign(
     )
 
 
-def _applied(identified: CampaignIdentification | None, assembly: Assembly, name: str, notes: list[str]) -> Assembly:
+def _applied(
+    identified: CampaignIdentification | None,
+    assembly: Assembly,
+    name: str,
+    notes: list[str],
+    effects: Effects,
+    at: Where,
+) -> Assembly:
     """Return the assembly with the identified values of the parameters that it has."""
     if identified is None:
         return assembly
     fit = identified.fit
-    if any(covered(address, assembly) for address in fit.addresses):
-        assembly = fit.apply(assembly)
+    wanted = {unknown.address for unknown in fit.task.parameters.wanted}
+    tolerances = tolerances_of(effects)
+    if any(covered(address, assembly) for address in wanted):
+        try:
+            assembly = fit.apply(
+                assembly, configuration=at.configuration, conditions=at.conditions, tolerances=tolerances
+            )
+        except ValueError as error:
+            raise CampaignError.about(identified.campaign.file, f"{name} cannot be predicted: {error}") from None
     else:
         notes.append(f"{name}: none of the identified parameters is in it")
-    rest = [
-        u.address for u in identified.campaign.unknowns if u.address not in fit.values and covered(u.address, assembly)
-    ]
+    rest = [u.address for u in identified.campaign.unknowns if u.address not in wanted and covered(u.address, assembly)]
     if rest:
         notes.append(
             f"{name}: {', '.join(rest)} {'was' if len(rest) == 1 else 'were'} not identified and stays at its start"
@@ -180,11 +196,11 @@ def _applied(identified: CampaignIdentification | None, assembly: Assembly, name
 
 
 def _held_out_frequencies(
-    name: str, measured: Measurement, assembly: Assembly, propagation: Propagation
+    name: str, measured: Measurement, assembly: Assembly, propagation: Propagation, at: Where
 ) -> PredictedFrequencies:
     seen = measured.observation
     assert not isinstance(seen, MeasuredFRF)
-    found, scatter = propagation.frequencies(assembly, seen.modes, float(seen.frequency_hz[-1]), measured.effects)
+    found, scatter = propagation.frequencies(assembly, seen.modes, float(seen.frequency_hz[-1]), measured.effects, at)
     return PredictedFrequencies(
         name=name,
         assembly=measured.assembly,
@@ -196,14 +212,16 @@ def _held_out_frequencies(
     )
 
 
-def _held_out_frf(name: str, measured: Measurement, assembly: Assembly, propagation: Propagation) -> PredictedFRF:
+def _held_out_frf(
+    name: str, measured: Measurement, assembly: Assembly, propagation: Propagation, at: Where
+) -> PredictedFRF:
     seen = measured.observation
     assert isinstance(seen, MeasuredFRF)
     found, real, imaginary = propagation.receptance(
-        assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects
+        assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects, at
     )
     peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
-    deviations = _peak_deviations(peaks, assembly, propagation, measured)
+    deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
     return PredictedFRF(
         name=name,
         assembly=measured.assembly,
@@ -220,7 +238,7 @@ def _held_out_frf(name: str, measured: Measurement, assembly: Assembly, propagat
 
 
 def _peak_deviations(
-    peaks: list[Peak], assembly: Assembly, propagation: Propagation, measured: Measurement
+    peaks: list[Peak], assembly: Assembly, propagation: Propagation, measured: Measurement, at: Where
 ) -> list[float | None]:
     """Return the standard deviations of predicted peaks, from the nearest natural frequency of the assembly."""
     places = [peak.predicted_hz for peak in peaks if peak.predicted_hz is not None]
@@ -229,14 +247,15 @@ def _peak_deviations(
     modes = assembly.natural_frequencies(1.1 * max(places))
     if not modes.size:
         return [None] * len(peaks)
-    _, scatter = propagation.frequencies(assembly, tuple(range(1, modes.size + 1)), float(modes[-1]), measured.effects)
+    numbers = tuple(range(1, modes.size + 1))
+    _, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), measured.effects, at)
     return [
         None if p.predicted_hz is None else float(scatter.total[np.abs(modes - p.predicted_hz).argmin()]) for p in peaks
     ]
 
 
 def _unmeasured(
-    name: str, campaign: Campaign, assembly: Assembly, propagation: Propagation, notes: list[str]
+    name: str, campaign: Campaign, assembly: Assembly, propagation: Propagation, notes: list[str], at: Where
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
     effects = campaign.effects.get(name, {})
     lines = _lines(campaign, assembly)
@@ -244,12 +263,12 @@ def _unmeasured(
     frequencies = None
     if modes.size:
         numbers = tuple(range(1, modes.size + 1))
-        found, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), effects)
+        found, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), effects, at)
         frequencies = PredictedFrequencies(name=name, assembly=name, modes=numbers, predicted_hz=found, scatter=scatter)
     else:
         notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
     places = campaign.places[name]
-    receptance, real, imaginary = propagation.receptance(assembly, lines, places[0], places[1], effects)
+    receptance, real, imaginary = propagation.receptance(assembly, lines, places[0], places[1], effects, at)
     return frequencies, PredictedFRF(
         name=name,
         assembly=name,

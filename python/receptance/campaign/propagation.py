@@ -4,19 +4,23 @@ A fit that takes dimensions as exact answers an error t of a dimension by moving
 |J dx + J_t t|^2, so dx = -(J^T J)^-1 J^T J_t t = S t, where J and J_t are the derivatives of the weighted residuals. A
 prediction y then errs by dy/dx (e + S t) + dy/dt t, where e has the covariance of the fit. What an error does through
 the joint and what it does directly may cancel, as it does where the predicted assembly is like the measured one.
+
+Errors that were fitted are unknowns like others: their part comes with the covariance of the fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.identification import MeasuredFRF, find_bands
 from receptance.identification.bands import within
-from receptance.identification.unknowns import Variables, covered
+from receptance.identification.laws import Tolerance
+from receptance.identification.mapping import Place
+from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +30,7 @@ if TYPE_CHECKING:
     from receptance.coordinates import Coordinate
     from receptance.identification import Identification, MeasuredFrequencies
 
-__all__ = ["Propagation", "Scatter", "frequency_slopes", "frf_slopes"]
+__all__ = ["NOWHERE", "Propagation", "Scatter", "Where", "frequency_slopes", "frf_slopes", "tolerances_of"]
 
 _GROWTH = 1.5
 
@@ -55,6 +59,32 @@ class Scatter:
     def total(self) -> NDArray[np.float64]:
         """From both."""
         return np.hypot(self.fit, self.tolerances)
+
+
+@dataclass(frozen=True)
+class Where:
+    """The configuration and conditions of what is predicted, for laws."""
+
+    configuration: str = ""
+    conditions: Mapping[str, float] = field(default_factory=dict)
+
+
+NOWHERE = Where()
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """How the parameters of an assembly move with the fitted variables `(m, p)` and with unfitted errors `(m, q)`."""
+
+    addresses: tuple[str, ...]
+    variables: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    fresh: list[str]
+
+
+def tolerances_of(effects: Effects, labels: str | None = None) -> list[Tolerance]:
+    """Return the errors of an assembly as tolerances, perhaps of one observation alone."""
+    return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in effects.items()]
 
 
 class Propagation:
@@ -99,17 +129,17 @@ class Propagation:
         if self.fit is None or self.variables is None:
             return {}
         variance = np.diag(self.fit.covariance) + np.sum(self.reaction**2, axis=1)
-        values = np.array([self.fit.values[address] for address in self.variables.addresses])
+        values = np.array([self.fit.values[name] for name in self.variables.names])
         errors = np.sqrt(variance) * self.variables.slopes(values)
-        return dict(zip(self.variables.addresses, errors.tolist(), strict=True))
+        return dict(zip(self.variables.names, errors.tolist(), strict=True))
 
     def frequencies(
-        self, assembly: Assembly, modes: Sequence[int], near_hz: float, effects: Effects
+        self, assembly: Assembly, modes: Sequence[int], near_hz: float, effects: Effects, at: Where = NOWHERE
     ) -> tuple[NDArray[np.float64], Scatter]:
         """Return natural frequencies of an assembly with the identified values, in Hz, and their scatter."""
-        addresses = self._addresses(assembly, effects)
-        found, slope = frequency_slopes(assembly, modes, near_hz, addresses)
-        return found, self._scatter(slope, addresses, assembly, effects)
+        placed = self._placed(assembly, effects, at)
+        found, slope = frequency_slopes(assembly, modes, near_hz, placed.addresses)
+        return found, self._scatter(slope, placed)
 
     def receptance(
         self,
@@ -118,43 +148,41 @@ class Propagation:
         response: Coordinate,
         excitation: Coordinate,
         effects: Effects,
+        at: Where = NOWHERE,
     ) -> tuple[NDArray[np.complex128], Scatter, Scatter]:
         """Return a receptance and the scatter of the real and of the imaginary part of its logarithm."""
-        addresses = self._addresses(assembly, effects)
-        found, slope = frf_slopes(assembly, frequency_hz, response, excitation, addresses)
-        real, imaginary = (self._scatter(part, addresses, assembly, effects) for part in (slope.real, slope.imag))
+        placed = self._placed(assembly, effects, at)
+        found, slope = frf_slopes(assembly, frequency_hz, response, excitation, placed.addresses)
+        real, imaginary = (self._scatter(part, placed) for part in (slope.real, slope.imag))
         return found, real, imaginary
 
-    def _addresses(self, assembly: Assembly, effects: Effects) -> list[str]:
-        own = [] if self.variables is None else [a for a in self.variables.addresses if covered(a, assembly)]
-        return list(dict.fromkeys([*own, *(address for moved in effects.values() for address in moved)]))
-
-    def _scatter(
-        self, slope: NDArray[np.float64], addresses: Sequence[str], assembly: Assembly, effects: Effects
-    ) -> Scatter:
-        direct = _moved(slope, addresses, effects)
-        nothing = np.zeros(len(slope))
+    def _placed(self, assembly: Assembly, effects: Effects, at: Where) -> _Moved:
+        """Return how parameters of an assembly move with the unknowns, and with errors that the fit does not know."""
+        tolerances = tolerances_of(effects)
         if self.fit is None or self.variables is None:
+            addresses = tuple(dict.fromkeys(address for moved in effects.values() for address in moved))
+            direct = [[moved.get(address, 0.0) for moved in effects.values()] for address in addresses]
+            width = len(effects)
+            return _Moved(addresses, np.zeros((len(addresses), 0)), np.reshape(direct, (-1, width)), list(effects))
+        fresh: list[str] = []
+        place = Place(assembly, at.configuration, "", at.conditions)
+        placed = self.fit.task.parameters.at(place, tolerances, fresh)
+        values = np.array([self.fit.values[name] for name in self.variables.names])
+        slope = placed.jacobian(np.append(values, np.zeros(len(fresh))))
+        own = slope[:, : values.size] * self.variables.slopes(values)
+        return _Moved(placed.addresses, own, slope[:, values.size :], fresh)
+
+    def _scatter(self, slope: NDArray[np.float64], moved: _Moved) -> Scatter:
+        direct = dict(zip(moved.fresh, (slope @ moved.errors).T, strict=True))
+        nothing = np.zeros(len(slope))
+        if self.fit is None:
             return Scatter(nothing, direct)
-        to_variables = self._variable_slopes(slope, addresses, assembly)
+        to_variables = slope @ moved.variables
         through = dict(zip(self.errors, (to_variables @ self.reaction).T, strict=True))
         errors = {
             name: direct.get(name, nothing) + through.get(name, nothing) for name in dict.fromkeys([*direct, *through])
         }
         return Scatter(_spread(to_variables, self.fit.covariance), errors)
-
-    def _variable_slopes(
-        self, slope: NDArray[np.float64], addresses: Sequence[str], assembly: Assembly
-    ) -> NDArray[np.float64]:
-        """Return the derivative with respect to the fitted variables, `(n, p)`."""
-        assert self.fit is not None
-        assert self.variables is not None
-        values = np.array([self.fit.values[address] for address in self.variables.addresses])
-        result = np.zeros((len(slope), len(values)))
-        for index, address in enumerate(self.variables.addresses):
-            if covered(address, assembly):
-                result[:, index] = slope[:, addresses.index(address)]
-        return result * self.variables.slopes(values)
 
     def _rows(
         self,
@@ -165,7 +193,8 @@ class Propagation:
         band_width_percent: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the weighted residuals' derivatives: to the fitted variables, and for one deviation of each error."""
-        addresses = self._addresses(assembly, effects)
+        placed = self._placed(assembly, effects, Where(observation.configuration, observation.conditions))
+        addresses = placed.addresses
         if isinstance(observation, MeasuredFRF):
             slope = _weighted_frf(observation, assembly, unit, addresses, band_width_percent)
         else:
@@ -174,9 +203,9 @@ class Propagation:
             known = unit == "standard deviations" and spread is not None
             slope = slope / (spread if known and spread is not None else observation.frequency_hz)[:, None]
             slope = slope * (100.0 if unit == "percent" else 1.0)
-        moved = _moved(slope, addresses, effects)
-        columns = [moved.get(name, np.zeros(len(slope))) for name in self.errors]
-        return self._variable_slopes(slope, addresses, assembly), np.stack(columns, axis=1)
+        direct = dict(zip(placed.fresh, (slope @ placed.errors).T, strict=True))
+        columns = [direct.get(name, np.zeros(len(slope))) for name in self.errors]
+        return slope @ placed.variables, np.stack(columns, axis=1)
 
 
 def frequency_slopes(
@@ -217,17 +246,6 @@ def _weighted_frf(
     if unit == "standard deviations" and frf.standard_deviation is not None:
         slope = slope / frf.standard_deviation[:, None]
     return np.vstack([slope.real, slope.imag])
-
-
-def _moved(
-    slope: NDArray[np.float64], addresses: Sequence[str], effects: Mapping[str, Mapping[str, float]]
-) -> dict[str, NDArray[np.float64]]:
-    """Return the change for one standard deviation of each error, `(n,)` each."""
-    column = {address: index for index, address in enumerate(addresses)}
-    return {
-        name: sum((slope[:, column[address]] * size for address, size in moved.items()), np.zeros(len(slope)))
-        for name, moved in effects.items()
-    }
 
 
 def _spread(slope: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -100,6 +100,8 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     toleranced = bool(found.propagation.errors)
     rows = []
     for address, value in fit.values.items():
+        if address in fit.errors:
+            continue
         low, high = found.interval(address)
         cells = [address, _number(value, 5), _number(fit.standard_errors[address], 2)]
         cells += [_number(together[address], 2)] if toleranced else []
@@ -108,6 +110,12 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     if toleranced:
         columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
     yield table("Identified, SI units", columns, rows)
+    if found.profiles:
+        rows = [[name, _ends(one.lower, one.upper), one.statement] for name, one in found.profiles.items()]
+        yield table("What the data say", ("<parameter", "95 % profile interval", "<that is"), rows)
+    if fit.errors:
+        rows = [[name, f"{fit.values[name]:+.2f}", f"{fit.standard_errors[name]:.2f}"] for name in fit.errors]
+        yield table("Errors, in their standard deviations", ("<error", "found", "standard error"), rows)
     yield Text(f"{fit.summary().splitlines()[0]}\n")
     left = [
         (name, str(residual.size), _rms(residual), unit)
@@ -122,6 +130,13 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     ]
     if tied:
         yield Text(f"Correlated beyond {_TIED:g}: {'; '.join(tied)}\n")
+
+
+def _ends(lower: float, upper: float) -> str:
+    """Return an interval as text, open sides in words."""
+    if np.isinf(upper):
+        return "open" if lower in (0.0, -np.inf) else f"{lower:.4g} on"
+    return f"up to {upper:.4g}" if lower in (0.0, -np.inf) else f"{lower:.4g} to {upper:.4g}"
 
 
 def _verdict(found: CampaignPrediction) -> str:

@@ -102,8 +102,8 @@ def identify(
     Raises
     ------
     TypeError, ValueError
-        Unusable observations, unknowns or settings; more unknowns than observed numbers, where standard deviations
-        are not known; standard deviations for some observations and not for others, or for none where there are
+        Unusable observations, unknowns or settings; more unknowns than observed numbers and priors;
+        standard deviations for some observations and not for others, or for none where there are
         priors or tolerances.
     ReceptanceError
         The model has no value at any of the starts.
@@ -148,7 +148,7 @@ def identify(
         )
     task = Task(observed, parameters, tuple(units), chosen, band_width_percent, threads)
     variables, problem = task.variables, task.problem()
-    if problem.size < len(variables.unknowns) and not known:
+    if problem.size < len(variables.unknowns):
         raise ValueError(
             f"there are {len(variables.unknowns)} unknowns but only {problem.size} observed numbers; measure more or "
             "fix some"

@@ -164,6 +164,8 @@ class Tolerance:
         Whether the standard deviations are shares: 0.01 is 1 %.
     configurations : str or sequence of str, optional
         Only observations of these configurations (or with these labels) have it; by default all that have the address.
+    labels : str or sequence of str, optional
+        Only observations with these labels have it.
 
     Raises
     ------
@@ -181,6 +183,7 @@ class Tolerance:
     moves: Mapping[str, float]
     relative: bool = False
     configurations: tuple[str, ...] | None = None
+    labels: tuple[str, ...] | str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -194,3 +197,4 @@ class Tolerance:
                 raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected something else")
         object.__setattr__(self, "moves", moves)
         object.__setattr__(self, "configurations", listed(owner, self.configurations))
+        object.__setattr__(self, "labels", listed(owner, self.labels))

@@ -35,8 +35,10 @@ class Place:
     label: str = ""
     conditions: Mapping[str, float] = field(default_factory=dict)
 
-    def among(self, configurations: tuple[str, ...] | None) -> bool:
-        """Return whether it belongs to these configurations."""
+    def among(self, configurations: tuple[str, ...] | None, labels: tuple[str, ...] | str | None = None) -> bool:
+        """Return whether it belongs to these configurations, and has one of these labels."""
+        if labels is not None and self.label not in labels:
+            return False
         return configurations is None or self.configuration in configurations or self.label in configurations
 
     def condition(self, name: str, owner: str) -> float:
@@ -206,7 +208,7 @@ class Parameters:
                             )
                 bases[address] = index[name]
         for tolerance in self.tolerances if tolerances is None else tolerances:
-            if not place.among(tolerance.configurations):
+            if not place.among(tolerance.configurations, tolerance.labels):
                 continue
             for pattern, deviation in tolerance.moves.items():
                 for address in sorted(covered(pattern, place.assembly)):
@@ -240,15 +242,20 @@ class Parameters:
                         raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} are both {name!r}")
                     owner[name] = unknown.name
         known = dict.fromkeys(name for place in places for name in place.assembly.parameters)
-        rows: list[tuple[str, tuple[str, ...], tuple[str, ...] | None]] = [
-            (f"Unknown {one.address!r}", (one.address,), one.configurations) for one in self.wanted
+        Names = tuple[str, ...] | None
+        rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
+            (f"Unknown {one.address!r}", (one.address,), one.configurations, None) for one in self.wanted
         ]
-        rows += [(f"Tolerance {one.name!r}", tuple(one.moves), one.configurations) for one in self.tolerances]
-        for title, addresses, configurations in rows:
-            there = [place for place in places if place.among(configurations)]
+        rows += [
+            (f"Tolerance {one.name!r}", tuple(one.moves), one.configurations, one.labels) for one in self.tolerances
+        ]
+        for title, addresses, configurations, labels in rows:
+            there = [place for place in places if place.among(configurations, labels)]
             if not there:
                 names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in places))
-                raise ValueError(f"{title}: no observation is of {', '.join(configurations or ())}; there are {names}")
+                raise ValueError(
+                    f"{title}: no observation is of {', '.join(labels or configurations or ())}; there are {names}"
+                )
             for address in addresses:
                 if not _has(address, there):
                     first = address.split(".", 1)[0] + "."

@@ -20,6 +20,8 @@ __all__ = ["Found", "minimise"]
 
 _FIRST = 1e-4
 """Damping of the first step, as a share of the curvature: a warm start is nearly right."""
+_WHOLE = 1e-2
+"""Damping up to which a step counts as undamped."""
 _MOST_DAMPED = 1e12
 _ROUNDING = 1e-13
 """A relative decrease of the cost that could be rounding."""
@@ -64,7 +66,7 @@ def minimise(
     x = np.clip(x, low, high)
     cost, gradient, normal = _at(problem, x)
     damping, growth = _FIRST, 2.0
-    converged = False
+    converged = tried = False
     while np.isfinite(cost) and problem.evaluations - before < most:
         own = moving & ~((x <= low) & (gradient > 0.0)) & ~((x >= high) & (gradient < 0.0))
         if not own.any():
@@ -75,12 +77,13 @@ def minimise(
         step = trial - x
         promised = -float(gradient @ step + 0.5 * step @ normal @ step)
         if promised <= max(least, _ROUNDING * cost):
-            # A damped or cut step promises little of its own; only a whole one says that there is nothing left.
-            if damping > _MOST_DAMPED or (damping <= 1e-2 and promised >= 0.0):
-                converged = damping <= 1e-2
+            # A damped step promises little of its own; only a whole one says that there is nothing left.
+            if damping <= _WHOLE or tried:
+                converged = promised >= 0.0
                 break
-            damping = damping * 10.0 if promised < 0.0 else max(damping / 10.0, _FIRST)
+            tried, damping = True, _FIRST
             continue
+        tried = False
         there, slope, curvature = _at(problem, trial)
         gain = (cost - there) / promised if np.isfinite(there) else -1.0
         if gain > 1e-4:

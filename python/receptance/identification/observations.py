@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from receptance.identification.floor import Floor
 
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
+
+_Kind = TypeVar("_Kind", "MeasuredFRF", "MeasuredFrequencies")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -157,6 +160,10 @@ class MeasuredFRF:
             configuration=str(configuration or label),
             conditions=_conditions(owner, conditions),
         )
+
+    def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFRF:
+        """Return the same measurement, said to be of a configuration under conditions."""
+        return _configured(self, configuration, conditions)
 
     @property
     def independent_lines(self) -> float:
@@ -302,6 +309,10 @@ class MeasuredFrequencies:
             conditions=_conditions(owner, conditions),
         )
 
+    def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFrequencies:
+        """Return the same measurement, said to be of a configuration under conditions."""
+        return _configured(self, configuration, conditions)
+
     def __repr__(self) -> str:
         found = ", ".join(f"mode {n}: {f:g} Hz" for n, f in zip(self.modes, self.frequency_hz, strict=True))
         return f"MeasuredFrequencies({self.label!r}, {found})"
@@ -325,6 +336,12 @@ def _set(target: Any, **fields: Any) -> None:
 
 def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
     return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
+
+
+def _configured(target: _Kind, configuration: str, conditions: Mapping[str, float]) -> _Kind:
+    changed = copy.copy(target)
+    _set(changed, configuration=configuration, conditions=_conditions(repr(target), conditions))
+    return changed
 
 
 def _numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:

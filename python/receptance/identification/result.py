@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
+    from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
     from receptance.identification.task import Task
 
@@ -231,7 +232,12 @@ class Identification:
         return profile_likelihoods(self, names, level=level, progress=progress)
 
     def apply(
-        self, assembly: Assembly, *, configuration: str = "", conditions: Mapping[str, float] | None = None
+        self,
+        assembly: Assembly,
+        *,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
+        tolerances: Sequence[Tolerance] | None = None,
     ) -> Assembly:
         """Return another assembly with the identified values of the parameters that it has.
 
@@ -243,6 +249,8 @@ class Identification:
             Its configuration, which the errors and laws of the fit may know.
         conditions : mapping of str to float, optional
             Numbers that describe it, in SI units, for laws.
+        tolerances : sequence of Tolerance, optional
+            Its errors; by default those of the fit. One that the fit does not know is zero.
 
         Raises
         ------
@@ -250,7 +258,8 @@ class Identification:
             The assembly has none of the identified parameters, or a law cannot say what holds for it.
         """
         fresh: list[str] = []
-        placed = self.task.parameters.at(Place(assembly, configuration, "", conditions or {}), fresh=fresh)
+        place = Place(assembly, configuration, "", conditions or {})
+        placed = self.task.parameters.at(place, tolerances, fresh)
         if not placed.addresses:
             raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
         return placed.apply(assembly, np.append(self._vector(), np.zeros(len(fresh))))

@@ -255,7 +255,8 @@ def _parameters(axes: Axes, found: CampaignIdentification) -> None:
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
-    for index, (address, value) in enumerate(fit.values.items()):
+    for index, address in enumerate(name for name in fit.values if name not in fit.errors):
+        value = fit.values[address]
         intervals = [found.interval(address)] if toleranced else []
         for ends, (colour, width, _) in zip([*intervals, fit.interval(address)], styles, strict=True):
             low, high = sorted(end / value if value else float("inf") for end in ends)
