@@ -203,3 +203,16 @@ def test_statements(interval, scale, words):
 
 def test_statements_of_ties():
     assert "tied to joint.k_y" in state(1.0, 0.1, 4.0, 0.95, name="x", scale="log", tie=Tie("joint.k_y", 30.0))
+
+
+def test_the_figure_shows_every_profile():
+    from receptance.plot.profiles import draw_profiles
+
+    found = identify(measured(assembled(k_y=5e10), sd=0.2), STIFFNESSES, tolerances=BLANK, starts=3)
+    profiles = found.profiles()
+    assert profiles["joint.k_y"].upper_open  # at the bound the rise is just below the threshold
+    figure = draw_profiles(profiles, "a stiff joint")
+    assert [axes.get_title(loc="left").splitlines()[0] for axes in figure.axes] == list(profiles)
+    assert figure.axes[0].get_xscale() == "log"
+    with pytest.raises(ValueError, match="profiles is empty"):
+        draw_profiles({})

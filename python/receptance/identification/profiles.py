@@ -238,12 +238,13 @@ class _Run:
             rise = 2.0 * (fit.cost - self.best.cost) / self.scatter if self.scatter > 0.0 else np.inf
             z = float(np.sqrt(max(rise, 0.0)))
             points.append((fit.x, max(rise, 0.0)))
-            if abs(z - root) <= _CLOSE * root:
+            if at == bound and z < root:
+                return _Side(_ordered(points, index, side), bound, True)
+            # Just below the threshold is no end as long as nothing above it was seen: a flat side goes on from there.
+            if abs(z - root) <= _CLOSE * root and (z >= root or outside is not None):
                 return _Side(_ordered(points, index, side), float(fit.x[index]), False)
             if z < root:
                 before, inside = inside, (fit, z)
-                if outside is None and at == bound:
-                    return _Side(_ordered(points, index, side), bound, True)
                 grown = (root - z) / max(z - before[1], 1e-3 * root) * abs(at - here)
                 step = min(max(1.05 * grown, 0.2 * step), _GROWTH * max(step, abs(at - here)))
             else:

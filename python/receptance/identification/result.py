@@ -225,7 +225,7 @@ class Identification:
         ... )
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
         >>> found.profiles()
-        {'joint.k_theta': Profile(joint.k_theta: determined to 0.51 %)}
+        {'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)}
         """
         from receptance.identification.profiles import profile_likelihoods
 

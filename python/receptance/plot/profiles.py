@@ -1,0 +1,103 @@
+"""Profile likelihoods as a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import BAD, COLOURS, INK, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.identification.profiles import Profile
+
+__all__ = ["draw_profiles"]
+
+_WIDE = 20.0
+"""A range over more than this factor is drawn on a logarithmic axis."""
+_TOP = 3.0
+"""How many times the threshold the axis reaches."""
+
+
+def draw_profiles(profiles: Mapping[str, Profile], title: str = "") -> Figure:
+    """Draw the rise of -2 log L over each parameter, the threshold of the interval, and what it means.
+
+    Parameters
+    ----------
+    profiles : mapping of str to Profile
+        From `Identification.profiles`.
+    title : str, optional
+        Over the figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+
+    Raises
+    ------
+    ValueError
+        No profile.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance.plot.profiles import draw_profiles
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = MeasuredFrequencies(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
+    ... )
+    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+    >>> len(draw_profiles(found.profiles()).axes)
+    1
+    """
+    if not profiles:
+        raise ValueError("profiles is empty, expected at least one")
+    columns = min(len(profiles), 3)
+    rows = -(-len(profiles) // columns)
+    height = 3.6 * rows + (0.6 if title else 0.1)
+    figure = new_figure(5.0 * columns, height)
+    if title:
+        keep_clear(figure, 1.0 - 0.5 / height)
+        figure.text(0.5, 1.0 - 0.26 / height, title, ha="center", va="center", fontsize=14, color=INK)
+    for axes, profile in zip(np.ravel(figure.subplots(rows, columns, squeeze=False)), profiles.values(), strict=False):
+        set_up(axes, profile.name, "value, SI units", "rise of $-2\\,\\log L$")
+        axes.set_title(f"{profile.name}\n{profile.statement}", fontsize=10, loc="left", color=INK)
+        wide = bool(np.all(profile.values > 0.0) and profile.values[-1] > _WIDE * profile.values[0])
+        axes.plot(*_curve(profile, wide), color=COLOURS[0], linewidth=1.3)
+        axes.plot(profile.values, profile.rise, "o", color=COLOURS[0], markersize=3.5)
+        axes.axhline(profile.threshold, color=BAD, linewidth=1.0)
+        axes.annotate(
+            f"{100.0 * profile.level:g} %",
+            (1.0, profile.threshold),
+            xycoords=("axes fraction", "data"),
+            xytext=(-2, 3),
+            textcoords="offset points",
+            ha="right",
+            fontsize=9,
+            color=BAD,
+        )
+        for end, is_open in ((profile.lower, profile.lower_open), (profile.upper, profile.upper_open)):
+            if not is_open:
+                axes.axvline(end, color=BAD, linewidth=0.8, linestyle=":")
+        axes.set_ylim(-0.05 * profile.threshold, _TOP * profile.threshold)
+        if wide:
+            axes.set_xscale("log")
+        else:
+            axes.locator_params(axis="x", nbins=5)
+    for axes in figure.axes[len(profiles) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _curve(profile: Profile, wide: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the rise between the points: its root goes nearly straight, so it is the root that is interpolated."""
+    root = np.sqrt(profile.rise) * np.sign(profile.values - profile.value)
+    places = np.log(profile.values) if wide else profile.values
+    fine = np.linspace(places[0], places[-1], 400)
+    return np.exp(fine) if wide else fine, np.interp(fine, places, root) ** 2
