@@ -75,7 +75,7 @@ def count_alarms(cases, seed):
 def test_false_alarms_are_rare():
     print(f"seed {SEED}")
     alarms, clear = count_alarms(150, SEED)
-    # Three readings of one record fail together: at most one record in 150 (measured: 1 in 9000 readings).
+    # Three readings of one record fail together: at most one record in 150 (measured: none in 9000 readings).
     assert alarms <= 3
     assert clear > 0.85 * 450
 
@@ -85,7 +85,8 @@ def test_false_alarms_are_rare_in_many(summarise):
     alarms, clear = count_alarms(3000, SEED)
     text = f"seed {SEED}: {alarms} false alarms and {clear} clear verdicts in 9000 noisy drive points as declared"
     summarise("drive points as declared", text, {"seed": SEED, "alarms": alarms, "clear": clear})
-    assert alarms <= 18
+    # One record fails in all its forms at once. Measured: none; 7 where a pole may lie beside its peak.
+    assert alarms <= 3
     assert clear > 0.9 * 9000
 
 

@@ -177,7 +177,8 @@ def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_
     left = float(np.sum(np.abs(d - c - residue / (x - p))[beside] ** 2)) + np.finfo(float).tiny
     freedom = int(beside.sum()) - 3
     chance = fdtrc(4, 2 * freedom, (level - left) / 2.0 / left * freedom)
-    if not chance <= _CHANCE:
+    near = max(abs(p.imag), 1.5 * float(np.abs(np.diff(x)).max()))
+    if not (chance <= _CHANCE and abs(p.real) <= near):
         return None
     misfit = float(np.sum(np.abs(rows @ np.array([p, c, e]) - x * d) ** 2)) / (d.size - 3)
     error = np.sqrt(0.5 * misfit * abs(np.linalg.pinv(rows.conj().T @ rows)[0, 0]))
