@@ -98,7 +98,7 @@ def reduced_problem(frfs, unknowns):
 
 def test_the_residuals_of_all_lines_are_those_of_the_whole_model():
     frf = simulate(make_assembly())
-    variables, whole, reduced = both(frf, STIFFNESSES)
+    _, whole, reduced = both(frf, STIFFNESSES)
     values = np.array([2e8, 4e4])
     assert reduced.value(values) == pytest.approx(whole.value(values), rel=1e-8, abs=1e-10)
     with pytest.raises(InfeasibleError, match="k_ytheta"):
