@@ -11,7 +11,7 @@ use crate::trust_region::{Local, norm, sum};
 /// When a fit ends.
 #[derive(Copy, Clone, Debug)]
 pub struct Stop {
-    /// Relative change of the cost and of the variables, and largest slope, at which it has converged.
+    /// Relative change of the cost and of the variables, and largest cosine between column and residual, at which it has converged.
     pub tolerance: f64,
     /// Most evaluations.
     pub evaluations: usize,
@@ -149,6 +149,8 @@ mod tests {
         let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, rosenbrock);
         assert!(found.cost < 1e-20 && (found.x[0] - 1.0).abs() < 1e-9, "{found:?}");
         assert!(found.status as i32 > 0);
+        // A region that does not grow when it should takes three times as many.
+        assert!(found.evaluations < 30, "{}", found.evaluations);
     }
 
     #[test]

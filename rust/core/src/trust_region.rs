@@ -21,7 +21,8 @@ pub struct Local<'a> {
     curvature: Vec<f64>,
     /// Slopes in scaled variables.
     slope: Vec<f64>,
-    /// The largest slope times the distance to the bound that it leads to.
+    /// The largest cosine between a column and the residual, times the room to the bound that the slope leads to as
+    /// a share of the range.
     pub steepest: f64,
 }
 
@@ -32,12 +33,17 @@ impl<'a> Local<'a> {
         let size = n + 1;
         let (mut scale, mut more, mut slope) = (vec![1.0; n], vec![0.0; n], vec![0.0; n]);
         let mut steepest = 0.0_f64;
+        let size_of_residual = normal[size * size - 1].sqrt();
         for i in 0..n {
             norms[i] = norms[i].max(normal[i * size + i].sqrt());
             let column = if norms[i] > 0.0 { 1.0 / norms[i] } else { 1.0 };
             let g = normal[i * size + n];
             let distance = if g < 0.0 { bounds[1][i] - x[i] } else { x[i] - bounds[0][i] };
-            steepest = steepest.max((g * distance.min(1.0)).abs());
+            // The cosine between column and residual, small where a bound is near that the slope leads to.
+            let room = if distance.is_finite() { distance / (bounds[1][i] - bounds[0][i]) } else { 1.0 };
+            if size_of_residual > 0.0 {
+                steepest = steepest.max((g * column).abs() / size_of_residual * room);
+            }
             scale[i] = column;
             if g != 0.0 && distance.is_finite() {
                 scale[i] = (distance / column).sqrt() * column;
@@ -179,7 +185,8 @@ impl<'a> Local<'a> {
                 found = self.damped(damping);
                 continue;
             };
-            let short_enough = length <= (1.0 + LOOSE) * radius && high.is_infinite();
+            // Without more damping than the system needs anyway, a step may be shorter than the region.
+            let short_enough = length <= radius && damping == low;
             if short_enough || (length / radius - 1.0).abs() <= LOOSE {
                 break;
             }
