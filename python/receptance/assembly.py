@@ -262,16 +262,19 @@ class Assembly:
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
         threads: int | None = None,
-    ) -> NDArray[np.float64]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Everything but one joint, evaluated once, for fits of that joint.
 
         With H_0 the receptance as it stands, F the force in the joint under a unit load, Y the force per gap imposed
-        in the joint and D the compliance that another joint has more, H = H_0 + F_r^T D (1 + Y D)^-1 F_e.
+        in the joint and D the compliance that another joint has more, H = H_0 + F_r^T D (1 + Y D)^-1 F_e. Where the
+        response is that of the load itself at the end of a chain without other dashpots, H is a quotient of
+        polynomials in the joint's stiffness, the coefficients of which are power series in w^2.
 
         Returns
         -------
-        ndarray
-            `(18, n)` real: w, H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each, as the core takes them.
+        reduction, angular_frequency : ndarray
+            `(16, n)` real: H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each; or `(29, n_terms)`, the
+            reference frequency and the power series; as the core takes them. Beside them w, `(n,)`.
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
@@ -282,7 +285,7 @@ class Assembly:
         points = [self._points(flat, side) for side in sides]
         count = _checks.thread_count(threads)
         with interfaces_by_name(self._elements, flat):
-            return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count)
+            return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count), w
 
     def _evaluate(
         self,

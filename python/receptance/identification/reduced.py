@@ -81,7 +81,7 @@ class JointResidual:
         self._fields = np.array([PointJoint.columns_of.index(field) for field in fields], dtype=np.float64)
         self._reference = np.array(self._stiff(frf, joint, fields, variables).columns())
         assembly = frf.assembly.replace({f"{joint}.{f}": self._reference[int(i)] for f, i in self._pairs(fields)})
-        self._planes = assembly.reduced_to_joint(
+        self._reduction, self._w = assembly.reduced_to_joint(
             joint,
             np.ascontiguousarray(frf.frequency_hz[select]),
             response=frf.response,
@@ -122,7 +122,8 @@ class JointResidual:
         joint = self._joint(values)
         try:
             normal = _core.joint_normal_matrix(
-                self._planes,
+                self._reduction,
+                self._w,
                 self._measured,
                 self._weights,
                 self._reference,
@@ -141,7 +142,9 @@ class JointResidual:
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the residuals of all lines, not compressed, as `residuals.FRFResidual` does."""
         joint = self._joint(values)
-        found = _core.joint_residual(self._planes, self._measured, self._weights, self._reference, joint, self._threads)
+        found = _core.joint_residual(
+            self._reduction, self._w, self._measured, self._weights, self._reference, joint, self._threads
+        )
         return found.reshape(-1)
 
     def _joint(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,7 +170,8 @@ class JointResidual:
         for row, one in zip(numbers, residuals, strict=True):
             row[one._fields.astype(int)] = one._columns
         found = _core.fit_joint(
-            [one._planes for one in residuals],
+            [one._reduction for one in residuals],
+            [one._w for one in residuals],
             [one._measured for one in residuals],
             [one._weights for one in residuals],
             np.array([one._reference for one in residuals]),

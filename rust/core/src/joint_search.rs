@@ -1,11 +1,10 @@
 //! Fits of one joint to reduced receptances, from many starts, whole in the core.
 
 use crate::error::{Error, Result};
-use crate::joint_fit::{Reduced, SPRING_COLUMNS};
+use crate::joint_fit::{Lines, Reduced, SPRING_COLUMNS};
 use crate::least_squares::{End, Stop, minimise};
 use crate::model::Spring;
 use crate::threads::on_threads;
-use num_complex::Complex64;
 
 /// Lines that are left of each receptance for the way to the optimum; the end is found on all of them.
 const COARSE_LINES: usize = 1500;
@@ -67,8 +66,8 @@ pub fn fit_joint(
         let expected = format!("rows of {count} variables");
         return Err(Error::Index { what: "starts", index: 0, value: starts.len() as f64, expected });
     }
-    let fewer: Vec<Option<Coarse>> = observed.iter().map(|one| Coarse::new(&one.reduced)).collect();
-    let coarse: Option<Vec<Observed>> = fewer
+    let fewer: Vec<Option<Lines>> = observed.iter().map(|one| coarse(&one.reduced)).collect();
+    let few: Option<Vec<Observed>> = fewer
         .iter()
         .any(Option::is_some)
         .then(|| observed.iter().zip(&fewer).map(|(one, fewer)| thinned(one, fewer.as_ref())).collect());
@@ -78,9 +77,9 @@ pub fn fit_joint(
     on_threads(threads, rows, |start| {
         let mut start = start.to_vec();
         let mut before = 0;
-        if let Some(coarse) = &coarse {
+        if let Some(few) = &few {
             let stop = Stop { tolerance: COARSE_TOLERANCE.max(stop.tolerance), ..stop };
-            let problem = Problem { observed: coarse, variables, threads: inside };
+            let problem = Problem { observed: few, variables, threads: inside };
             let end = problem.fit(&start, stop);
             before = end.evaluations;
             if end.cost.is_finite() {
@@ -136,35 +135,13 @@ impl Problem<'_> {
     }
 }
 
-/// Every so many of the lines of a receptance.
-struct Coarse {
-    planes: Vec<f64>,
-    measured: Vec<Complex64>,
-    weights: Vec<f64>,
-}
-
-impl Coarse {
-    /// Fewer lines, where there are many.
-    fn new(reduced: &Reduced) -> Option<Self> {
-        let stride = reduced.lines() / COARSE_LINES;
-        if stride < 2 {
-            return None;
-        }
-        let (planes, measured, weights) = reduced.parts();
-        let planes = planes.chunks(reduced.lines()).flat_map(|plane| plane.iter().step_by(stride).copied());
-        Some(Self {
-            planes: planes.collect(),
-            measured: measured.iter().step_by(stride).copied().collect(),
-            weights: weights.iter().step_by(stride).copied().collect(),
-        })
-    }
+/// Fewer lines, where there are many.
+fn coarse(reduced: &Reduced) -> Option<Lines> {
+    let stride = reduced.lines() / COARSE_LINES;
+    (stride >= 2).then(|| reduced.thinned(stride))
 }
 
 /// The same observation on fewer lines.
-fn thinned<'a>(whole: &Observed<'a>, fewer: Option<&'a Coarse>) -> Observed<'a> {
-    let reduced = match fewer {
-        Some(coarse) => whole.reduced.of(&coarse.planes, &coarse.measured, &coarse.weights),
-        None => whole.reduced,
-    };
-    Observed { reduced, ..*whole }
+fn thinned<'a>(whole: &Observed<'a>, fewer: Option<&'a Lines>) -> Observed<'a> {
+    Observed { reduced: fewer.map_or(whole.reduced, |fewer| whole.reduced.of(fewer)), ..*whole }
 }
