@@ -261,9 +261,10 @@ class Assembly:
         *,
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
+        at: PointJoint | None = None,
         threads: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Everything but one joint, evaluated once, for fits of that joint.
+        """Everything but one joint, evaluated once, for fits of that joint; `at` takes its place if it is given.
 
         With H_0 the receptance as it stands, F the force in the joint under a unit load, Y the force per gap imposed
         in the joint and D the compliance that another joint has more, H = H_0 + F_r^T D (1 + Y D)^-1 F_e. Where the
@@ -284,8 +285,11 @@ class Assembly:
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = [self._points(flat, side) for side in sides]
         count = _checks.thread_count(threads)
+        tables = flat.tables()
+        if at is not None:
+            tables[1][row, 2:] = at.columns()
         with interfaces_by_name(self._elements, flat):
-            return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count), w
+            return _core.reduce_joint(w, *tables, row, points[0], points[1], count), w
 
     def _evaluate(
         self,

@@ -103,7 +103,32 @@ struct Problem<'a> {
 impl Problem<'_> {
     fn fit(&self, start: &[f64], stop: Stop) -> End {
         let bounds = [self.variables.lower, self.variables.upper];
-        minimise(start, bounds, stop, |x| self.normal_matrix(x))
+        minimise(start, bounds, stop, |x| self.normal_matrix(x), |x| self.allows(x))
+    }
+
+    /// Value of a variable, and its derivative by the variable.
+    fn value(&self, x: &[f64], variable: usize) -> [f64; 2] {
+        if !self.variables.logarithmic[variable] {
+            return [x[variable], 1.0];
+        }
+        let value = 10.0_f64.powf(x[variable]);
+        [value, value * core::f64::consts::LN_10]
+    }
+
+    /// The joint of a receptance; nothing where it is indefinite or holds nothing.
+    fn joint(&self, one: &Observed, x: &[f64]) -> Option<[f64; SPRING_COLUMNS]> {
+        let mut joint = one.joint;
+        for (column, variable) in one.variables.iter().enumerate() {
+            if let Some(variable) = *variable {
+                joint[column] = self.value(x, variable)[0];
+            }
+        }
+        Spring::new(&joint).check("joint", 0).ok()?;
+        Some(joint)
+    }
+
+    fn allows(&self, x: &[f64]) -> bool {
+        self.observed.iter().all(|one| self.joint(one, x).is_some())
     }
 
     /// A^T A over all variables and the residual; nothing where a joint is indefinite or holds nothing.
@@ -111,19 +136,16 @@ impl Problem<'_> {
         let size = x.len() + 1;
         let mut sum = vec![0.0; size * size];
         for one in self.observed {
-            let mut joint = one.joint;
+            let joint = self.joint(one, x)?;
             let mut columns = Vec::with_capacity(SPRING_COLUMNS);
             let mut place = Vec::with_capacity(SPRING_COLUMNS + 1);
             for (column, variable) in one.variables.iter().enumerate() {
-                let Some(variable) = *variable else { continue };
-                let logarithmic = self.variables.logarithmic[variable];
-                let value = if logarithmic { 10.0_f64.powf(x[variable]) } else { x[variable] };
-                joint[column] = value;
-                columns.push((column, if logarithmic { value * core::f64::consts::LN_10 } else { 1.0 }));
-                place.push(variable);
+                if let Some(variable) = *variable {
+                    columns.push((column, self.value(x, variable)[1]));
+                    place.push(variable);
+                }
             }
             place.push(x.len());
-            Spring::new(&joint).check("joint", 0).ok()?;
             let part = one.reduced.normal_matrix(&joint, &columns, self.threads).ok()?;
             for (i, &row) in place.iter().enumerate() {
                 for (j, &column) in place.iter().enumerate() {

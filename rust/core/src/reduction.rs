@@ -205,6 +205,7 @@ fn entry<S: Simd>(
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::joint_fit::{Reduced, SPRING_COLUMNS};

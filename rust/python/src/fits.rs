@@ -4,8 +4,8 @@ use crate::arrays::{c_contiguous, contiguous, indices};
 use crate::errors::CoreError;
 use crate::functions::shaped;
 use num_complex::Complex64;
-use numpy::ndarray::{Array1, Array2};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::ndarray::{Array1, Array2, Array3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{Observed, Reduced, Stop, Variables};
@@ -88,7 +88,8 @@ pub fn joint_residual<'py>(
 ///
 /// Lists have an entry a receptance. `references` and `joints` are (n, 7), `variables` too: the number of the
 /// variable that a column of the joint is, or -1. `bounds` is (2, n_variables), `starts` (n_starts,
-/// n_variables). Returns the variables at the ends, their cost, the evaluations, and why they ended.
+/// n_variables). Returns the variables at the ends, their cost, the evaluations, why they ended,
+/// and the normal matrices over all variables and the residual, NaN where there is none.
 #[pyfunction]
 #[pyo3(signature = (reductions, angular_frequency, measured, weights, references, joints, variables, logarithmic, bounds, starts,
                     tolerance, evaluations, threads))]
@@ -113,6 +114,7 @@ pub fn fit_joint<'py>(
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray3<f64>>,
 )> {
     let rows = |name: &'static str, array: &'_ PyReadonlyArray2<'py, f64>| -> PyResult<Vec<[f64; COLUMNS]>> {
         let values = c_contiguous(name, array)?;
@@ -164,11 +166,18 @@ pub fn fit_joint<'py>(
         .detach(|| receptance_core::fit_joint(&observed, variables, starts, stop, threads))
         .map_err(CoreError::from)?;
     let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
+    let mut normal = vec![f64::NAN; ends.len() * (count + 1) * (count + 1)];
+    for (into, end) in normal.chunks_mut((count + 1) * (count + 1)).zip(&ends) {
+        if end.normal.len() == into.len() {
+            into.copy_from_slice(&end.normal);
+        }
+    }
     let integers = |each: fn(&receptance_core::End) -> i64| -> Vec<i64> { ends.iter().map(each).collect() };
     Ok((
         shaped(Array2::from_shape_vec((ends.len(), count), x))?.into_pyarray(py),
         ends.iter().map(|end| end.cost).collect::<Array1<f64>>().into_pyarray(py),
         Array1::from_vec(integers(|end| end.evaluations as i64)).into_pyarray(py),
         Array1::from_vec(integers(|end| end.status as i64)).into_pyarray(py),
+        shaped(Array3::from_shape_vec((ends.len(), count + 1, count + 1), normal))?.into_pyarray(py),
     ))
 }
