@@ -8,9 +8,8 @@
 //!     q_tV - c22 q_VM,   q_VM.
 //! Both planes at once, loads in balance, have the determinant
 //!     D = p_yt q_VM + p_VM q_yt - p_yM q_tV - p_tV q_yM - 2 p_yV q_yV,
-//! N is the same with r in place of p, and H = N / D. Times det K, with C = K^-1,
-//!     D = det K (D without joint) + k22 (p_VM q_yM + p_yM q_VM)' + ...,
-//! that is D = det K d0 + k22 d1 + k11 d2 + k12 d3 + d4 with
+//! N is the same with r in place of p, and H = N / D. Times det K, with C = K^-1, the parts with 1, c11, c22, c12
+//! and det C make D = det K d0 + k22 d1 + k11 d2 + k12 d3 + d4, where d0 is D without the joint and
 //!     d1 = -p_VM q_tV - p_tV q_VM,   d2 = p_VM q_yM + p_yM q_VM,   d3 = -2 (p_VM q_yV + p_yV q_VM),   d4 = p_VM q_VM.
 //! The joint's relative motion under the unit load follows from Cramer's rule. With the state (y, theta, V, M) that
 //! the free tool has at the joint when its end only moves in the other direction,
