@@ -264,18 +264,13 @@ class Assembly:
         at: PointJoint | None = None,
         threads: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        """Everything but one joint, evaluated once, for fits of that joint; `at` takes its place if it is given.
-
-        With H_0 the receptance as it stands, F the force in the joint under a unit load, Y the force per gap imposed
-        in the joint and D the compliance that another joint has more, H = H_0 + F_r^T D (1 + Y D)^-1 F_e. Where the
-        response is that of the load itself at the end of a chain without other dashpots, H is a quotient of
-        polynomials in the joint's stiffness, the coefficients of which are power series in w^2.
+        """Everything but one joint (`at` in its place if given), evaluated once, for fits of that joint.
 
         Returns
         -------
         reduction, angular_frequency : ndarray
-            `(16, n)` real: H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each; or `(29, n_terms)`, the
-            reference frequency and the power series; as the core takes them. Beside them w, `(n,)`.
+            As the core takes them: `(29, n_terms)`, the series of (T7a) in the theory after the reference frequency,
+            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`.
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
@@ -284,8 +279,7 @@ class Assembly:
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = [self._points(flat, side) for side in sides]
-        count = _checks.thread_count(threads)
-        tables = flat.tables()
+        tables, count = flat.tables(), _checks.thread_count(threads)
         if at is not None:
             tables[1][row, 2:] = at.columns()
         with interfaces_by_name(self._elements, flat):
