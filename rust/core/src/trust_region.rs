@@ -12,6 +12,16 @@ const LEAST_DAMPING: f64 = 1e-14;
 /// Most trials of a damping.
 const MOST_TRIALS: usize = 80;
 
+/// A step in scaled variables.
+pub struct Step {
+    /// The step.
+    pub scaled: Vec<f64>,
+    /// The decrease of the cost that it promises.
+    pub promised: f64,
+    /// Whether neither the region nor a bound holds it back.
+    pub free: bool,
+}
+
 /// The problem about one point, in variables scaled by their columns and by the distance to the bounds.
 pub struct Local<'a> {
     bounds: [&'a [f64]; 2],
@@ -72,13 +82,13 @@ impl<'a> Local<'a> {
         step.iter().zip(&self.scale).map(|(step, scale)| step * scale).collect()
     }
 
-    /// The best scaled step within the region and the bounds, and the decrease that it promises.
-    pub fn step(&self, x: &[f64], radius: f64) -> Option<(Vec<f64>, f64)> {
+    /// The best scaled step within the region and the bounds.
+    pub fn step(&self, x: &[f64], radius: f64) -> Option<Step> {
         let mut newton = self.within(radius)?;
         let (reach, hits) = self.reach(x, &newton);
         if reach >= 1.0 {
-            let promised = -self.change(&newton);
-            return Some((newton, promised));
+            let free = norm(&newton) < (1.0 - LOOSE) * radius;
+            return Some(Step { promised: -self.change(&newton), scaled: newton, free });
         }
         let back = ALMOST.max(1.0 - self.steepest);
         let mut reflected = newton.clone();
@@ -104,10 +114,7 @@ impl<'a> Local<'a> {
                 best = Some(candidate);
             }
         }
-        best.map(|best| {
-            let promised = -self.change(&best);
-            (best, promised)
-        })
+        best.map(|best| Step { promised: -self.change(&best), scaled: best, free: false })
     }
 
     /// The step to the bound and on along its reflection.
