@@ -35,9 +35,9 @@ def assert_found(result, assembly, tolerance):
     assert result.converged, result.summary()
     for address, value in result.values.items():
         true = assembly.get(address)
-        # A line without damping within rounding of an antiresonance scatters by 1e-5; the standard error then says so.
+        # A line within rounding of an undamped antiresonance is wrong by 1e-5, alone; the standard error then says so.
         error = result.standard_errors[address]
-        allowed = max(tolerance * true, 2.0 * error if np.isfinite(error) else 0.0)
+        allowed = max(tolerance * true, 5.0 * error if np.isfinite(error) else 0.0)
         assert error <= 1e-4 * true or not np.isfinite(error)
         np.testing.assert_allclose(value, true, rtol=0, atol=allowed, err_msg=result.summary())
 
