@@ -4,6 +4,7 @@ from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceError, ReceptanceWarning, ResonanceError, SingularInterfaceError
+from receptance.frf import FRF
 from receptance.identification import (
     Identification,
     MeasuredFrequencies,
@@ -17,6 +18,7 @@ from receptance.materials import CARBIDE, STEEL, Material
 
 __all__ = [
     "CARBIDE",
+    "FRF",
     "STEEL",
     "Assembly",
     "Coordinate",

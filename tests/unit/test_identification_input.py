@@ -33,7 +33,11 @@ def with_value(index, value):
         ({"frequency_hz": np.r_[LINES[:1], LINES[:-1]]}, ValueError, "not ascending"),
         ({"frequency_hz": -LINES[::-1]}, ValueError, r"frequency_hz\[0\] is -5000 Hz"),
         ({"frequency_hz": np.r_[LINES[:-1], np.nan]}, ValueError, r"frequency_hz\[49\] is nan"),
-        ({"frequency_hz": LINES + 1j}, TypeError, "frequency_hz has dtype complex128"),
+        (
+            {"frequency_hz": LINES + 1j},
+            ValueError,
+            r"frequency_hz\[0\] is 100[+]1j Hz, expected an imaginary part of zero",
+        ),
         ({"frequency_hz": ["a"] * 50}, TypeError, "frequency_hz has dtype <U1"),
         ({"frequency_hz": [[1.0], [1.0, 2.0]]}, ValueError, "frequency_hz has rows of different lengths"),
         ({"frequency_hz": LINES.reshape(5, 10)}, ValueError, r"frequency_hz has shape \(5, 10\)"),

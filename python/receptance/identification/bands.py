@@ -63,7 +63,7 @@ def find_bands(frf: MeasuredFRF, *, width_percent: float = 5.0, prominence: floa
     if not len(peaks):
         raise ValueError(f"{frf!r} has no peak that stands out by a factor of {np.exp(least):.3g}: give the bands")
     found: Bands = []
-    for peak in frf.frequency_hz[peaks]:
+    for peak in frf.frequency_hz[peaks].real:
         low, high = float(peak * (1.0 - width / 100.0)), float(peak * (1.0 + width / 100.0))
         if found and low <= found[-1][1]:
             low = found.pop()[0]
@@ -91,8 +91,9 @@ def check_bands(bands: Sequence[tuple[float, float]]) -> Bands:
 def within(frf: MeasuredFRF, bands: Bands) -> NDArray[np.bool_]:
     """Return which lines lie in some band; every band must hold a line of the measurement."""
     chosen = np.zeros(frf.frequency_hz.shape, dtype=np.bool_)
+    lines = frf.frequency_hz.real
     for low, high in bands:
-        inside = (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
+        inside = (lines >= low) & (lines <= high)
         if not inside.any():
             raise ValueError(f"no line of {frf!r} lies in the band {low:g} to {high:g} Hz")
         chosen |= inside

@@ -17,6 +17,8 @@ from receptance.errors import ReceptanceWarning
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from receptance.frf import FRF
+
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
 
 
@@ -30,7 +32,8 @@ class MeasuredFRF:
         What was measured. The values of the parameters that are identified do not matter here.
     frequency_hz : array_like
         `(n,)` ascending lines in Hz. A first line at 0 Hz is dropped, with a `ReceptanceWarning` and a note:
-        a free structure has no receptance there.
+        a free structure has no receptance there. Complex, f - i sigma / (2 pi), where force and response were
+        multiplied with the window exp(-sigma t): the model is then evaluated on these lines.
     receptance : array_like
         `(n,)` complex, in m/N, m/(N m), rad/N or rad/(N m).
     response, excitation : Coordinate, optional
@@ -40,11 +43,13 @@ class MeasuredFRF:
         or `(n,)`; 0.01 is 1 % of the magnitude and 0.01 rad of the phase.
     label : str, optional
         For people.
+    notes : sequence of str, optional
+        What was changed in the data or is suspicious; the result of a fit repeats it.
 
     Attributes
     ----------
     notes : tuple of str
-        What was changed in the data.
+        The given ones, and what was changed here.
 
     Raises
     ------
@@ -64,7 +69,7 @@ class MeasuredFRF:
     """
 
     assembly: Assembly
-    frequency_hz: NDArray[np.float64]
+    frequency_hz: NDArray[Any]
     receptance: NDArray[np.complex128]
     response: Coordinate
     excitation: Coordinate
@@ -82,9 +87,10 @@ class MeasuredFRF:
         excitation: Coordinate | None = None,
         standard_deviation: ArrayLike | None = None,
         label: str = "",
+        notes: Sequence[str] = (),
     ) -> None:
         owner = _owner("MeasuredFRF", label, assembly)
-        lines = _numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz")
+        lines = _numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
         values = _numbers(owner, "receptance", receptance, "iufc", "complex numbers")
         if lines.ndim != 1:
             raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
@@ -95,9 +101,11 @@ class MeasuredFRF:
         spread = None
         if standard_deviation is not None:
             spread = _spread(owner, "standard_deviation", standard_deviation, lines.shape)
-        notes: tuple[str, ...] = ()
-        if lines.size and lines[0] == 0.0:
-            notes = (f"{owner}: the line at 0 Hz is dropped",)
+        if isinstance(notes, str):
+            raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
+        notes = tuple(str(note) for note in notes)
+        if lines.size and lines[0].real == 0.0:
+            notes = (*notes, f"{owner}: the line at 0 Hz is dropped")
             warnings.warn(
                 f"{owner}: the line at 0 Hz is dropped, a free structure has no receptance there",
                 ReceptanceWarning,
@@ -105,13 +113,13 @@ class MeasuredFRF:
             )
             lines, values = lines[1:], values[1:]
             spread = spread if spread is None else spread[1:]
-        lines = _ascending(owner, lines)
+        lines = _decaying(owner, _ascending(owner, lines))
         values = values.astype(np.complex128)
         for wrong, what in ((~np.isfinite(values), "a finite number"), (values == 0.0, "something else than zero")):
             bad = np.flatnonzero(wrong)
             if bad.size:
                 raise ValueError(
-                    f"{owner}: the receptance at {lines[bad[0]]:g} Hz is {values[bad[0]]}, expected {what}; "
+                    f"{owner}: the receptance at {lines[bad[0]].real:g} Hz is {values[bad[0]]}, expected {what}; "
                     "leave the line out"
                 )
         places = []
@@ -120,7 +128,7 @@ class MeasuredFRF:
                 raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
             places.append(place or Coordinate())
         # A line off the real axis: no resonance can be in the way of asking whether the coordinates exist.
-        assembly.receptance([lines[0] * (1.0 - 0.1j)], response=places[0], excitation=places[1], threads=1)
+        assembly.receptance([lines[0].real * (1.0 - 0.1j)], response=places[0], excitation=places[1], threads=1)
         _set(
             self,
             assembly=assembly,
@@ -133,8 +141,62 @@ class MeasuredFRF:
             notes=notes,
         )
 
+    @classmethod
+    def from_frf(
+        cls,
+        assembly: Assembly,
+        frf: FRF,
+        *,
+        response: Coordinate | str | int | None = None,
+        excitation: Coordinate | str | int | None = None,
+        low_hz: float | None = None,
+        high_hz: float | None = None,
+        floor: float = 0.0,
+        label: str | None = None,
+    ) -> MeasuredFRF:
+        """Return one entry of an FRF as an observation of an assembly.
+
+        Converted to receptance, on the usable lines, complex ones where an exponential window was used. Standard
+        deviations are those of the FRF times the square root of its `correlated_lines`, because a fit takes lines as
+        independent. Lines at 0 Hz and lines of infinite variance are left out.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            What was measured.
+        frf : FRF
+            The measurement.
+        response, excitation : Coordinate, str or int, optional
+            Which entry, by coordinate, label or number, where there are several. A Coordinate for a side with one
+            entry says where it is on the assembly, whatever the FRF says. A place that neither knows is the tip.
+        low_hz, high_hz : float, optional
+            Only lines from `low_hz` to `high_hz`, both included.
+        floor : float, optional
+            What no noise model covers, as standard deviation of the logarithm, 0.003 say: added in squares.
+        label : str, optional
+            For people; by default that of the FRF.
+
+        Raises
+        ------
+        TypeError, ValueError
+            No such entry, no usable line in the band, or a variance of zero without a floor.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance import FRF, STEEL, Assembly, MeasuredFRF, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> lines = np.linspace(100.0, 4000.0, 40)
+        >>> frf = FRF(frequency_hz=lines, values=bar.receptance(lines), log_variance=1e-4).to("accelerance")
+        >>> MeasuredFRF.from_frf(bar, frf, high_hz=2000.0, label="blank")
+        MeasuredFRF('blank', 20 lines from 100 to 2000 Hz)
+        """
+        from receptance.identification.measured import observe
+
+        return cls(assembly=assembly, **observe(frf, response, excitation, low_hz, high_hz, floor, label))
+
     def __repr__(self) -> str:
-        low, high = self.frequency_hz[[0, -1]]
+        low, high = self.frequency_hz[[0, -1]].real
         return f"MeasuredFRF({self.label!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
@@ -233,11 +295,22 @@ def _numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: 
     return array
 
 
-def _ascending(owner: str, array: NDArray[Any]) -> NDArray[np.float64]:
+def _ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
     try:
-        return _checks.frequencies(array).astype(np.float64)
+        return _checks.frequencies(array)
     except (TypeError, ValueError) as error:
         raise type(error)(f"{owner}: {error}") from None
+
+
+def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
+    """Return complex lines that a decaying window can have caused; as real ones where none was used."""
+    bad = np.flatnonzero(lines.imag > 0.0)
+    if bad.size:
+        raise ValueError(
+            f"{owner}: frequency_hz[{bad[0]}] is {lines[bad[0]]:g} Hz, expected an imaginary part of zero or less: "
+            "f - i sigma / (2 pi) for the window exp(-sigma t)"
+        )
+    return lines if lines.imag.any() else lines.real.astype(np.float64)
 
 
 def _spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

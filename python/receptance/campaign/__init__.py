@@ -1,0 +1,30 @@
+"""Measuring campaigns: one TOML file that says what was measured, on what, and what is to be found."""
+
+from receptance.campaign.campaign import Campaign
+from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
+from receptance.campaign.conditions import Condition
+from receptance.campaign.identification import CampaignIdentification
+from receptance.campaign.loading import load
+from receptance.campaign.observations import Measurement
+from receptance.campaign.prediction import CampaignPrediction
+from receptance.campaign.problems import CampaignError, Problem
+from receptance.campaign.propagation import Propagation, Scatter
+from receptance.campaign.schema import field_tables, json_schema
+
+__all__ = [
+    "Campaign",
+    "CampaignError",
+    "CampaignIdentification",
+    "CampaignPrediction",
+    "Condition",
+    "Measurement",
+    "Peak",
+    "PredictedFRF",
+    "PredictedFrequencies",
+    "Problem",
+    "Propagation",
+    "Scatter",
+    "field_tables",
+    "json_schema",
+    "load",
+]

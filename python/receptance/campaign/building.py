@@ -1,0 +1,133 @@
+"""From the tables of a campaign to materials, parts, unknowns, joints and what is attached."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from receptance.beams import Part, Segment
+from receptance.campaign.addresses import SPRING_FIELDS, parse_position, value_at
+from receptance.campaign.workshop import Workshop
+from receptance.identification.unknowns import Unknown
+from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.materials import STEEL, Material
+
+if TYPE_CHECKING:
+    from receptance.assembly import Assembly
+    from receptance.campaign.lines import Path
+    from receptance.campaign.measurement_models import CampaignTable, UnknownTable
+    from receptance.campaign.models import SegmentTable
+
+__all__ = ["Built", "build_elements"]
+
+
+@dataclass
+class Built:
+    """What could be built; what is missing here has been reported as a mistake."""
+
+    materials: dict[str, Material] = field(default_factory=dict)
+    parts: dict[str, Part] = field(default_factory=dict)
+    joints: dict[str, PointJoint] = field(default_factory=dict)
+    attachments: dict[str, PointMass | GroundSpring] = field(default_factory=dict)
+    sensors: dict[str, PointMass] = field(default_factory=dict)
+    unknowns: dict[str, Unknown] = field(default_factory=dict)
+    assemblies: dict[str, Assembly] = field(default_factory=dict)
+
+
+def build_elements(table: CampaignTable, workshop: Workshop) -> Built:
+    """Build all that assemblies consist of, as far as it is right."""
+    built = Built()
+    for name, material in table.materials.items():
+        values = material.model_dump(exclude={"tolerance"})
+        _keep(built.materials, name, workshop.make(("materials", name), Material, **values, name=name))
+    for name, part in table.parts.items():
+        segments = [
+            _segment(("parts", name, "segments", i), row, built, workshop) for i, row in enumerate(part.segments)
+        ]
+        whole = [segment for segment in segments if segment is not None]
+        if len(whole) == len(segments):
+            built.parts[name] = Part(whole, name=name)
+    for address, unknown in table.unknowns.items():
+        _keep(built.unknowns, address, _unknown(address, unknown, table, workshop))
+    for name in table.joints:
+        _keep(built.joints, name, _joint(name, table, built, workshop))
+    for name in table.attachments:
+        _keep(built.attachments, name, _attachment(name, table, built, workshop))
+    for name, sensor in table.sensors.items():
+        values = _started(name, sensor, ("mass", "inertia"), built)
+        _keep(built.sensors, name, workshop.make(("sensors", name), PointMass, **values, name=name))
+    return built
+
+
+def _keep(store: dict[str, Any], name: str, made: Any) -> None:
+    if made is not None:
+        store[name] = made
+
+
+def _segment(path: Path, row: SegmentTable, built: Built, workshop: Workshop) -> Segment | None:
+    values: dict[str, Any] = row.model_dump(exclude={"tolerance", "material", "core"})
+    # A material with a mistake has been reported; steel in its place lets mistakes of the dimensions be found as well.
+    material = built.materials.get(row.material, STEEL)
+    core = None if row.core is None else built.materials.get(row.core, STEEL)
+    return workshop.make(path, Segment, **values, material=material, core=core)
+
+
+def _unknown(address: str, table: UnknownTable, campaign: CampaignTable, workshop: Workshop) -> Unknown | None:
+    path: Path = ("unknowns", address)
+    if workshop.problems.at(path):
+        return None
+    values: dict[str, float | None] = {}
+    for key in ("lower", "upper", "start"):
+        written = getattr(table, key)
+        values[key] = None if written is None else workshop.make((*path, key), value_at, address, written)
+    lower, upper, start = values["lower"], values["upper"], values["start"]
+    if lower is None or upper is None:
+        return None
+    if start is None:
+        start = _given(address, campaign)
+        if start is not None and not lower <= start <= upper:
+            workshop.problems.add(
+                path,
+                f"has bounds without the {start:g} that the joint is given, expected wider bounds or another start",
+            )
+            return None
+    return workshop.make(path, Unknown, address=address, lower=lower, upper=upper, start=start, scale=table.scale)
+
+
+def _given(address: str, campaign: CampaignTable) -> float | None:
+    """Return the value that the file gives a joint's parameter: where the fit starts unless it says otherwise."""
+    owner, _, name = address.partition(".")
+    joint = campaign.joints.get(owner)
+    return getattr(joint, name) if joint is not None and name in joint.model_fields_set else None
+
+
+def _started(name: str, table: Any, fields: tuple[str, ...], built: Built) -> dict[str, float]:
+    """Return the values of an element; what is unknown and not given is where its fit starts."""
+    values: dict[str, float] = {}
+    for key in fields:
+        unknown = built.unknowns.get(f"{name}.{key}")
+        start = None if unknown is None or key in table.model_fields_set else unknown.start
+        values[key] = getattr(table, key) if start is None else start
+    return values
+
+
+def _joint(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> PointJoint | None:
+    table = campaign.joints[name]
+    if any(workshop.problems.at(("unknowns", f"{name}.{key}")) for key in SPRING_FIELDS):
+        return None  # what is wrong with the unknown has been said; that the joint lacks it only follows from that
+    return workshop.make(("joints", name), PointJoint, **_started(name, table, SPRING_FIELDS, built), name=name)
+
+
+def _attachment(
+    name: str, campaign: CampaignTable, built: Built, workshop: Workshop
+) -> PointMass | GroundSpring | None:
+    table = campaign.attachments[name]
+    path: Path = ("attachments", name)
+    position = workshop.make((*path, "position"), parse_position, table.position)
+    if position is None:
+        return None
+    if table.kind == "mass":
+        values = _started(name, table, ("mass", "inertia"), built)
+        return workshop.make(path, PointMass, **values, part=table.part, position=position, name=name)
+    values = _started(name, table, SPRING_FIELDS, built)
+    return workshop.make(path, GroundSpring, **values, part=table.part, position=position, name=name)

@@ -1,0 +1,149 @@
+"""A campaign: what was measured, on what, and what is to be found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from receptance.assembly import Assembly
+from receptance.campaign.conditions import Condition
+from receptance.campaign.observations import Measurement
+from receptance.campaign.tolerances import Effects
+from receptance.coordinates import Coordinate
+from receptance.identification import Unknown
+
+if TYPE_CHECKING:
+    from receptance.campaign.identification import CampaignIdentification
+    from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.prediction import CampaignPrediction
+
+__all__ = ["Campaign"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """A measuring campaign, read from a file with `receptance.campaign.load`.
+
+    Attributes
+    ----------
+    file : Path
+        Where it was read.
+    table : CampaignTable
+        The file as it stands, checked; numbers in SI units.
+    assemblies : dict of str to Assembly
+        Configurations by name, without sensors. Parameters among the unknowns have their start values.
+    measurements : dict of str to Measurement
+        Measurements by name.
+    unknowns : tuple of Unknown
+        What is to be identified.
+    effects : dict
+        Tolerances: by assembly, error and address the standard deviation in SI units. Errors of one name are one.
+    conditions : dict
+        By assembly and key: numbers that describe it.
+    places : dict
+        Response and excitation at which assemblies that were not measured are predicted.
+    notes : tuple of str
+        What a person should know.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from receptance import campaign, examples
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = examples.write("er32", folder)
+    ...     er32 = campaign.load(folder)
+    >>> er32
+    Campaign('The ER32 collet holder, published natural frequencies', 13 assemblies, 13 measurements, 8 held out)
+    >>> found = er32.identify()
+    >>> round(found.fit.values["joint_d12.k_theta"], -3)
+    104000.0
+    """
+
+    file: FilePath
+    table: CampaignTable
+    assemblies: dict[str, Assembly]
+    measurements: dict[str, Measurement]
+    unknowns: tuple[Unknown, ...]
+    effects: dict[str, Effects] = field(default_factory=dict)
+    conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
+    places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Its title, or the name of its file."""
+        return self.table.title or self.file.name
+
+    @property
+    def to_identify(self) -> dict[str, Measurement]:
+        """Measurements that the fit sees."""
+        return {name: measured for name, measured in self.measurements.items() if not measured.held_out}
+
+    @property
+    def held_out(self) -> dict[str, Measurement]:
+        """Measurements that predictions are compared with."""
+        return {name: measured for name, measured in self.measurements.items() if measured.held_out}
+
+    @property
+    def unmeasured(self) -> dict[str, Assembly]:
+        """Assemblies without any measurement."""
+        measured = {one.assembly for one in self.measurements.values()}
+        return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
+
+    def identify(
+        self, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+    ) -> CampaignIdentification:
+        """Identify the unknowns on the measurements that are not held out.
+
+        Parameters
+        ----------
+        threads : int, optional
+            As in `Assembly.receptance`.
+        progress : callable, optional
+            Called with a line of text before each step.
+
+        Raises
+        ------
+        CampaignError
+            Nothing is unknown, nothing is measured, or more is unknown than measured. It is a ValueError.
+        ReceptanceError
+            The model has no value at any of the starts.
+        """
+        from receptance.campaign.identification import identify_campaign
+
+        return identify_campaign(self, threads=threads, progress=progress)
+
+    def predict(
+        self,
+        identified: CampaignIdentification | None = None,
+        *,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignPrediction:
+        """Predict what is held out and the assemblies that were not measured.
+
+        Parameters
+        ----------
+        identified : CampaignIdentification, optional
+            From `identify`, which runs first if it is not given and anything is unknown.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            Nothing is held out and every assembly was measured; or as in `identify`.
+        """
+        from receptance.campaign.prediction import predict_campaign
+
+        return predict_campaign(self, identified, threads=threads, progress=progress)
+
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(self.assemblies)} assembl{'y' if len(self.assemblies) == 1 else 'ies'}",
+            f"{len(self.measurements)} measurement{'' if len(self.measurements) == 1 else 's'}",
+            f"{len(self.held_out)} held out",
+        ]
+        return f"Campaign({self.title!r}, {', '.join(counts)})"

@@ -1,0 +1,290 @@
+"""Predicted beside measured: natural frequencies and frequency responses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.campaign.propagation import Scatter
+    from receptance.coordinates import Coordinate
+
+__all__ = ["Peak", "PredictedFRF", "PredictedFrequencies", "match_peaks"]
+
+_PROMINENCE = 1.0
+"""How far a peak stands above its surroundings, as natural logarithm."""
+_FAR = 0.1
+"""Peaks further apart than this share of their frequency are not the same."""
+_DECIBEL = 20.0 / np.log(10.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedFrequencies:
+    """Natural frequencies of one assembly, predicted, and measured where they were.
+
+    Attributes
+    ----------
+    name : str
+        Of the held-out measurement, or of the assembly that was not measured.
+    assembly : str
+        Name of the assembly.
+    modes : tuple of int
+        Elastic modes from 1.
+    predicted_hz : ndarray
+        `(m,)`.
+    scatter : Scatter
+        Of the predictions in Hz, from the fit and from each error of the tolerances.
+    measured_hz, measured_deviation_hz : ndarray or None
+        What was measured, with its standard deviation.
+    """
+
+    name: str
+    assembly: str
+    modes: tuple[int, ...]
+    predicted_hz: NDArray[np.float64]
+    scatter: Scatter
+    measured_hz: NDArray[np.float64] | None = None
+    measured_deviation_hz: NDArray[np.float64] | None = None
+
+    @property
+    def errors_percent(self) -> NDArray[np.float64]:
+        """Predicted against measured, `(m,)` or empty."""
+        return np.empty(0) if self.measured_hz is None else 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
+
+    def interval_hz(self, reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return lower and upper ends of where the natural frequencies are, `reach` standard deviations away."""
+        half = reach * self.scatter.total
+        return np.maximum(self.predicted_hz - half, 0.0), self.predicted_hz + half
+
+    def within(self, reach: float) -> NDArray[np.bool_]:
+        """Return whether the measured ones are where predictions and readings let them be; empty if not measured."""
+        if self.measured_hz is None:
+            return np.empty(0, dtype=np.bool_)
+        reading = 0.0 if self.measured_deviation_hz is None else self.measured_deviation_hz
+        far: NDArray[np.bool_] = np.abs(self.predicted_hz - self.measured_hz) <= reach * np.hypot(
+            self.scatter.total, reading
+        )
+        return far
+
+    def as_dict(self, reach: float) -> dict[str, Any]:
+        """Return the numbers by name."""
+        low, high = self.interval_hz(reach)
+        found: dict[str, Any] = {
+            "name": self.name,
+            "assembly": self.assembly,
+            "modes": self.modes,
+            "predicted_hz": self.predicted_hz,
+            "interval_hz": [low, high],
+            "standard_error_hz": self.scatter.total,
+            "standard_error_of_fit_hz": self.scatter.fit,
+            "change_for_one_deviation_hz": self.scatter.errors,
+        }
+        if self.measured_hz is not None:
+            found |= {
+                "measured_hz": self.measured_hz,
+                "measured_deviation_hz": self.measured_deviation_hz,
+                "error_percent": self.errors_percent,
+                "within": self.within(reach),
+            }
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peak:
+    """A peak of a measured response and the predicted one that belongs to it.
+
+    Attributes
+    ----------
+    measured_hz, predicted_hz : float or None
+        None where only the other has one.
+    measured_deviation_hz : float
+        Standard deviation of the measured one from the noise of the lines around it; 0 where that is not known.
+    deviation_hz : float or None
+        Standard deviation of the prediction.
+    """
+
+    measured_hz: float | None
+    predicted_hz: float | None
+    measured_deviation_hz: float = 0.0
+    deviation_hz: float | None = None
+
+    @property
+    def matched(self) -> bool:
+        """Whether both have it."""
+        return self.measured_hz is not None and self.predicted_hz is not None
+
+    @property
+    def error_percent(self) -> float:
+        """Predicted against measured; not a number where one of them has none."""
+        if self.measured_hz is None or self.predicted_hz is None:
+            return float("nan")
+        return 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
+
+    def within(self, reach: float) -> bool | None:
+        """Return whether the measured peak is where prediction and noise let it be; None where nothing is compared."""
+        if self.measured_hz is None or self.predicted_hz is None or self.deviation_hz is None:
+            return None
+        spread = float(np.hypot(self.deviation_hz, self.measured_deviation_hz))
+        return abs(self.predicted_hz - self.measured_hz) <= reach * spread
+
+    def with_deviation(self, deviation_hz: float | None) -> Peak:
+        """Return the same with a standard deviation of the prediction."""
+        return replace(self, deviation_hz=deviation_hz)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedFRF:
+    """A frequency response, predicted, and measured where it was.
+
+    Attributes
+    ----------
+    name, assembly : str
+        As in `PredictedFrequencies`.
+    response, excitation : Coordinate
+        Where motion is seen and where the load acts.
+    frequency_hz : ndarray
+        `(n,)` lines, complex where both channels had an exponential window.
+    receptance : ndarray
+        `(n,)` complex prediction.
+    scatter, phase_scatter : Scatter
+        Of the real and of the imaginary part of its logarithm.
+    measured : ndarray or None
+        `(n,)` complex.
+    measured_deviation : ndarray or None
+        `(n,)`, of the real and of the imaginary part of its logarithm.
+    peaks : tuple of Peak
+        Peaks of measurement and prediction.
+    """
+
+    name: str
+    assembly: str
+    response: Coordinate
+    excitation: Coordinate
+    frequency_hz: NDArray[Any]
+    receptance: NDArray[np.complex128]
+    scatter: Scatter
+    phase_scatter: Scatter
+    measured: NDArray[np.complex128] | None = None
+    measured_deviation: NDArray[np.float64] | None = None
+    peaks: tuple[Peak, ...] = ()
+
+    def band(self, reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return lower and upper magnitude of where the response is."""
+        with np.errstate(over="ignore"):
+            factor = np.exp(reach * self.scatter.total)
+        size = np.abs(self.receptance)
+        return size / factor, size * factor
+
+    @property
+    def log_ratio(self) -> NDArray[np.complex128]:
+        """Logarithm of measured over predicted: factor and phase, `(n,)` or empty."""
+        return np.empty(0, dtype=np.complex128) if self.measured is None else np.log(self.measured / self.receptance)
+
+    @property
+    def rms_decibel(self) -> float | None:
+        """Root mean square of measured over predicted magnitude in dB."""
+        if self.measured is None:
+            return None
+        return float(_DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
+
+    def share_within(self, reach: float) -> float | None:
+        """Return the share of lines on which the magnitude is where prediction and noise let it be."""
+        if self.measured is None:
+            return None
+        noise = 0.0 if self.measured_deviation is None else self.measured_deviation
+        return float(np.mean(np.abs(self.log_ratio.real) <= reach * np.hypot(self.scatter.total, noise)))
+
+    def as_dict(self, reach: float) -> dict[str, Any]:
+        """Return the numbers by name."""
+        low, high = self.band(reach)
+        found: dict[str, Any] = {
+            "name": self.name,
+            "assembly": self.assembly,
+            "response": _place(self.response),
+            "excitation": _place(self.excitation),
+            "frequency_hz": self.frequency_hz.real,
+            "receptance": self.receptance,
+            "magnitude_interval": [low, high],
+            "standard_error_of_log": [self.scatter.total, self.phase_scatter.total],
+        }
+        if np.iscomplexobj(self.frequency_hz):
+            found["decay_rate"] = -2.0 * np.pi * float(self.frequency_hz[0].imag)
+        if self.measured is not None:
+            found |= {
+                "measured": self.measured,
+                "rms_decibel": self.rms_decibel,
+                "share_within": self.share_within(reach),
+                "peaks": [
+                    {
+                        "measured_hz": peak.measured_hz,
+                        "measured_deviation_hz": peak.measured_deviation_hz,
+                        "predicted_hz": peak.predicted_hz,
+                        "standard_error_hz": peak.deviation_hz,
+                        "error_percent": peak.error_percent,
+                        "within": peak.within(reach),
+                    }
+                    for peak in self.peaks
+                ],
+            }
+        return found
+
+
+def match_peaks(
+    frequency_hz: NDArray[Any],
+    measured: NDArray[np.complex128],
+    predicted: NDArray[np.complex128],
+    noise: NDArray[np.float64] | None = None,
+) -> list[Peak]:
+    """Return the peaks of two responses on the same lines, side by side in order of frequency.
+
+    Both are found in the same way, so what the spacing of the lines does to them is the same. `noise` is the standard
+    deviation of the logarithm of the measured magnitude.
+    """
+    lines = frequency_hz.real
+    theirs = _peaks(lines, measured, np.zeros(lines.size) if noise is None else noise)
+    free = [place for place, _ in _peaks(lines, predicted, np.zeros(lines.size))]
+    places = [place for place, _ in theirs]
+    found: list[Peak] = []
+    for measured_hz, deviation_hz in theirs:
+        near = min(free, key=lambda f: abs(f - measured_hz), default=None)
+        # A measured peak that is nearer has the better claim.
+        if near is None or abs(near / measured_hz - 1.0) > _FAR or _nearest(places, near) != measured_hz:
+            near = None
+        else:
+            free.remove(near)
+        found.append(Peak(measured_hz=measured_hz, predicted_hz=near, measured_deviation_hz=deviation_hz))
+    found += [Peak(measured_hz=None, predicted_hz=f) for f in free]
+    return sorted(found, key=lambda peak: peak.measured_hz or peak.predicted_hz or 0.0)
+
+
+def _nearest(places: list[float], wanted: float) -> float:
+    return min(places, key=lambda place: abs(place - wanted))
+
+
+def _peaks(
+    lines: NDArray[np.float64], values: NDArray[np.complex128], noise: NDArray[np.float64]
+) -> list[tuple[float, float]]:
+    """Return where the magnitude peaks and how well that is known, from parabolas through three lines in logarithms."""
+    from scipy.signal import find_peaks  # slow to import
+
+    level = np.log(np.abs(values))
+    found, _ = find_peaks(level, prominence=_PROMINENCE)
+    places = []
+    for index in found:
+        near = slice(index - 1, index + 2)
+        x = lines[near] - lines[index]
+        # The parabola's coefficients are linear in the three levels, its vertex -b / 2a is so to first order.
+        solve = np.linalg.inv(np.vander(x, 3))
+        a, b, _ = solve @ level[near]
+        weights = -solve[1] / (2.0 * a) + solve[0] * b / (2.0 * a * a)
+        shift = float(np.clip(-b / (2.0 * a), x[0], x[2]))
+        places.append((float(lines[index]) + shift, float(np.linalg.norm(weights * noise[near]))))
+    return places
+
+
+def _place(at: Coordinate) -> dict[str, Any]:
+    return {"part": at.part, "position_m": at.position, "direction": at.direction}

@@ -1,0 +1,43 @@
+"""Numbers with units that describe a configuration or a measurement: torque, insertion, force level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from receptance.campaign.quantities import parse_any
+
+__all__ = ["Condition", "parse_condition"]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A number that describes a configuration or a measurement.
+
+    Attributes
+    ----------
+    value : float
+        In SI units.
+    unit : str
+        SI unit, empty for a plain number.
+    written : str
+        As it stands in the file.
+    """
+
+    value: float
+    unit: str
+    written: str
+
+
+def parse_condition(written: str | float) -> Condition:
+    """Return a condition.
+
+    Examples
+    --------
+    >>> from receptance.campaign.conditions import parse_condition
+    >>> parse_condition("5 kN")
+    Condition(value=5000.0, unit='kg m/s^2', written='5 kN')
+    """
+    if isinstance(written, str):
+        value, unit = parse_any(written)
+        return Condition(value, unit, written)
+    return Condition(float(written), "", f"{written:g}")

@@ -1,0 +1,154 @@
+"""From a file with an FRF to an observation: read, told what it is, weighed, cut to its bands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.campaign.deviations import parse_share
+from receptance.identification import MeasuredFRF
+
+if TYPE_CHECKING:
+    from receptance.assembly import Assembly
+    from receptance.campaign.measurement_models import FRFTable, HammerTable
+    from receptance.coordinates import Coordinate
+    from receptance.frf import FRF
+
+__all__ = ["deviation_share", "observe", "placed", "read", "weighed"]
+
+_SHARE = 'a standard deviation of the FRF in percent, such as "2 %"'
+
+
+def read(table: FRFTable, folder: FilePath) -> FRF:
+    """Return the FRF that a measurement names; one entry of it where the file holds several.
+
+    Raises
+    ------
+    ValueError
+        A file that cannot be read, or several responses or excitations without a word which one is meant.
+    """
+    from receptance.io import read_all, read_frf
+
+    options: dict[str, Any] = {
+        "format": table.format,
+        "quantity": table.quantity,
+        "unit": table.unit,
+        "coherence": None if table.coherence is None else folder / table.coherence,
+        "ignore_coherence": table.ignore_coherence or None,
+        "variables": table.variables or None,
+        "columns": table.columns or None,
+    }
+    given = {key: value for key, value in options.items() if value is not None}
+    if table.entry.number is None:
+        found = read_frf(folder / table.file, **given)
+    else:
+        found = _numbered(read_all(folder / table.file, **given), table.entry.number)
+    found = found.select(responses=table.entry.response, excitations=table.entry.excitation)
+    _, n_out, n_in = found.shape
+    if (n_out, n_in) != (1, 1):
+        names = found.labels or ((), ())
+        known = "; ".join(
+            f"{what} {', '.join(side) if any(side) else f'0 to {count - 1}'}"
+            for what, side, count in (("responses", names[0], n_out), ("excitations", names[1], n_in))
+        )
+        raise ValueError(
+            f"holds {n_out} responses and {n_in} excitations, expected `entry` to say which, as in "
+            f"`entry = {{ response = 0, excitation = 0 }}`; there are {known}"
+        )
+    return _told(found, table)
+
+
+def _numbered(things: Sequence[object], number: int) -> FRF:
+    from receptance.frf import FRF
+
+    frfs = [thing for thing in things if isinstance(thing, FRF)]
+    if number >= len(frfs):
+        listed = "; ".join(f"{index}: {frf!r}" for index, frf in enumerate(frfs[:6])) or "none"
+        raise ValueError(f"holds {len(frfs)} FRFs, expected `entry.number` to be one of them, from 0: {listed}")
+    return frfs[number]
+
+
+def _told(frf: FRF, table: FRFTable) -> FRF:
+    """Return the FRF with what the campaign says of it and the file does not."""
+    changes: dict[str, Any] = {}
+    for key, told, own in (
+        ("averages", table.averages, frf.averages),
+        ("decay_rate", table.decay_rate, frf.decay_rate or None),
+    ):
+        if told is None:
+            continue
+        if own is not None and not np.isclose(told, own, rtol=1e-9):
+            raise ValueError(
+                f"says {key} {own:g} and the campaign {told:g}, expected the same; leave it out of the campaign"
+            )
+        changes[key] = told
+    return frf.with_(**changes) if changes else frf
+
+
+def deviation_share(written: str | None) -> float | None:
+    """Return a standard deviation that the campaign states, as a share, or None."""
+    if written is None:
+        return None
+    share = parse_share(written, _SHARE)
+    if share <= 0.0:
+        raise ValueError(f'is "{written}", expected more than zero: {_SHARE}')
+    return share
+
+
+def weighed(frf: FRF, share: float | None) -> FRF:
+    """Return the FRF with a variance: the stated one, the file's, or that of coherence and averages.
+
+    The last is (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
+    """
+    if share is not None:
+        return frf.with_(log_variance=share**2, degrees_of_freedom=None)
+    if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
+        return frf
+    from receptance.frf.variance import pool_variance, variance_from_coherence
+
+    variance, freedom = variance_from_coherence(frf.coherence[:, 0, 0], frf.averages)
+    pooled, known = pool_variance(frf.values[:, 0, 0], variance, freedom, correlated_lines=frf.correlated_lines)
+    return frf.with_(log_variance=pooled, degrees_of_freedom=known)
+
+
+def placed(frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excitation: Coordinate, name: str) -> FRF:
+    """Return the FRF with the coordinates and the sign that the campaign gives its channels."""
+    if table.response.direction[0] != table.excitation.direction[0]:
+        frf = frf.flipped()
+    return frf.with_(label=name, responses=response, excitations=excitation)
+
+
+def observe(
+    frf: FRF,
+    table: FRFTable | HammerTable,
+    assembly: Assembly,
+    response: Coordinate,
+    excitation: Coordinate,
+    floor: float,
+) -> MeasuredFRF:
+    """Return the observation: lines inside the bands of the campaign.
+
+    Raises
+    ------
+    ValueError
+        No usable line, or a band without one.
+    """
+    if table.bands is not None:
+        usable = np.ones(frf.frequency_hz.size, dtype=np.bool_) if frf.usable is None else frf.usable
+        chosen = np.zeros_like(usable)
+        for low, high in table.bands:
+            if low >= high:
+                raise ValueError(f"has a band from {low:g} to {high:g} Hz, expected the lower end first")
+            inside = usable & (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
+            if not inside.any():
+                first, last = frf.frequency_hz[[0, -1]]
+                raise ValueError(
+                    f"has a band from {low:g} to {high:g} Hz without a usable line, expected one within {first:g} to "
+                    f"{last:g} Hz"
+                )
+            chosen |= inside
+        frf = frf.with_(usable=chosen)
+    return MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor)

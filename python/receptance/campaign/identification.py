@@ -1,0 +1,221 @@
+"""The fit of a campaign, and what its tolerances make of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.campaign.deviations import parse_share
+from receptance.campaign.plain import plain
+from receptance.campaign.problems import CampaignError
+from receptance.campaign.propagation import Propagation
+from receptance.identification import Identification, MeasuredFRF, Unknown, identify
+from receptance.identification.spread import quantile
+from receptance.identification.unknowns import covered
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.measurement_models import SettingsTable
+
+__all__ = ["CampaignIdentification", "identify_campaign"]
+
+_DISAGREE = 1.3
+"""Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignIdentification:
+    """Identified parameters of a campaign.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        What was fitted.
+    fit : Identification
+        Values, standard errors from the scatter of the data, residuals, advice.
+    propagation : Propagation
+        How the fit reacts to the tolerances, which it takes as exact.
+    notes : tuple of str
+        What a person should know, of the campaign and of the fit.
+    versions : dict of str to str
+        What is needed to do it again.
+    """
+
+    campaign: Campaign
+    fit: Identification
+    propagation: Propagation
+    notes: tuple[str, ...]
+    versions: dict[str, str]
+
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        """Names of the measurements that were fitted, in the order of `fit.residuals`."""
+        return tuple(self.campaign.to_identify)
+
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors in SI units by address, from the scatter of the data and the tolerances together."""
+        return self.propagation.standard_errors()
+
+    def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of a value in SI units, tolerances included; symmetric in the fitted variable.
+
+        Raises
+        ------
+        ValueError
+            An address that was not identified, or a level not between 0 and 1.
+        """
+        value = self.fit.values[address] if address in self.fit.values else self.fit.interval(address)[0]
+        unknown = self.fit.unknowns[self.fit.addresses.index(address)]
+        reach = quantile(level, None if self.fit.known_scatter else self.fit.degrees_of_freedom)
+        spread = self.standard_errors()[address]
+        if unknown.scale == "linear":
+            return value - reach * spread, value + reach * spread
+        with np.errstate(over="ignore"):
+            factor = float(np.exp(np.float64(reach * spread / value)))
+        return (value / factor if np.isfinite(factor) else 0.0), value * factor
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as what JSON holds: an infinite number is None."""
+        fit, campaign = self.fit, self.campaign
+        together = self.standard_errors()
+        found: dict[str, Any] = plain(
+            {
+                "campaign": campaign.title,
+                "file": campaign.file.name,
+                "converged": fit.converged,
+                "parameters": {
+                    address: {
+                        "value": value,
+                        "standard_error": fit.standard_errors[address],
+                        "interval_95": fit.interval(address),
+                        "standard_error_with_tolerances": together[address],
+                        "interval_95_with_tolerances": self.interval(address),
+                    }
+                    for address, value in fit.values.items()
+                },
+                "correlation": {"parameters": fit.addresses, "matrix": fit.correlation},
+                "covariance_of_fitted_variables": fit.covariance,
+                "scales": {unknown.address: unknown.scale for unknown in fit.unknowns},
+                "measurements": [
+                    {
+                        "name": name,
+                        "assembly": campaign.measurements[name].assembly,
+                        "unit": unit,
+                        "count": residual.size,
+                        "rms": np.sqrt(np.mean(residual**2)),
+                        "residuals": residual,
+                    }
+                    for name, unit, residual in zip(self.measurements, fit.units, fit.residuals, strict=True)
+                ],
+                "rms": fit.rms,
+                "degrees_of_freedom": fit.degrees_of_freedom,
+                "known_scatter": fit.known_scatter,
+                "starts": len(fit.starts),
+                "starts_agreeing": fit.agreeing,
+                "evaluations": fit.evaluations,
+                "advice": fit.advice,
+                "notes": self.notes,
+                "settings": campaign.table.settings.model_dump(),
+                "seed": fit.seed,
+                "versions": self.versions,
+            }
+        )
+        return found
+
+    def plot(self) -> Figure:
+        """Draw the measurements against the fitted model, with what is left."""
+        from receptance.plot.campaign import draw_identification
+
+        return draw_identification(self)
+
+    def __repr__(self) -> str:
+        return f"CampaignIdentification({self.campaign.title!r}, {self.fit!r})"
+
+
+def identify_campaign(
+    campaign: Campaign, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+) -> CampaignIdentification:
+    """Identify the unknowns of a campaign; see `Campaign.identify`."""
+    from receptance.studies._provenance import versions
+
+    say = progress or (lambda _: None)
+    seen = campaign.to_identify
+    if not campaign.unknowns:
+        raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")
+    if not seen:
+        text = 'there is nothing to identify from, expected a measurement with the role "identify"'
+        raise CampaignError.about(campaign.file, text)
+    unknowns, left_out = _observed_unknowns(campaign)
+    settings = campaign.table.settings
+    observations = [measured.observation for measured in seen.values()]
+    lines = sum(o.frequency_hz.size for o in observations)
+    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {settings.starts} starts")
+    width = band_width_percent(settings)
+    try:
+        fit = identify(
+            observations,
+            unknowns,
+            objective=settings.objective,
+            band_width_percent=width,
+            starts=settings.starts,
+            seed=settings.seed,
+            max_evaluations=settings.max_evaluations,
+            threads=threads,
+        )
+    except ValueError as error:
+        raise CampaignError.about(campaign.file, str(error)) from error
+    say("propagating the tolerances")
+    effects = [measured.effects for measured in seen.values()]
+    propagation = Propagation(fit, observations, effects, width)
+    notes = [
+        *campaign.notes,
+        *left_out,
+        *(n for n in fit.notes if not any(said.endswith(n) for said in campaign.notes)),
+    ]
+    if any(effects):
+        notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
+        notes += _on_damping(fit) if any(isinstance(o, MeasuredFRF) for o in observations) else []
+    if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):
+        notes.append(
+            "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "
+            "percentage objective only resembles"
+        )
+    return CampaignIdentification(
+        campaign=campaign, fit=fit, propagation=propagation, notes=tuple(notes), versions=versions()
+    )
+
+
+def _on_damping(fit: Identification) -> list[str]:
+    """Say where intervals of dampings cannot be trusted; linear propagation does not see why."""
+    damped = [a for a in fit.addresses if a.split(".")[-1].startswith("c_") or a.endswith("loss_factor")]
+    if not damped or not fit.known_scatter or fit.rms < _DISAGREE:
+        return []
+    return [
+        f"the residuals are {fit.rms:.2g} times what noise explains: dimensions are off (the resonances of several "
+        "measurements then do not fit one model) or the noise is larger than stated; dampings answer to that first, "
+        f"and the intervals of {', '.join(damped)} do not cover it"
+    ]
+
+
+def _observed_unknowns(campaign: Campaign) -> tuple[list[Unknown], list[str]]:
+    """Return the unknowns that some fitted measurement's assembly has, and what to say of the others."""
+    assemblies = [measured.observation.assembly for measured in campaign.to_identify.values()]
+    kept, notes = [], []
+    for unknown in campaign.unknowns:
+        if any(covered(unknown.address, assembly) for assembly in assemblies):
+            kept.append(unknown)
+        else:
+            notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
+    if not kept:
+        raise CampaignError.about(campaign.file, "no assembly that was measured for identification has an unknown")
+    return kept, notes
+
+
+def band_width_percent(settings: SettingsTable) -> float:
+    """Return how far a band reaches to either side of its peak, in percent."""
+    return 100.0 * parse_share(settings.band_width, 'a percentage such as "5 %"')

@@ -1,0 +1,243 @@
+"""Reading a campaign file: every mistake of it at once, or a campaign whose data are read."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import re
+import tomllib
+import warnings
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+from receptance.assembly import Assembly
+from receptance.campaign.assembling import build_assemblies, check_unknowns, place, with_sensor
+from receptance.campaign.building import Built, build_elements
+from receptance.campaign.campaign import Campaign
+from receptance.campaign.conditions import Condition, parse_condition
+from receptance.campaign.lines import Path, lines_of
+from receptance.campaign.measurement_models import CampaignTable
+from receptance.campaign.observations import Measurement, build_measurement
+from receptance.campaign.problems import CampaignError, Problem, Problems, translate
+from receptance.campaign.references import check_references
+from receptance.campaign.tolerances import Effects, assembly_effects, sensor_effects
+from receptance.campaign.workshop import Workshop
+from receptance.coordinates import Coordinate
+from receptance.errors import ReceptanceWarning
+from receptance.identification import MeasuredFRF
+
+__all__ = ["load", "measured_structures"]
+
+FILE = "campaign.toml"
+"""What a campaign file is called where only its folder is given."""
+_SECTIONS = ("materials", "parts", "joints", "sensors", "attachments", "assemblies", "measurements", "unknowns")
+
+
+def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None) -> Campaign:
+    """Read a campaign file and the data files that it names.
+
+    Parameters
+    ----------
+    path : str or path
+        The TOML file, or a folder with a `campaign.toml` in it. Data files are sought beside it.
+    progress : callable, optional
+        Called with a line of text before each measurement is read.
+
+    Returns
+    -------
+    Campaign
+        Assemblies, measurements and unknowns, ready to be identified.
+
+    Raises
+    ------
+    CampaignError
+        The file has mistakes; `.problems` holds all of them, with place and line. It is a ValueError.
+    OSError
+        There is no such file, or it cannot be opened.
+
+    Warns
+    -----
+    ReceptanceWarning
+        What is suspicious in the file or the data; the campaign's `notes` hold it too, and more.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from receptance import campaign, examples
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = examples.write("er32", folder)
+    ...     er32 = campaign.load(folder)
+    >>> sorted(er32.assemblies)[:2]
+    ['d11_long', 'd11_medium']
+    """
+    file = _file(FilePath(path))
+    data, lines = _read(file)
+    problems = Problems(lines)
+    table, workshop, built = _described(data, problems, file.parent)
+    effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
+    of_sensors = {name: sensor_effects(name, table, built) for name in built.sensors}
+    measurements: dict[str, Measurement] = {}
+    for name in table.measurements:
+        if progress is not None:
+            progress(f"reading {name}")
+        measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop)
+        if measured is not None:
+            measurements[name] = measured
+    conditions = _conditions(table, workshop)
+    places = _places(table, built, workshop)
+    _check_weights(measurements, table, problems)
+    if problems.found:
+        raise CampaignError(path, problems.found)
+    for warning in dict.fromkeys(workshop.warnings):
+        warnings.warn(warning, ReceptanceWarning, stacklevel=2)
+    return Campaign(
+        file=file,
+        table=table,
+        assemblies=built.assemblies,
+        measurements=measurements,
+        unknowns=tuple(built.unknowns.values()),
+        effects=effects,
+        conditions=conditions,
+        places=places,
+        notes=tuple(workshop.notes),
+    )
+
+
+def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
+    """Return for every measurement of a campaign what was measured, sensor included, and where motion was seen.
+
+    Its data files are not read, so that they can be simulated.
+    """
+    data = tomllib.loads(text)
+    problems = Problems(lines_of(text))
+    table, workshop, built = _described(data, problems, None)
+    found = {}
+    for name, measurement in table.measurements.items():
+        assembly = built.assemblies[measurement.assembly]
+        at = place(("measurements", name, "response"), measurement.response, assembly, workshop)
+        if at is not None:
+            sensor = None if measurement.sensor is None else built.sensors[measurement.sensor]
+            found[name] = (with_sensor(assembly, sensor, at), at)
+    if problems.found:
+        raise CampaignError("the campaign", problems.found)
+    return found
+
+
+def _described(
+    data: dict[str, Any], problems: Problems, folder: FilePath | None
+) -> tuple[CampaignTable, Workshop, Built]:
+    """Return the tables, and what could be built from them; files are sought where a folder is given."""
+    table, named, broken = _validated(data, problems)
+    workshop = Workshop(problems, named, broken)
+    check_references(data, folder, workshop)
+    built = build_elements(table, workshop)
+    build_assemblies(table, built, workshop)
+    check_unknowns(built, workshop)
+    return table, workshop, built
+
+
+def _file(path: FilePath) -> FilePath:
+    file = path / FILE if path.is_dir() else path
+    if file.is_file():
+        return file
+    if path.is_dir():
+        raise FileNotFoundError(f"there is no {FILE} in the folder {path}")
+    folder = path.parent
+    near = difflib.get_close_matches(path.name, [p.name for p in folder.iterdir()], n=1) if folder.is_dir() else []
+    hint = f"; did you mean {folder / near[0]}?" if near else ""
+    raise FileNotFoundError(f"there is no campaign file {path}{hint}")
+
+
+def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+        data = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        text = f"byte {error.start} is not UTF-8, expected a TOML file, which is text in UTF-8"
+        raise CampaignError.about(file, text) from None
+    except tomllib.TOMLDecodeError as error:
+        match = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        what = str(error).partition(" (at line")[0]
+        where = f" (column {match[2]})" if match else ""
+        problem = Problem((), f"this is not TOML: {what}{where}", int(match[1]) if match else None)
+        raise CampaignError(file, [problem]) from None
+    try:
+        return data, lines_of(text)
+    except (ValueError, IndexError):  # the values are right; only where they stand could not be told
+        return data, {}
+
+
+def _validated(data: dict[str, Any], problems: Problems) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
+    """Return the tables that are right, the names of all, and the sections of which nothing can be known."""
+    from pydantic import ValidationError
+
+    named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
+    broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
+    broken |= {section for section in ("materials", "parts", "assemblies") if section not in data}
+    rest = copy.deepcopy(data)
+    while True:
+        try:
+            return CampaignTable.model_validate(rest), named, frozenset(broken)
+        except ValidationError as error:
+            found = translate(error.errors(), rest, CampaignTable)
+        for path, text in found:
+            problems.add(path, text)
+        for path, _ in found:
+            _prune(rest, path)
+
+
+def _prune(data: dict[str, Any], path: Path) -> None:
+    """Leave out the named table with a mistake, so that the rest can be looked at."""
+    section = str(path[0])
+    table = data.get(section)
+    if section in _SECTIONS and isinstance(table, dict) and len(path) > 1:
+        table.pop(path[1], None)
+    elif section in ("materials", "parts", "assemblies"):
+        data[section] = {}
+    else:
+        data.pop(section, None)
+
+
+def _conditions(table: CampaignTable, workshop: Workshop) -> dict[str, dict[str, Condition]]:
+    found: dict[str, dict[str, Condition]] = {}
+    for name, assembly in table.assemblies.items():
+        for key, value in assembly.conditions.items():
+            made = workshop.make(("assemblies", name, "conditions", key), parse_condition, value)
+            if made is not None:
+                found.setdefault(name, {})[key] = made
+    return found
+
+
+def _places(table: CampaignTable, built: Built, workshop: Workshop) -> dict[str, tuple[Coordinate, Coordinate]]:
+    """Return where assemblies that were not measured are to be predicted."""
+    measured = {measurement.assembly for measurement in table.measurements.values()}
+    found: dict[str, tuple[Coordinate, Coordinate]] = {}
+    for name, assembly in built.assemblies.items():
+        if name not in measured:
+            response = place(("prediction", "response"), table.prediction.response, assembly, workshop)
+            excitation = place(("prediction", "excitation"), table.prediction.excitation, assembly, workshop)
+            if response is not None and excitation is not None:
+                found[name] = (response, excitation)
+    return found
+
+
+def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, problems: Problems) -> None:
+    """What is fitted together must be weighed against each other: all have a standard deviation, or none."""
+    if table.settings.objective == "percentage":
+        return
+    without = []
+    some = False
+    for name, measured in measurements.items():
+        if measured.held_out:
+            continue
+        seen = measured.observation
+        spread = seen.standard_deviation if isinstance(seen, MeasuredFRF) else seen.standard_deviation_hz
+        some = some or spread is not None
+        without += [name] if spread is None else []
+    for name in without if some else []:
+        problems.add(
+            ("measurements", name),
+            "has no standard deviation but others have one, so they cannot be weighed against each other; expected "
+            "`standard_deviation` (or, of an FRF, coherence in the file and `averages`)",
+        )

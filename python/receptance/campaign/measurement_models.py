@@ -1,0 +1,253 @@
+"""What a campaign file may hold: measurements, unknowns, settings, and the whole file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from receptance.campaign.models import (
+    AssemblyTable,
+    AttachmentTable,
+    CoordinateTable,
+    JointTable,
+    MaterialTable,
+    Name,
+    PartTable,
+    SensorTable,
+    Table,
+    Word,
+    Written,
+)
+from receptance.campaign.quantities import KINDS, Amount, OneOf
+
+__all__ = [
+    "CampaignTable",
+    "FRFTable",
+    "FrequenciesTable",
+    "HammerTable",
+    "MeasurementTable",
+    "PredictionTable",
+    "SettingsTable",
+    "UnknownTable",
+]
+
+Frequency = Annotated[float, Amount(KINDS["a frequency"])]
+FrequencyOrZero = Annotated[float, Amount(KINDS["a frequency or zero"])]
+Force = Annotated[float, Amount(KINDS["a force"])]
+Time = Annotated[float, Amount(KINDS["a time"])]
+TimeOrZero = Annotated[float, Amount(KINDS["a time or zero"])]
+Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
+Rate = Annotated[float, Amount(KINDS["a rate of decay"])]
+Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
+Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
+
+
+class _Measured(Table):
+    assembly: str
+    """name of the assembly that was measured"""
+    role: Literal["identify", "hold out"] = "identify"
+    """whether the fit sees it, or predictions are compared with it"""
+    sensor: str | None = None
+    """name of the sensor that sat at the response coordinate; none for a laser"""
+    conditions: dict[str, Written] = Field(default={})
+    """numbers with units that describe the measurement: a force level, a temperature"""
+
+
+class EntryTable(Table):
+    """Which part of a file with several FRFs, responses or excitations is meant."""
+
+    number: Annotated[int, Field(ge=0)] | None = None
+    """number from 0 of the FRF, where the file holds several"""
+    response: Which = None
+    """number from 0 of the response, or its name in the file"""
+    excitation: Which = None
+    """number from 0 of the excitation, or its name in the file"""
+
+
+class _Response(_Measured):
+    response: CoordinateTable = CoordinateTable()
+    """where motion was seen"""
+    excitation: CoordinateTable = CoordinateTable()
+    """where the load acted"""
+    bands: Annotated[list[Band], Field(min_length=1)] | None = None
+    """bands of frequency that count, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
+    floor: str | None = None
+    """what no noise model covers, as a standard deviation added in squares on every line, such as `"0.3 %"`"""
+
+
+class FRFTable(_Response):
+    """A frequency response function from a file."""
+
+    kind: Literal["frf"]
+    """`"frf"`"""
+    file: str
+    """file beside the campaign: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
+    format: str | None = None
+    """format of the file where its ending does not tell"""
+    quantity: Literal["receptance", "mobility", "accelerance"] | None = None
+    """what was measured, where the file does not say"""
+    unit: str | None = None
+    """its unit, where the file does not say, such as `"m/s^2/N"`"""
+    entry: EntryTable = EntryTable()
+    """which part of the file, where it holds several FRFs, responses or excitations"""
+    coherence: str | None = None
+    """another file with the coherence"""
+    ignore_coherence: bool = False
+    """read the FRF without its coherence, where that is worth nothing"""
+    variables: dict[str, str] = Field(default={})
+    """which variables of an NPZ, MAT or HDF5 file of another program are `frequency_hz`, `values`, `coherence`"""
+    columns: list[str] = Field(default=[])
+    """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
+    averages: Annotated[int, Field(ge=1)] | None = None
+    """how many hits were averaged, where the file does not say"""
+    standard_deviation: str | None = None
+    """of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from coherence and averages"""
+    decay_rate: Rate | None = None
+    """of an exponential window on both channels, where the file does not say"""
+
+
+class HammerTable(_Response):
+    """Force and response of hammer hits against time, from which the FRF is estimated."""
+
+    kind: Literal["hammer records"]
+    """`"hammer records"`"""
+    file: Annotated[str | list[str], OneOf(str, list, what="the name of a file, or a list of them")]
+    """file beside the campaign with one or several hits, or a list of files: UFF58, CSV, NPZ, MAT, HDF5"""
+    format: str | None = None
+    """format of the files where their ending does not tell"""
+    force: Channel
+    """name or number (from 0) of the hammer's channel"""
+    motion: Channel
+    """name or number (from 0) of the response's channel"""
+    units: dict[str, str] = Field(default={})
+    """units of channels, where the files do not say, `{ hammer = "N", tip = "m/s^2" }`"""
+    variables: dict[str, str] = Field(default={})
+    """which variables of NPZ, MAT or HDF5 files of another program are the time, `time_s`, and the channels"""
+    columns: list[str] = Field(default=[])
+    """header of tables that have none, `["time [s]", "hammer [N]", "tip [m/s^2]"]`"""
+    sample_rate: Frequency | None = None
+    """samples per second, where the files do not say"""
+    full_scale_force: Force | None = None
+    """largest force that the recorder can hold; without it only a flat top tells an overload"""
+    trigger: Force | None = None
+    """force that begins a hit; by default a tenth of the largest"""
+    duration: Time | None = None
+    """length of the block of a hit; by default as much as is free between hits"""
+    pre_trigger: TimeOrZero | None = None
+    """how long before the trigger a block begins, by default 10 ms, where a record holds several hits"""
+    double_hits: Literal["drop", "keep"] = "drop"
+    """what to do with double hits"""
+    drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])
+    """numbers of hits that are to be dropped by hand, counted from 1 as they are found"""
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    """how the FRF is estimated"""
+    decay_rate: Rate = 0.0
+    """of the exponential window that is put on both channels"""
+    response_decay_rate: Rate = 0.0
+    """of an exponential window that the recorder has put on the response alone"""
+    force_window: str = "auto"
+    """how long the force counts after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"`: the whole block"""
+
+
+class FrequenciesTable(_Measured):
+    """Natural frequencies, here or in a CSV file; damping is not used."""
+
+    kind: Literal["natural frequencies"]
+    """`"natural frequencies"`"""
+    frequencies: Annotated[list[Frequency], Field(min_length=1)] | None = None
+    """natural frequencies, ascending"""
+    modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
+    """which elastic modes they are, the lowest is 1; by default 1, 2, and so on"""
+    standard_deviation: Annotated[
+        str | list[str] | None, OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
+    ] = None
+    """of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+    file: str | None = None
+    """CSV file instead, with columns `mode`, `frequency [Hz]` and, if you like, `standard_deviation [Hz]`"""
+    response: CoordinateTable = CoordinateTable()
+    """where the sensor sat"""
+
+
+MeasurementTable = Annotated[
+    Annotated[FRFTable, Tag("frf")]
+    | Annotated[HammerTable, Tag("hammer records")]
+    | Annotated[FrequenciesTable, Tag("natural frequencies")],
+    Discriminator("kind"),
+]
+
+
+class UnknownTable(Table):
+    """A parameter to identify; shared by all assemblies that have it."""
+
+    lower: Written
+    """lower bound, a quantity of the parameter's kind"""
+    upper: Written
+    """upper bound"""
+    start: Written | None = None
+    """where the first fit starts; by default the joint's value, else the middle of the bounds"""
+    scale: Literal["log", "linear"] | None = None
+    """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
+
+
+class SettingsTable(Table):
+    """How the fit is done."""
+
+    objective: Literal["log", "percentage"] = "log"
+    """complex logarithm of measured over calculated, or percentage of the magnitude in bands around the peaks"""
+    starts: Annotated[int, Field(ge=1)] = 8
+    """number of starts"""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """seed of the starts that are drawn"""
+    max_evaluations: Annotated[int, Field(ge=1)] = 200
+    """most evaluations from one start"""
+    band_width: str = "5 %"
+    """with the percentage objective, how far a band reaches to either side of its peak"""
+
+
+class PredictionTable(Table):
+    """What is predicted of assemblies that were not measured, and how sure intervals are."""
+
+    lower: Frequency | None = None
+    """lowest line; by default a tenth of the first natural frequency"""
+    upper: Frequency | None = None
+    """highest line and limit of the natural frequencies; by default the highest measured frequency"""
+    step: Frequency | None = None
+    """distance of the lines; by default a two-thousandth of the band"""
+    response: CoordinateTable = CoordinateTable()
+    """where motion is seen"""
+    excitation: CoordinateTable = CoordinateTable()
+    """where the load acts"""
+    level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    """level of the intervals"""
+
+
+class CampaignTable(Table):
+    """A measuring campaign: what was measured, on what, and what is to be found."""
+
+    format: Literal[1] = 1
+    """version of this format"""
+    title: str = ""
+    """for people"""
+    description: str = ""
+    """for people: where the data come from, whether they are simulated"""
+    materials: dict[Name, MaterialTable]
+    """materials by name"""
+    parts: dict[Word, PartTable]
+    """parts by name"""
+    joints: dict[Word, JointTable] = Field(default={})
+    """joints by name"""
+    sensors: dict[Word, SensorTable] = Field(default={})
+    """sensors by name"""
+    attachments: dict[Word, AttachmentTable] = Field(default={})
+    """masses and ground springs by name"""
+    assemblies: dict[Name, AssemblyTable]
+    """configurations by name"""
+    measurements: dict[Name, MeasurementTable] = Field(default={})
+    """measurements by name"""
+    unknowns: dict[str, UnknownTable] = Field(default={})
+    """what is to be identified, by address: `"joint.k_theta"`"""
+    settings: SettingsTable = SettingsTable()
+    """how the fit is done"""
+    prediction: PredictionTable = PredictionTable()
+    """what is predicted"""

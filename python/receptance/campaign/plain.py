@@ -1,0 +1,36 @@
+"""Results as what JSON holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+__all__ = ["plain"]
+
+
+def plain(value: Any) -> Any:
+    """Return dictionaries, lists, text, numbers and None; what is not finite is None, complex numbers are pairs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.campaign.plain import plain
+    >>> plain({"a": np.array([1.0, np.inf]), "b": (1 + 2j,)})
+    {'a': [1.0, None], 'b': [[1.0, 2.0]]}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

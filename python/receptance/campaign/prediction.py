@@ -1,0 +1,283 @@
+"""Predictions of a campaign: of what was held out, compared with it, and of what was not measured at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF, match_peaks
+from receptance.campaign.plain import plain
+from receptance.campaign.problems import CampaignError
+from receptance.campaign.propagation import Propagation
+from receptance.identification import MeasuredFRF
+from receptance.identification.spread import quantile
+from receptance.identification.unknowns import covered
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.identification import CampaignIdentification
+    from receptance.campaign.observations import Measurement
+
+__all__ = ["CampaignPrediction", "predict_campaign"]
+
+_LINES = 2000
+_MOST_LINES = 1_000_000
+_WIDE = 0.5
+"""A standard deviation of the logarithm beyond which a linear band is only a hint."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignPrediction:
+    """Predictions of a campaign with their intervals.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        What was predicted.
+    identified : CampaignIdentification or None
+        The fit that the predictions rest on; None where nothing is unknown.
+    frequencies : tuple of PredictedFrequencies
+        Natural frequencies, of held-out measurements first.
+    frfs : tuple of PredictedFRF
+        Frequency responses, of held-out measurements first.
+    level : float
+        Level of the intervals.
+    notes : tuple of str
+        What a person should know.
+    versions : dict of str to str
+        What is needed to do it again.
+    """
+
+    campaign: Campaign
+    identified: CampaignIdentification | None
+    frequencies: tuple[PredictedFrequencies, ...]
+    frfs: tuple[PredictedFRF, ...]
+    level: float
+    notes: tuple[str, ...]
+    versions: dict[str, str]
+
+    @property
+    def reach(self) -> float:
+        """How many standard deviations an interval reaches to either side."""
+        return quantile(self.level, None)
+
+    @property
+    def errors_percent(self) -> list[float]:
+        """Predicted against measured, of every held-out natural frequency and peak, in percent."""
+        listed = [float(e) for p in self.frequencies if p.measured_hz is not None for e in p.errors_percent]
+        return listed + [peak.error_percent for frf in self.frfs for peak in frf.peaks if peak.matched]
+
+    @property
+    def rms_percent(self) -> float | None:
+        """Root mean square of `errors_percent`; None where nothing is compared."""
+        errors = self.errors_percent
+        return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as what JSON holds: an infinite number is None, a complex one a pair."""
+        found: dict[str, Any] = plain(
+            {
+                "campaign": self.campaign.title,
+                "file": self.campaign.file.name,
+                "level": self.level,
+                "rms_percent": self.rms_percent,
+                "natural_frequencies": [one.as_dict(self.reach) for one in self.frequencies],
+                "frfs": [one.as_dict(self.reach) for one in self.frfs],
+                "identified": None if self.identified is None else self.identified.as_dict(),
+                "notes": self.notes,
+                "versions": self.versions,
+            }
+        )
+        return found
+
+    def plot(self) -> Figure:
+        """Draw predictions with their intervals, over what was measured."""
+        from receptance.plot.campaign import draw_prediction
+
+        return draw_prediction(self)
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.frequencies)} sets of natural frequencies, {len(self.frfs)} FRFs"
+        rms = "" if self.rms_percent is None else f", rms {self.rms_percent:.3g} %"
+        return f"CampaignPrediction({self.campaign.title!r}, {counts}{rms})"
+
+
+def predict_campaign(
+    campaign: Campaign,
+    identified: CampaignIdentification | None,
+    *,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CampaignPrediction:
+    """Predict what a campaign holds out or did not measure; see `Campaign.predict`."""
+    from receptance.studies._provenance import versions
+
+    say = progress or (lambda _: None)
+    held_out, unmeasured = campaign.held_out, campaign.unmeasured
+    if not held_out and not unmeasured:
+        text = 'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without any'
+        raise CampaignError.about(campaign.file, text)
+    if identified is None and campaign.unknowns:
+        identified = campaign.identify(threads=threads, progress=progress)
+    propagation = Propagation(None, [], []) if identified is None else identified.propagation
+    notes = list(campaign.notes if identified is None else identified.notes)
+    frequencies: list[PredictedFrequencies] = []
+    frfs: list[PredictedFRF] = []
+    for name, measured in held_out.items():
+        say(f"predicting {name}")
+        assembly = _applied(identified, measured.observation.assembly, name, notes)
+        if isinstance(measured.observation, MeasuredFRF):
+            frfs.append(_held_out_frf(name, measured, assembly, propagation))
+        else:
+            frequencies.append(_held_out_frequencies(name, measured, assembly, propagation))
+    for name, assembly in unmeasured.items():
+        say(f"predicting {name}")
+        assembly = _applied(identified, assembly, name, notes)
+        found = _unmeasured(name, campaign, assembly, propagation, notes)
+        frequencies += [found[0]] if found[0] is not None else []
+        frfs.append(found[1])
+    wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
+    if wide:
+        notes.append(
+            f"the bands of {', '.join(wide)} are wide at peaks: they are linear in the errors, so where a peak may "
+            "move by more than its width they are only a hint; the intervals of the natural frequencies hold"
+        )
+    return CampaignPrediction(
+        campaign=campaign,
+        identified=identified,
+        frequencies=tuple(frequencies),
+        frfs=tuple(frfs),
+        level=campaign.table.prediction.level,
+        notes=tuple(dict.fromkeys(notes)),
+        versions=versions(),
+    )
+
+
+def _applied(identified: CampaignIdentification | None, assembly: Assembly, name: str, notes: list[str]) -> Assembly:
+    """Return the assembly with the identified values of the parameters that it has."""
+    if identified is None:
+        return assembly
+    fit = identified.fit
+    if any(covered(address, assembly) for address in fit.addresses):
+        assembly = fit.apply(assembly)
+    else:
+        notes.append(f"{name}: none of the identified parameters is in it")
+    rest = [
+        u.address for u in identified.campaign.unknowns if u.address not in fit.values and covered(u.address, assembly)
+    ]
+    if rest:
+        notes.append(
+            f"{name}: {', '.join(rest)} {'was' if len(rest) == 1 else 'were'} not identified and stays at its start"
+        )
+    return assembly
+
+
+def _held_out_frequencies(
+    name: str, measured: Measurement, assembly: Assembly, propagation: Propagation
+) -> PredictedFrequencies:
+    seen = measured.observation
+    assert not isinstance(seen, MeasuredFRF)
+    found, scatter = propagation.frequencies(assembly, seen.modes, float(seen.frequency_hz[-1]), measured.effects)
+    return PredictedFrequencies(
+        name=name,
+        assembly=measured.assembly,
+        modes=seen.modes,
+        predicted_hz=found,
+        scatter=scatter,
+        measured_hz=seen.frequency_hz,
+        measured_deviation_hz=seen.standard_deviation_hz,
+    )
+
+
+def _held_out_frf(name: str, measured: Measurement, assembly: Assembly, propagation: Propagation) -> PredictedFRF:
+    seen = measured.observation
+    assert isinstance(seen, MeasuredFRF)
+    found, real, imaginary = propagation.receptance(
+        assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects
+    )
+    peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
+    deviations = _peak_deviations(peaks, assembly, propagation, measured)
+    return PredictedFRF(
+        name=name,
+        assembly=measured.assembly,
+        response=seen.response,
+        excitation=seen.excitation,
+        frequency_hz=seen.frequency_hz,
+        receptance=found,
+        scatter=real,
+        phase_scatter=imaginary,
+        measured=seen.receptance,
+        measured_deviation=seen.standard_deviation,
+        peaks=tuple(peak.with_deviation(one) for peak, one in zip(peaks, deviations, strict=True)),
+    )
+
+
+def _peak_deviations(
+    peaks: list[Peak], assembly: Assembly, propagation: Propagation, measured: Measurement
+) -> list[float | None]:
+    """Return the standard deviations of predicted peaks, from the nearest natural frequency of the assembly."""
+    places = [peak.predicted_hz for peak in peaks if peak.predicted_hz is not None]
+    if not places:
+        return [None] * len(peaks)
+    modes = assembly.natural_frequencies(1.1 * max(places))
+    if not modes.size:
+        return [None] * len(peaks)
+    _, scatter = propagation.frequencies(assembly, tuple(range(1, modes.size + 1)), float(modes[-1]), measured.effects)
+    return [
+        None if p.predicted_hz is None else float(scatter.total[np.abs(modes - p.predicted_hz).argmin()]) for p in peaks
+    ]
+
+
+def _unmeasured(
+    name: str, campaign: Campaign, assembly: Assembly, propagation: Propagation, notes: list[str]
+) -> tuple[PredictedFrequencies | None, PredictedFRF]:
+    effects = campaign.effects.get(name, {})
+    lines = _lines(campaign, assembly)
+    modes = assembly.natural_frequencies(float(lines[-1]))
+    frequencies = None
+    if modes.size:
+        numbers = tuple(range(1, modes.size + 1))
+        found, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), effects)
+        frequencies = PredictedFrequencies(name=name, assembly=name, modes=numbers, predicted_hz=found, scatter=scatter)
+    else:
+        notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
+    places = campaign.places[name]
+    receptance, real, imaginary = propagation.receptance(assembly, lines, places[0], places[1], effects)
+    return frequencies, PredictedFRF(
+        name=name,
+        assembly=name,
+        response=places[0],
+        excitation=places[1],
+        frequency_hz=lines,
+        receptance=receptance,
+        scatter=real,
+        phase_scatter=imaginary,
+    )
+
+
+def _lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
+    """Return the lines on which an assembly that was not measured is predicted."""
+    asked = campaign.table.prediction
+    seen = [float(measured.observation.frequency_hz[-1].real) for measured in campaign.measurements.values()]
+    upper = asked.upper if asked.upper is not None else max(seen, default=None)
+    if upper is None:
+        text = "nothing says up to which frequency to predict, expected `prediction.upper`"
+        raise CampaignError.about(campaign.file, text)
+    modes = assembly.natural_frequencies(upper)
+    lower = asked.lower if asked.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
+    if lower >= upper:
+        text = f"the prediction goes from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
+        raise CampaignError.about(campaign.file, text)
+    step = asked.step if asked.step is not None else (upper - lower) / _LINES
+    count = int((upper - lower) / step * (1.0 + 1e-12)) + 1
+    if count > _MOST_LINES:
+        text = f"{count} lines are too many to predict, expected at most {_MOST_LINES}; give a larger `prediction.step`"
+        raise CampaignError.about(campaign.file, text)
+    return lower + step * np.arange(count, dtype=np.float64)

@@ -1,0 +1,244 @@
+"""Mistakes in a campaign file: where, what was found, what was expected; all of them at once."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from receptance.campaign.lines import Path, line_of
+from receptance.campaign.quantities import shown
+from receptance.campaign.suggestions import did_you_mean, one_of
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+__all__ = ["CampaignError", "Problem", "Problems", "path_text", "translate"]
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake.
+
+    Attributes
+    ----------
+    path : tuple of str and int
+        Keys and list positions from the top of the file.
+    text : str
+        What was found there and what was expected.
+    line : int or None
+        Line of the file, counted from 1, where it can be had.
+    """
+
+    path: Path
+    text: str
+    line: int | None = None
+
+    def __str__(self) -> str:
+        where = [f"line {self.line}"] if self.line else []
+        where += [path_text(self.path)] if self.path else []
+        # What stands at a path is said of it; what is said of the whole file stands alone.
+        return f"{', '.join(where)}: {self.text}" if where else self.text
+
+
+class CampaignError(ValueError):
+    """A campaign file with mistakes, or one that does not hold what was asked for.
+
+    Attributes
+    ----------
+    problems : tuple of Problem
+        All mistakes that were found, in the order of the file.
+    """
+
+    def __init__(self, file: FilePath | str, problems: Iterable[Problem]) -> None:
+        self.file = str(file)
+        self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
+        count = len(self.problems)
+        if count == 1 and not self.problems[0].path and self.problems[0].line is None:
+            super().__init__(f"{self.file}: {self.problems[0].text}")
+            return
+        head = f"{self.file} has {'a mistake' if count == 1 else f'{count} mistakes'}:"
+        super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
+
+    @classmethod
+    def about(cls, file: FilePath | str, text: str) -> CampaignError:
+        """Return an error about a campaign as a whole."""
+        return cls(file, [Problem((), text)])
+
+    def __reduce__(self) -> tuple[type[CampaignError], tuple[str, tuple[Problem, ...]]]:
+        return type(self), (self.file, self.problems)
+
+
+class Problems:
+    """A list that mistakes are added to, with their lines."""
+
+    def __init__(self, lines: Mapping[Path, int]) -> None:
+        self._lines = dict(lines)
+        self.found: list[Problem] = []
+
+    def add(self, path: Path, text: str) -> None:
+        """Add a mistake; the same text at the same place counts once."""
+        problem = Problem(path, text, line_of(path, self._lines))
+        if problem not in self.found:
+            self.found.append(problem)
+
+    def at(self, path: Path) -> bool:
+        """Return whether something at or below a path is wrong."""
+        return any(problem.path[: len(path)] == path for problem in self.found)
+
+
+def path_text(path: Path) -> str:
+    """Return a path as it would be written, `assemblies.short.chain[1]`.
+
+    Examples
+    --------
+    >>> from receptance.campaign.problems import path_text
+    >>> path_text(("unknowns", "joint.k_y", "lower"))
+    'unknowns."joint.k_y".lower'
+    """
+    text = ""
+    for step in path:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            key = step if _BARE.fullmatch(step) else json.dumps(step, ensure_ascii=False)
+            text += f".{key}" if text else key
+    return text
+
+
+def translate(
+    errors: Iterable[Mapping[str, Any]], data: Mapping[str, Any], model: type[BaseModel]
+) -> list[tuple[Path, str]]:
+    """Return what pydantic found as paths in the file and words."""
+    details = list(errors)
+    fields = _Fields(model)
+    places = [_place(error["loc"], data) for error in details]
+    misspelt = {
+        (*place[:-1], near)
+        for error, place in zip(details, places, strict=True)
+        if error["type"] == "extra_forbidden" and (near := _near(str(place[-1]), fields.of(error["loc"]), data, place))
+    }
+    found: dict[Path, str] = {}
+    for error, place in zip(details, places, strict=True):
+        if error["type"] == "missing" and place in misspelt:
+            continue  # the key is there, misspelt, and that has been said
+        text = _words(error, place, fields.of(error["loc"]), data)
+        found.setdefault(place, text)
+    return list(found.items())
+
+
+def _place(loc: tuple[int | str, ...], data: Any) -> Path:
+    """Return a path without what pydantic adds: the chosen member of a union, the mark of a key."""
+    path: list[int | str] = []
+    node: Any = data
+    for index, step in enumerate(loc):
+        within = isinstance(node, list) and isinstance(step, int) and step < len(node)
+        chosen = isinstance(node, Mapping) and node.get("kind") == step and index < len(loc) - 1
+        if within or (isinstance(node, Mapping) and step in node):
+            node = node[step]
+        elif step == "[key]" or chosen or not isinstance(node, Mapping):
+            continue
+        path.append(step)
+    return tuple(path)
+
+
+def _near(word: str, known: list[str], data: Any, place: Path) -> str:
+    """Return the known key that a misspelt one stands for, if it is not given as well."""
+    table: Any = data
+    for step in place[:-1]:
+        table = table[step]
+    match = re.search(r'"(.+?)"', did_you_mean(word, [name for name in known if name not in table]))
+    return match.group(1) if match else ""
+
+
+def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -> str:
+    kind, found = error["type"], error["input"]
+    context = error.get("ctx", {})
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "missing":
+        return "is missing"
+    if kind == "extra_forbidden":
+        near = _near(str(place[-1]), known, data, place)
+        hint = f'; did you mean "{near}"?' if near else f"; expected {one_of(known)}"
+        return f"is no known key{hint}"
+    if kind == "string_pattern_mismatch":
+        return f"is {shown(found)}, expected one word of letters, digits and underscores"
+    if kind in ("literal_error", "enum"):
+        options = re.findall(r"'([^']*)'", context["expected"])
+        expected = one_of(options) if options else context["expected"]
+        return f"is {shown(found)}, expected {expected}{did_you_mean(str(found), options)}"
+    if kind in ("union_tag_not_found", "union_tag_invalid"):
+        return _on_kind(context, found)
+    expected = _EXPECTED.get(kind, "")
+    if kind in ("greater_than_equal", "greater_than", "less_than"):
+        limit = context[{"greater_than_equal": "ge", "greater_than": "gt", "less_than": "lt"}[kind]]
+        expected = expected.format(limit)
+    if kind in ("too_short", "too_long", "string_too_short"):
+        expected = expected.format(context.get("min_length", context.get("max_length")))
+    return f"is {shown(found)}, expected {expected or error['msg']}"
+
+
+_EXPECTED = {
+    "string_type": "text in quotes",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "list_type": "a list in square brackets",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "greater_than_equal": "at least {}",
+    "greater_than": "more than {}",
+    "less_than": "less than {}",
+    "too_short": "at least {}",
+    "too_long": "at most {}",
+    "string_too_short": "some text",
+}
+
+
+def _on_kind(context: Mapping[str, Any], found: Any) -> str:
+    tags = re.findall(r"'([^']*)'", str(context.get("expected_tags", "")))
+    if "tag" not in context:
+        return "has no kind" + (f", expected {one_of(tags)}" if tags else ": give `kind`")
+    return f"has the kind {shown(context['tag'])}, expected {one_of(tags)}{did_you_mean(str(context['tag']), tags)}"
+
+
+@functools.cache
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema()
+
+
+class _Fields:
+    """The keys that a table may have, found along the path of an error."""
+
+    def __init__(self, model: type[BaseModel]) -> None:
+        self._schema = _schema_of(model)
+
+    def of(self, loc: tuple[int | str, ...]) -> list[str]:
+        """Return the keys known in the table that holds the last step of a path."""
+        node: Any = self._schema
+        for step in loc[:-1]:
+            node = self._step(self._resolved(node), step)
+        return list(self._resolved(node).get("properties", {}))
+
+    def _step(self, node: dict[str, Any], step: int | str) -> Any:
+        if isinstance(step, int):
+            return node.get("items", {})
+        if step in node.get("properties", {}):
+            return node["properties"][step]
+        if "discriminator" in node:
+            return {"$ref": node["discriminator"]["mapping"].get(step, "")}
+        return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
+
+    def _resolved(self, node: Any) -> dict[str, Any]:
+        while isinstance(node, dict) and "$ref" in node:
+            node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+        return node if isinstance(node, dict) else {}

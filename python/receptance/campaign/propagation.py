@@ -1,0 +1,239 @@
+"""How the scatter of the data and the tolerances go through a fit into predictions, to first order.
+
+A fit that takes dimensions as exact answers an error t of a dimension by moving the fitted variables x: it minimises
+|J dx + J_t t|^2, so dx = -(J^T J)^-1 J^T J_t t = S t, where J and J_t are the derivatives of the weighted residuals. A
+prediction y then errs by dy/dx (e + S t) + dy/dt t, where e has the covariance of the fit. What an error does through
+the joint and what it does directly may cancel, as it does where the predicted assembly is like the measured one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.identification import MeasuredFRF, find_bands
+from receptance.identification.bands import within
+from receptance.identification.unknowns import Variables, covered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.campaign.tolerances import Effects
+    from receptance.coordinates import Coordinate
+    from receptance.identification import Identification, MeasuredFrequencies
+
+__all__ = ["Propagation", "Scatter", "frequency_slopes", "frf_slopes"]
+
+_GROWTH = 1.5
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Standard deviations of predicted numbers, `(n,)` each, and what they consist of.
+
+    Attributes
+    ----------
+    fit : ndarray
+        From the scatter of the data, through the fit; infinite where a parameter that matters is not determined.
+    errors : dict of str to ndarray
+        By error of the tolerances: signed change for one standard deviation of it, through the fit included.
+    """
+
+    fit: NDArray[np.float64]
+    errors: dict[str, NDArray[np.float64]]
+
+    @property
+    def tolerances(self) -> NDArray[np.float64]:
+        """From all tolerances together."""
+        return np.sqrt(sum((change**2 for change in self.errors.values()), np.zeros_like(self.fit)))
+
+    @property
+    def total(self) -> NDArray[np.float64]:
+        """From both."""
+        return np.hypot(self.fit, self.tolerances)
+
+
+class Propagation:
+    """The reaction of a fit to the errors of its observations, ready for any prediction.
+
+    Parameters
+    ----------
+    fit : Identification or None
+        None where nothing was identified: then only the predicted assembly's own errors count.
+    observations, effects : sequences
+        What the fit saw, and the errors of each.
+    """
+
+    def __init__(
+        self,
+        fit: Identification | None,
+        observations: Sequence[MeasuredFRF | MeasuredFrequencies],
+        effects: Sequence[Effects],
+        band_width_percent: float = 5.0,
+    ) -> None:
+        self.fit = fit
+        self.variables = None if fit is None else Variables(fit.unknowns)
+        self.errors: tuple[str, ...] = tuple(sorted({name for own in effects for name in own}))
+        count = 0 if fit is None else len(fit.unknowns)
+        self.reaction = np.zeros((count, len(self.errors)))
+        """Change of the fitted variables for one standard deviation of each error, `(p, n_errors)`."""
+        if fit is None or not self.errors:
+            return
+        rows = [
+            self._rows(observation, assembly, unit, own, band_width_percent)
+            for observation, assembly, unit, own in zip(observations, fit.assemblies, fit.units, effects, strict=True)
+        ]
+        jacobian = np.vstack([row[0] for row in rows])
+        moved = np.vstack([row[1] for row in rows])
+        scale = np.linalg.norm(jacobian, axis=0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        found, *_ = np.linalg.lstsq(jacobian / scale, -moved, rcond=None)
+        self.reaction = found / scale[:, None]
+
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors of the identified values from data and tolerances together, in SI units by address."""
+        if self.fit is None or self.variables is None:
+            return {}
+        variance = np.diag(self.fit.covariance) + np.sum(self.reaction**2, axis=1)
+        values = np.array([self.fit.values[address] for address in self.variables.addresses])
+        errors = np.sqrt(variance) * self.variables.slopes(values)
+        return dict(zip(self.variables.addresses, errors.tolist(), strict=True))
+
+    def frequencies(
+        self, assembly: Assembly, modes: Sequence[int], near_hz: float, effects: Effects
+    ) -> tuple[NDArray[np.float64], Scatter]:
+        """Return natural frequencies of an assembly with the identified values, in Hz, and their scatter."""
+        addresses = self._addresses(assembly, effects)
+        found, slope = frequency_slopes(assembly, modes, near_hz, addresses)
+        return found, self._scatter(slope, addresses, assembly, effects)
+
+    def receptance(
+        self,
+        assembly: Assembly,
+        frequency_hz: NDArray[np.float64] | NDArray[np.complex128],
+        response: Coordinate,
+        excitation: Coordinate,
+        effects: Effects,
+    ) -> tuple[NDArray[np.complex128], Scatter, Scatter]:
+        """Return a receptance and the scatter of the real and of the imaginary part of its logarithm."""
+        addresses = self._addresses(assembly, effects)
+        found, slope = frf_slopes(assembly, frequency_hz, response, excitation, addresses)
+        real, imaginary = (self._scatter(part, addresses, assembly, effects) for part in (slope.real, slope.imag))
+        return found, real, imaginary
+
+    def _addresses(self, assembly: Assembly, effects: Effects) -> list[str]:
+        own = [] if self.variables is None else [a for a in self.variables.addresses if covered(a, assembly)]
+        return list(dict.fromkeys([*own, *(address for moved in effects.values() for address in moved)]))
+
+    def _scatter(
+        self, slope: NDArray[np.float64], addresses: Sequence[str], assembly: Assembly, effects: Effects
+    ) -> Scatter:
+        direct = _moved(slope, addresses, effects)
+        nothing = np.zeros(len(slope))
+        if self.fit is None or self.variables is None:
+            return Scatter(nothing, direct)
+        to_variables = self._variable_slopes(slope, addresses, assembly)
+        through = dict(zip(self.errors, (to_variables @ self.reaction).T, strict=True))
+        errors = {
+            name: direct.get(name, nothing) + through.get(name, nothing) for name in dict.fromkeys([*direct, *through])
+        }
+        return Scatter(_spread(to_variables, self.fit.covariance), errors)
+
+    def _variable_slopes(
+        self, slope: NDArray[np.float64], addresses: Sequence[str], assembly: Assembly
+    ) -> NDArray[np.float64]:
+        """Return the derivative with respect to the fitted variables, `(n, p)`."""
+        assert self.fit is not None
+        assert self.variables is not None
+        values = np.array([self.fit.values[address] for address in self.variables.addresses])
+        result = np.zeros((len(slope), len(values)))
+        for index, address in enumerate(self.variables.addresses):
+            if covered(address, assembly):
+                result[:, index] = slope[:, addresses.index(address)]
+        return result * self.variables.slopes(values)
+
+    def _rows(
+        self,
+        observation: MeasuredFRF | MeasuredFrequencies,
+        assembly: Assembly,
+        unit: str,
+        effects: Effects,
+        band_width_percent: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the weighted residuals' derivatives: to the fitted variables, and for one deviation of each error."""
+        addresses = self._addresses(assembly, effects)
+        if isinstance(observation, MeasuredFRF):
+            slope = _weighted_frf(observation, assembly, unit, addresses, band_width_percent)
+        else:
+            _, slope = frequency_slopes(assembly, observation.modes, float(observation.frequency_hz[-1]), addresses)
+            spread = observation.standard_deviation_hz
+            known = unit == "standard deviations" and spread is not None
+            slope = slope / (spread if known and spread is not None else observation.frequency_hz)[:, None]
+            slope = slope * (100.0 if unit == "percent" else 1.0)
+        moved = _moved(slope, addresses, effects)
+        columns = [moved.get(name, np.zeros(len(slope))) for name in self.errors]
+        return self._variable_slopes(slope, addresses, assembly), np.stack(columns, axis=1)
+
+
+def frequency_slopes(
+    assembly: Assembly, modes: Sequence[int], near_hz: float, addresses: Sequence[str]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return natural frequencies of some modes in Hz, `(m,)`, and derivatives in Hz per SI unit, `(m, p)`."""
+    upper = _GROWTH * near_hz
+    while True:
+        found, slope = assembly.natural_frequency_derivatives(upper, list(addresses))
+        if found.size >= max(modes):
+            break
+        upper *= _GROWTH
+    rows = [mode - 1 for mode in modes]
+    return found[rows], slope[rows]
+
+
+def frf_slopes(
+    assembly: Assembly,
+    frequency_hz: NDArray[np.float64] | NDArray[np.complex128],
+    response: Coordinate,
+    excitation: Coordinate,
+    addresses: Sequence[str],
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return a receptance `(n,)` and the derivatives of its logarithm per SI unit, `(n, p)`."""
+    found, slope = assembly.derivatives(frequency_hz, list(addresses), response=response, excitation=excitation)
+    return found, slope / found[:, None]
+
+
+def _weighted_frf(
+    frf: MeasuredFRF, assembly: Assembly, unit: str, addresses: Sequence[str], width_percent: float
+) -> NDArray[np.float64]:
+    lines = frf.frequency_hz
+    if unit == "percent":
+        lines = lines[within(frf, find_bands(frf, width_percent=width_percent))]
+        _, slope = frf_slopes(assembly, lines, frf.response, frf.excitation, addresses)
+        return 100.0 * slope.real
+    _, slope = frf_slopes(assembly, lines, frf.response, frf.excitation, addresses)
+    if unit == "standard deviations" and frf.standard_deviation is not None:
+        slope = slope / frf.standard_deviation[:, None]
+    return np.vstack([slope.real, slope.imag])
+
+
+def _moved(
+    slope: NDArray[np.float64], addresses: Sequence[str], effects: Mapping[str, Mapping[str, float]]
+) -> dict[str, NDArray[np.float64]]:
+    """Return the change for one standard deviation of each error, `(n,)` each."""
+    column = {address: index for index, address in enumerate(addresses)}
+    return {
+        name: sum((slope[:, column[address]] * size for address, size in moved.items()), np.zeros(len(slope)))
+        for name, moved in effects.items()
+    }
+
+
+def _spread(slope: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the standard deviation of slope @ x, infinite where it moves with something that is not determined."""
+    lost = ~np.isfinite(np.diag(covariance))
+    kept = slope[:, ~lost]
+    variance = np.einsum("ni,ij,nj->n", kept, covariance[np.ix_(~lost, ~lost)], kept)
+    spread = np.sqrt(np.maximum(variance, 0.0))
+    return np.where(np.any(slope[:, lost] != 0.0, axis=1), np.inf, spread)

@@ -1,0 +1,155 @@
+"""Names, addresses and files that a campaign refers to, looked up in the file as it stands.
+
+It is looked at as it was read, not as it was checked: a table with one mistake may hold another, and both are to be
+said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from receptance.campaign.addresses import kind_of, parse_position, value_at
+from receptance.campaign.conditions import parse_condition
+from receptance.campaign.deviations import parse_deviation
+from receptance.campaign.suggestions import did_you_mean
+from receptance.campaign.workshop import OWNERS, Workshop, expected
+
+if TYPE_CHECKING:
+    from receptance.campaign.lines import Path
+
+__all__ = ["check_references"]
+
+
+def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
+    """Add a mistake for every name, address, condition or file that leads nowhere.
+
+    Parameters
+    ----------
+    data : dict
+        The file as it was read.
+    folder : Path or None
+        Where its data files are; None where they are not to be sought.
+    workshop : Workshop
+        Mistakes are added there.
+    """
+    _check_names(workshop)
+    for path, part in _tables(data, "parts"):
+        for index, segment in enumerate(_list(part.get("segments"))):
+            for key in ("material", "core"):
+                _known((*path, "segments", index, key), segment, key, workshop, "materials")
+    for path, attachment in _tables(data, "attachments"):
+        _known((*path, "part"), attachment, "part", workshop, "parts")
+    for path, assembly in _tables(data, "assemblies"):
+        _check_assembly(path, assembly, workshop)
+    for path, measurement in _tables(data, "measurements"):
+        _check_measurement(path, measurement, folder, workshop)
+    for path, unknown in _tables(data, "unknowns"):
+        _check_unknown(path, unknown, workshop)
+    prediction = data.get("prediction")
+    if isinstance(prediction, dict):
+        _check_places(("prediction",), prediction, workshop)
+
+
+def _check_assembly(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
+    for key, sections in (("chain", ("parts", "joints")), ("attachments", ("attachments",))):
+        for index, name in enumerate(_list(table.get(key))):
+            if isinstance(name, str):
+                workshop.known((*path, key, index), name, *sections)
+    for address, text in _dict(table.get("set")).items():
+        if isinstance(text, (str, int, float)):
+            workshop.make((*path, "set", address), value_at, address, text)
+    for address, text in _dict(table.get("tolerance")).items():
+        workshop.make((*path, "tolerance", address), _deviation_at, address, text)
+    _check_conditions(path, table, workshop)
+
+
+def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
+    _known((*path, "assembly"), table, "assembly", workshop, "assemblies")
+    _known((*path, "sensor"), table, "sensor", workshop, "sensors")
+    _check_places(path, table, workshop)
+    _check_conditions(path, table, workshop)
+    if folder is None:
+        return
+    written = table.get("file")
+    if isinstance(written, str):
+        _check_file((*path, "file"), written, folder, workshop)
+    if isinstance(table.get("coherence"), str):
+        _check_file((*path, "coherence"), table["coherence"], folder, workshop)
+    for index, name in enumerate(_list(written)):
+        if isinstance(name, str):
+            _check_file((*path, "file", index), name, folder, workshop)
+
+
+def _check_file(path: Path, name: str, folder: FilePath, workshop: Workshop) -> None:
+    file = folder / name
+    if file.is_file():
+        return
+    what = "is a folder" if file.is_dir() else "is not there"
+    near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
+    text = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
+    workshop.problems.add(path, text + did_you_mean(file.name, near))
+
+
+def _check_unknown(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
+    address = str(path[-1])
+    if workshop.make(path, kind_of, address) is None:
+        return
+    owner = address.split(".", 1)[0]
+    known = [name for section in OWNERS for name in workshop.named[section]]
+    if owner not in known and not workshop.blind(*OWNERS):
+        text = f'begins with "{owner}", which is not a part, joint, attachment or sensor of this file'
+        workshop.problems.add(path, text + expected(owner, known))
+    for key in ("lower", "upper", "start"):
+        if isinstance(table.get(key), (str, int, float)):
+            workshop.make((*path, key), value_at, address, table[key])
+
+
+def _check_names(workshop: Workshop) -> None:
+    """Parts, joints, attachments and sensors share one space of names, because addresses begin with them."""
+    owner: dict[str, str] = {}
+    for section in OWNERS:
+        for name in workshop.named[section]:
+            if name in owner:
+                text = f"is the name of one of the {owner[name]} too, expected another name"
+                workshop.problems.add((section, name), text)
+            owner.setdefault(name, section)
+
+
+def _check_places(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
+    for key in ("response", "excitation"):
+        place = _dict(table.get(key))
+        _known((*path, key, "part"), place, "part", workshop, "parts")
+        if isinstance(place.get("position"), str):
+            workshop.make((*path, key, "position"), parse_position, place["position"])
+
+
+def _check_conditions(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
+    for key, written in _dict(table.get("conditions")).items():
+        if isinstance(written, (str, int, float)):
+            workshop.make((*path, "conditions", key), parse_condition, written)
+
+
+def _deviation_at(address: str, written: Any) -> object:
+    return parse_deviation(written, kind_of(address))
+
+
+def _known(path: Path, table: Any, key: str, workshop: Workshop, section: str) -> None:
+    name = table.get(key) if isinstance(table, Mapping) else None
+    if isinstance(name, str) and (name or key != "part"):
+        workshop.known(path, name, section)
+
+
+def _tables(data: Mapping[str, Any], section: str) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    for name, table in _dict(data.get(section)).items():
+        if isinstance(table, dict):
+            yield (section, name), table
+
+
+def _dict(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []

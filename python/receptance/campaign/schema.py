@@ -1,0 +1,140 @@
+"""The JSON Schema of a campaign file, and its tables for people."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from receptance.campaign.measurement_models import CampaignTable
+
+__all__ = ["field_tables", "json_schema"]
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_SECTIONS = (
+    ("CampaignTable", "The file"),
+    ("MaterialTable", "`[materials.NAME]`"),
+    ("MaterialSpread", "`[materials.NAME.tolerance]`"),
+    ("PartTable", "`[parts.NAME]`"),
+    ("SegmentTable", "`[[parts.NAME.segments]]`"),
+    ("SegmentSpread", "`tolerance` of a segment"),
+    ("PointJointTable", "`[joints.NAME]`"),
+    ("SpringSpread", "`tolerance` of a joint or ground spring"),
+    ("SensorTable", "`[sensors.NAME]`"),
+    ("MassTable", '`[attachments.NAME]` with `kind = "mass"`'),
+    ("GroundTable", '`[attachments.NAME]` with `kind = "ground"`'),
+    ("MassSpread", "`tolerance` of a sensor or mass"),
+    ("AssemblyTable", "`[assemblies.NAME]`"),
+    ("FRFTable", '`[measurements.NAME]` with `kind = "frf"`'),
+    ("HammerTable", '`[measurements.NAME]` with `kind = "hammer records"`'),
+    ("FrequenciesTable", '`[measurements.NAME]` with `kind = "natural frequencies"`'),
+    ("EntryTable", "`entry` of a measurement"),
+    ("CoordinateTable", "`response` and `excitation`"),
+    ("UnknownTable", '`[unknowns."ADDRESS"]`'),
+    ("SettingsTable", "`[settings]`"),
+    ("PredictionTable", "`[prediction]`"),
+)
+_TYPES = {"string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`"}
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a campaign file.
+
+    It says which keys there are and how quantities are written. That units fit, that names are known and that files
+    are there is checked by `receptance.campaign.load`.
+
+    Examples
+    --------
+    >>> from receptance.campaign import json_schema
+    >>> sorted(json_schema()["required"])
+    ['assemblies', 'materials', 'parts']
+    """
+    schema = CampaignTable.model_json_schema()
+    return {
+        "$schema": _DIALECT,
+        "title": "receptance campaign",
+        **{k: _plain(v) for k, v in schema.items() if k != "title"},
+    }
+
+
+def _plain(node: Any) -> Any:
+    """Leave out what TOML does not have (null) and what says nothing (titles made from keys)."""
+    if isinstance(node, list):
+        return [_plain(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    found = {key: _plain(value) for key, value in node.items() if not (key == "title" and isinstance(value, str))}
+    if "default" in found and (found["default"] in (None, [], "") or isinstance(found["default"], dict)):
+        del found["default"]
+    if found.get("type") == "string" and not isinstance(found.get("default", ""), str):
+        del found["default"]  # of a quantity, which is text, the default is a number in SI units
+    if "patternProperties" in found:
+        found.setdefault("additionalProperties", False)
+    choices = found.get("anyOf")
+    if isinstance(choices, list):
+        kept = [choice for choice in choices if choice != {"type": "null"}]
+        found["anyOf"] = kept
+        if len(kept) == 1:
+            del found["anyOf"]
+            found = {**kept[0], **found}
+    return found
+
+
+def field_tables() -> str:
+    """Return all tables and keys of a campaign file as Markdown, made from the schema.
+
+    Examples
+    --------
+    >>> from receptance.campaign import field_tables
+    >>> field_tables().splitlines()[0]
+    '### The file'
+    """
+    schema = json_schema()
+    definitions = {"CampaignTable": schema, **schema["$defs"]}
+    missing = definitions.keys() - {name for name, _ in _SECTIONS}
+    if missing:
+        raise LookupError(f"tables without a heading: {', '.join(sorted(missing))}")
+    blocks = [_block(heading, definitions[name]) for name, heading in _SECTIONS]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _block(heading: str, table: dict[str, Any]) -> str:
+    rows = ["| key | | value | meaning |", "|---|---|---|---|"]
+    required = table.get("required", [])
+    for key, field in table["properties"].items():
+        needed = "needed" if key in required else ""
+        meaning = field.get("description", "")
+        rows.append(f"| `{key}` | {needed} | {_value(field)} | {meaning}{_default(field)} |")
+    return "\n".join([f"### {heading}", "", table.get("description", ""), "", *rows])
+
+
+def _value(field: dict[str, Any]) -> str:
+    """Return in a few words what a value looks like."""
+    if "examples" in field:
+        return ", ".join(f"`{json.dumps(example, ensure_ascii=False)}`" for example in field["examples"])
+    if "const" in field:
+        return f"`{json.dumps(field['const'])}`"
+    if "enum" in field:
+        return ", ".join(f"`{json.dumps(option)}`" for option in field["enum"])
+    if "anyOf" in field:
+        return " or ".join(dict.fromkeys(_value(choice) for choice in field["anyOf"]))
+    if "$ref" in field or "oneOf" in field:
+        return "table"
+    kind = field.get("type", "")
+    if kind == "object":
+        return "table"
+    if kind == "array":
+        return f"list of {_plural(_value(field.get('items', {})))}"
+    return _TYPES.get(kind, "")
+
+
+def _plural(value: str) -> str:
+    if value.startswith("list of "):
+        return "pairs, " + value.removeprefix("list of ")
+    return {"table": "tables", "text": "texts", "whole number": "whole numbers"}.get(value, value)
+
+
+def _default(field: dict[str, Any]) -> str:
+    value = field.get("default")
+    if value is None or isinstance(value, dict) or "by default" in field.get("description", ""):
+        return ""
+    return f" (default `{json.dumps(value)}`)"

@@ -1,0 +1,103 @@
+"""Tolerances of a campaign: which errors there are, and how far each moves which parameter of which assembly.
+
+An error belongs to a thing: this blank's diameter, this material's density, the overhang of this clamping. It is a
+standard normal number times a standard deviation for every parameter that it moves. What has the same name is one
+error.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from receptance.campaign.addresses import kind_of
+from receptance.campaign.assembling import no_address
+from receptance.campaign.deviations import Deviation, parse_deviation
+from receptance.campaign.problems import path_text
+from receptance.identification.unknowns import covered
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from receptance.assembly import Assembly
+    from receptance.campaign.building import Built
+    from receptance.campaign.lines import Path
+    from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.workshop import Workshop
+
+__all__ = ["Effects", "assembly_effects", "sensor_effects"]
+
+Effects = dict[str, dict[str, float]]
+"""By error, then by address: the standard deviation in SI units that the error gives the parameter."""
+_DIMENSIONS = ("length", "outer_diameter", "inner_diameter")
+
+
+def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> Effects:
+    """Return the errors of an assembly.
+
+    A value that the assembly sets errs on its own, by the tolerance of what it takes the place of; a tolerance of
+    the assembly itself goes before all others. What is identified has no tolerance.
+    """
+    assembly = built.assemblies[name]
+    table = campaign.assemblies[name]
+    here: Path = ("assemblies", name)
+    taken = {own for address in built.unknowns for own in covered(address, assembly)}
+    own_sets = {own for address in table.set for own in covered(address, assembly)}
+    effects: Effects = {}
+
+    for address, written in table.tolerance.items():
+        path = (*here, "tolerance", address)
+        if workshop.problems.at(path):
+            continue
+        deviation = parse_deviation(written, kind_of(address))
+        addresses = sorted(covered(address, assembly))
+        if not addresses:
+            workshop.problems.add(path, no_address(address, assembly))
+        elif taken & set(addresses):
+            workshop.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
+        else:
+            own = {a: deviation.of(assembly.get(a)) for a in addresses}
+            effects.setdefault(deviation.name or path_text(path), {}).update(own)
+            taken |= set(addresses)
+
+    for address, path, deviation in _inherited(assembly, campaign, table.attachments):
+        if address in taken or address not in assembly.parameters:
+            continue
+        title = deviation.name or path_text((*here, "set", address) if address in own_sets else path)
+        effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+    return effects
+
+
+def sensor_effects(name: str, campaign: CampaignTable, built: Built) -> Effects:
+    """Return the errors of a sensor's mass and inertia."""
+    effects: Effects = {}
+    for address, path, deviation in _fields(("sensors", name), name, campaign.sensors[name].tolerance):
+        if address not in built.unknowns:
+            value = float(getattr(built.sensors[name], address.split(".", 1)[1]))
+            effects.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
+    return effects
+
+
+def _inherited(
+    assembly: Assembly, campaign: CampaignTable, attachments: list[str]
+) -> Iterator[tuple[str, Path, Deviation]]:
+    """Yield address, place in the file and deviation of what the parts of an assembly bring with them."""
+    for name in assembly.elements:
+        if name in campaign.joints:
+            yield from _fields(("joints", name), name, campaign.joints[name].tolerance)
+            continue
+        for index, segment in enumerate(campaign.parts[name].segments):
+            place: Path = ("parts", name, "segments", index)
+            first = f"{name}.segment[{index}]"
+            yield from _fields(place, first, segment.tolerance)
+            for prefix, material in ((first, segment.material), (f"{first}.core", segment.core)):
+                if material in campaign.materials:
+                    yield from _fields(("materials", material), prefix, campaign.materials[material].tolerance)
+    for name in attachments:
+        yield from _fields(("attachments", name), name, campaign.attachments[name].tolerance)
+
+
+def _fields(place: Path, owner: str, spread: Any) -> Iterator[tuple[str, Path, Deviation]]:
+    for field in type(spread).model_fields:
+        deviation = getattr(spread, field)
+        if deviation is not None:
+            yield f"{owner}.{field}", (*place, field), deviation

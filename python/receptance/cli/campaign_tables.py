@@ -1,0 +1,298 @@
+"""Campaigns on the terminal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.padding import Padding
+from rich.text import Text
+
+from receptance.campaign.problems import path_text
+from receptance.cli._tables import ends, head, print_sentences, table
+from receptance.identification import MeasuredFRF
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from rich.console import Console, Group
+
+    from receptance.campaign import Campaign, CampaignIdentification, CampaignPrediction, Measurement
+
+__all__ = ["print_identification", "print_prediction"]
+
+_TIED = 0.9
+_ABOUT_DATA = "measurements."
+_NOTHING = 1e-3
+_WIDE = 116
+"""Characters in a line that the widest table needs; in less its last column is left out."""
+
+
+def print_identification(console: Console, found: CampaignIdentification) -> None:
+    """Print what was fitted, the parameters, what is left, advice and notes."""
+    _heading(console, found.campaign, "identified")
+    console.print(_measurements(found.campaign))
+    for item in _parameters(found):
+        console.print(item)
+    _list(console, "Advice", found.fit.advice)
+    _notes(console, found.campaign, found.notes)
+    console.print(_provenance(found.fit.seed, found.versions))
+
+
+def print_prediction(console: Console, found: CampaignPrediction) -> None:
+    """Print predictions beside measurements, and what is predicted of assemblies that were not measured."""
+    _heading(console, found.campaign, "predicted")
+    if found.identified is not None:
+        for item in _parameters(found.identified):
+            console.print(item)
+    wide = console.width >= _WIDE
+    for item in [*_compared_frequencies(found, wide), *_compared_frfs(found), *_unmeasured(found)]:
+        console.print(item)
+    if found.rms_percent is not None:
+        console.print(Text(f"{_verdict(found)}\n"))
+    advice = [] if found.identified is None else found.identified.fit.advice
+    _list(console, "Advice", advice)
+    about_data = [note for note in found.notes if note.startswith(_ABOUT_DATA)]
+    rest = [note for note in found.notes if note not in about_data]
+    if about_data and found.identified is not None:
+        rest.append(f"what was noted of the data ({len(about_data)} notes) is printed by identify, and is in the JSON")
+        about_data = []
+    _notes(console, found.campaign, [*about_data, *rest])
+    console.print(_provenance(found.campaign.table.settings.seed, found.versions))
+
+
+def _heading(console: Console, campaign: Campaign, what: str) -> None:
+    head(console, f"{campaign.title}: {what}")
+    if campaign.table.description:
+        print_sentences(console, [campaign.table.description.strip()])
+
+
+def _measurements(campaign: Campaign) -> Group:
+    """Return what was measured; a column that says nothing new is left out."""
+    measured = list(campaign.measurements.values())
+    columns = {
+        "<name": [one.name for one in measured],
+        "<assembly": [one.assembly for one in measured],
+        "<what": [_content(one) for one in measured],
+        "<sensor": [one.sensor or "-" for one in measured],
+        "<role": [one.role for one in measured],
+    }
+    if columns["<assembly"] == columns["<name"]:
+        del columns["<assembly"]
+    if not any(one.sensor for one in measured):
+        del columns["<sensor"]
+    return table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
+
+
+def _content(measured: Measurement) -> str:
+    seen = measured.observation
+    lines = seen.frequency_hz.real
+    if isinstance(seen, MeasuredFRF):
+        return f"FRF, {lines.size} lines from {lines[0]:g} to {lines[-1]:g} Hz"
+    modes = ", ".join(map(str, seen.modes))
+    return f"natural frequenc{'y' if lines.size == 1 else 'ies'} of mode{'' if lines.size == 1 else 's'} {modes}"
+
+
+def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
+    fit = found.fit
+    together = found.standard_errors()
+    toleranced = bool(found.propagation.errors)
+    rows = []
+    for address, value in fit.values.items():
+        low, high = found.interval(address)
+        cells = [address, _number(value, 5), _number(fit.standard_errors[address], 2)]
+        cells += [_number(together[address], 2)] if toleranced else []
+        rows.append([*cells, ends((low, high if np.isfinite(high) else None), ".4g")])
+    columns = ["<parameter", "value", "standard error\nfrom the data", "95 % interval"]
+    if toleranced:
+        columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
+    yield table("Identified, SI units", columns, rows)
+    yield Text(f"{fit.summary().splitlines()[0]}\n")
+    left = [
+        (name, str(residual.size), _rms(residual), unit)
+        for name, residual, unit in zip(found.measurements, fit.residuals, fit.units, strict=True)
+    ]
+    yield table("What is left", ("<measurement", "residuals", "rms", "<unit"), left)
+    tied = [
+        f"{fit.addresses[j]} and {fit.addresses[i]}: {fit.correlation[i, j]:+.3f}"
+        for i in range(len(fit.addresses))
+        for j in range(i)
+        if abs(fit.correlation[i, j]) > _TIED
+    ]
+    if tied:
+        yield Text(f"Correlated beyond {_TIED:g}: {'; '.join(tied)}\n")
+
+
+def _verdict(found: CampaignPrediction) -> str:
+    """Return in a line how the predictions of natural frequencies and peaks did."""
+    inside = [bool(yes) for one in found.frequencies for yes in one.within(found.reach)]
+    inside += [yes for frf in found.frfs for peak in frf.peaks if (yes := peak.within(found.reach)) is not None]
+    return (
+        f"Held out: {len(found.errors_percent)} natural frequencies and peaks, predicted {found.rms_percent:.2f} % rms "
+        f"off; {sum(inside)} of {len(inside)} within the {100.0 * found.level:g} % intervals"
+    )
+
+
+def _compared_frequencies(found: CampaignPrediction, wide: bool) -> Iterable[Group]:
+    rows = []
+    for one in found.frequencies:
+        if one.measured_hz is None:
+            continue
+        low, high = one.interval_hz(found.reach)
+        inside = one.within(found.reach)
+        for i, mode in enumerate(one.modes):
+            rows.append(
+                (
+                    one.name if i == 0 else "",
+                    str(mode),
+                    f"{one.measured_hz[i]:.1f}",
+                    f"{one.predicted_hz[i]:.1f}",
+                    f"{low[i]:.1f} to {high[i]:.1f}",
+                    f"{one.errors_percent[i]:+.2f}",
+                    "yes" if inside[i] else "no",
+                    _largest({name: change[i] for name, change in one.scatter.errors.items()}, one.scatter.fit[i]),
+                )
+            )
+    columns = (
+        "<measurement",
+        "mode",
+        "measured\n[Hz]",
+        "predicted\n[Hz]",
+        _level(found),
+        "error\n[%]",
+        "within",
+        "<mostly from",
+    )
+    if rows:
+        count = len(columns) if wide else len(columns) - 1
+        yield table("Natural frequencies held out", columns[:count], [row[:count] for row in rows])
+
+
+def _compared_frfs(found: CampaignPrediction) -> Iterable[Group]:
+    held_out = [frf for frf in found.frfs if frf.measured is not None]
+    peaks = [
+        (
+            frf.name if i == 0 else "",
+            "none" if peak.measured_hz is None else f"{peak.measured_hz:.1f}",
+            "none" if peak.predicted_hz is None else f"{peak.predicted_hz:.1f}",
+            _peak_interval(peak.predicted_hz, peak.deviation_hz, found.reach),
+            f"{peak.error_percent:+.2f}" if peak.matched else "",
+            {True: "yes", False: "no", None: ""}[peak.within(found.reach)],
+        )
+        for frf in held_out
+        for i, peak in enumerate(frf.peaks)
+    ]
+    if peaks:
+        columns: tuple[str, ...] = (
+            "<measurement",
+            "measured\n[Hz]",
+            "predicted\n[Hz]",
+            _level(found),
+            "error\n[%]",
+            "within",
+        )
+        yield table("Peaks of FRFs held out", columns, peaks)
+    rows = [
+        (
+            frf.name,
+            str(frf.frequency_hz.size),
+            f"{frf.rms_decibel:.2f}",
+            f"{100.0 * (frf.share_within(found.reach) or 0.0):.1f}",
+        )
+        for frf in held_out
+    ]
+    if rows:
+        columns = (
+            "<measurement",
+            "lines",
+            "magnitude off\n[dB rms]",
+            f"lines within {100.0 * found.level:g} %\nof band and noise [%]",
+        )
+        yield table("FRFs held out", columns, rows)
+
+
+def _unmeasured(found: CampaignPrediction) -> Iterable[Group]:
+    rows = []
+    for one in found.frequencies:
+        if one.measured_hz is not None:
+            continue
+        low, high = one.interval_hz(found.reach)
+        for i, mode in enumerate(one.modes):
+            cause = _largest({name: change[i] for name, change in one.scatter.errors.items()}, one.scatter.fit[i])
+            rows.append(
+                (
+                    one.name if i == 0 else "",
+                    str(mode),
+                    f"{one.predicted_hz[i]:.1f}",
+                    f"{low[i]:.1f} to {high[i]:.1f}",
+                    cause,
+                )
+            )
+    if rows:
+        columns = ("<assembly", "mode", "predicted\n[Hz]", _level(found), "<mostly from")
+        yield table("Assemblies that were not measured", columns, rows)
+
+
+def _level(found: CampaignPrediction) -> str:
+    return f"{100.0 * found.level:g} % interval\n[Hz]"
+
+
+def _peak_interval(predicted_hz: float | None, deviation_hz: float | None, reach: float) -> str:
+    if predicted_hz is None or deviation_hz is None:
+        return ""
+    return f"{predicted_hz - reach * deviation_hz:.1f} to {predicted_hz + reach * deviation_hz:.1f}"
+
+
+def _largest(errors: dict[str, float], of_fit: float) -> str:
+    """Return what most of a variance comes from and its share, in short words of the file."""
+    squares = {name: change**2 for name, change in errors.items()} | {"scatter of the data": float(of_fit) ** 2}
+    whole = sum(squares.values())
+    if not np.isfinite(whole) or whole == 0.0:
+        return "not determined" if whole else ""
+    name = max(squares, key=lambda one: squares[one])
+    # Of a place in the file what follows the section is enough here; the JSON has it in full.
+    words = re.sub(r"^(materials|parts|joints|sensors|attachments)\.", "", name)
+    words = re.sub(r"^assemblies\.(.+?)\.(set|tolerance)\.", r"\1: ", words).replace('"', "")
+    return f"{words} {100.0 * squares[name] / whole:.0f} %"
+
+
+def _rms(residual: NDArray[np.float64]) -> str:
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return f"{rms:.3g}" if rms >= _NOTHING else f"under {_NOTHING:g}"
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}g}" if np.isfinite(value) else "not determined"
+
+
+def _list(console: Console, title: str, texts: Sequence[str]) -> None:
+    if not texts:
+        return
+    console.print(Text(title, style="bold"))
+    for text in texts:
+        console.print(Padding(Text(text), (0, 0, 0, 2), expand=False))
+    console.print()
+
+
+def _notes(console: Console, campaign: Campaign, notes: Sequence[str]) -> None:
+    """Print notes, those of a measurement together under its name."""
+    if not notes:
+        return
+    console.print(Text("Notes", style="bold"))
+    rest = list(notes)
+    for name in campaign.measurements:
+        place = f"{path_text(('measurements', name))}: "
+        own = [note.removeprefix(place) for note in rest if note.startswith(place)]
+        rest = [note for note in rest if not note.startswith(place)]
+        if own:
+            console.print(Text(f"  of the measurement {name}"))
+        for note in own:
+            console.print(Padding(Text(note), (0, 0, 0, 4), expand=False))
+    for note in rest:
+        console.print(Padding(Text(note), (0, 0, 0, 2), expand=False))
+    console.print()
+
+
+def _provenance(seed: int, versions: dict[str, str]) -> Text:
+    return Text(f"seed {seed}; " + ", ".join(f"{name} {value}" for name, value in versions.items()))

@@ -1,0 +1,134 @@
+"""The commands `example`, `identify`, `predict` and `schema`."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, output, with_progress
+from receptance.errors import ReceptanceError, ReceptanceWarning
+
+if TYPE_CHECKING:
+    from receptance.campaign import Campaign
+
+__all__ = ["example", "identify", "predict", "schema"]
+
+ANSWER_IS_NO = 3
+"""Exit code where a verdict was asked to fail on."""
+
+File = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="A campaign file, or a folder with a campaign.toml.")]
+
+
+def example(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Which one; see --list.")] = None,
+    folder: Annotated[Path | None, typer.Argument(metavar="DIR", help="Where to; by default a folder NAME.")] = None,
+    list_them: Annotated[bool, typer.Option("--list", help="Name the examples and stop.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that are there already.")] = False,
+) -> None:
+    """Write out a complete campaign, data included, to try and to change."""
+    from receptance import examples
+
+    console = output()
+    if list_them:
+        width = max(map(len, examples.EXAMPLES))
+        for one in examples.EXAMPLES.values():
+            console.print(f"{one.name:{width}s}  {one.title}", soft_wrap=True)
+        return
+    if name is None:
+        raise InputError(f"name an example: {', '.join(examples.EXAMPLES)}")
+    target = folder or Path(name)
+    with input_errors():
+        files = with_progress(lambda say: examples.write(name, target, overwrite=overwrite, progress=say))
+    for file in files:
+        console.print(f"Written: {file}", soft_wrap=True)
+    console.print(f"Next: receptance identify {files[0]}", soft_wrap=True)
+
+
+def schema(
+    markdown: Annotated[bool, typer.Option("--markdown", help="The same as tables for people.")] = False,
+) -> None:
+    """Print the JSON Schema of campaign files."""
+    from receptance.campaign import field_tables, json_schema
+
+    text = field_tables() if markdown else json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+    output().out(text, end="", highlight=False)
+
+
+def identify(
+    campaign: File,
+    json_file: Json = None,
+    plot: Plot = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 3 where the fit has not converged or has advice.")
+    ] = False,
+) -> None:
+    """Identify the unknown parameters of a campaign, with intervals."""
+    targets = Targets(json_file, plot)
+    from receptance.campaign import CampaignError
+    from receptance.cli.campaign_tables import print_identification
+
+    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
+        read = _loaded(campaign, targets)
+        found = with_progress(lambda say: read.identify(progress=say))
+    targets.write(found.as_dict(), found.plot)
+    console = output()
+    print_identification(console, found)
+    targets.name(console)
+    if strict and (found.fit.advice or not found.fit.converged):
+        raise typer.Exit(ANSWER_IS_NO)
+
+
+def predict(
+    campaign: File,
+    json_file: Json = None,
+    plot: Plot = None,
+    at_most: Annotated[
+        float | None,
+        typer.Option(
+            "--at-most",
+            metavar="PERCENT",
+            min=0.0,
+            help="Exit with 3 where a held-out natural frequency or peak is predicted further off.",
+        ),
+    ] = None,
+) -> None:
+    """Predict what a campaign holds out, compared with it, and the assemblies that were not measured."""
+    targets = Targets(json_file, plot)
+    from receptance.campaign import CampaignError
+    from receptance.cli.campaign_tables import print_prediction
+
+    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        read = _loaded(campaign, targets)
+        if at_most is not None and not read.held_out:
+            raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
+        found = with_progress(lambda say: read.predict(progress=say))
+    targets.write(found.as_dict(), found.plot)
+    console = output()
+    print_prediction(console, found)
+    targets.name(console)
+    if at_most is not None:
+        worst = max(map(abs, found.errors_percent), default=float("inf"))
+        missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
+        no = worst > at_most or missed > 0
+        lost = f", {missed} measured peaks have no prediction" if missed else ""
+        console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
+        if no:
+            raise typer.Exit(ANSWER_IS_NO)
+
+
+def _loaded(path: Path, targets: Targets) -> Campaign:
+    """Read the campaign; nothing that it reads may be written over."""
+    from receptance.campaign import load
+
+    found = with_progress(lambda say: load(path, progress=say))
+    targets.keep_off(found.file, "the campaign file")
+    for measured in found.measurements.values():
+        for name in measured.files:
+            targets.keep_off(found.file.parent / name, "a data file of the campaign")
+    return found

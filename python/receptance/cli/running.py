@@ -1,0 +1,126 @@
+"""How commands run: their files, mistakes, progress and the terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+from rich.console import Console
+
+from receptance._files import check_target, write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["InputError", "Json", "Plot", "Seed", "Targets", "input_errors", "output", "with_progress"]
+
+_PIPE_WIDTH = 132
+_Result = TypeVar("_Result")
+
+Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write all results as JSON.")]
+Plot = Annotated[
+    Path | None,
+    typer.Option("--plot", metavar="FILE", help="Save the figure; the ending says which format (png, pdf, svg)."),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")]
+
+
+class InputError(Exception):
+    """A mistake of the person, in words."""
+
+
+@contextmanager
+def input_errors(*kinds: type[Exception]) -> Iterator[None]:
+    """What is raised in here is about what the person gave; by default ValueError, TypeError and OSError."""
+    expected = kinds or (ValueError, TypeError, OSError)
+    try:
+        yield
+    except expected as error:
+        raise InputError(str(error)) from error
+
+
+class Targets:
+    """The files that a command was asked for; checked before the work, written together after it."""
+
+    def __init__(self, json_file: Path | None, plot: Path | None) -> None:
+        self.json_file, self.plot = json_file, plot
+        if json_file is not None and plot is not None and json_file.resolve() == plot.resolve():
+            raise InputError(f"--json and --plot both name {plot}; give two files")
+        for path in (json_file, plot):
+            if path is not None:
+                with input_errors():
+                    check_target(path)
+        self.kind = "" if plot is None else _image_kind(plot)
+
+    def keep_off(self, path: Path, what: str) -> None:
+        """Refuse to write over a file that is read."""
+        for option, target in (("--json", self.json_file), ("--plot", self.plot)):
+            if target is not None and target.resolve() == path.resolve():
+                raise InputError(f"{option} names {target}, which is {what}; give another file")
+
+    def write(self, results: dict[str, Any], draw: Callable[[], Figure]) -> None:
+        """Write what was asked for, all of it or nothing."""
+        contents: dict[Path, bytes] = {}
+        if self.json_file is not None:
+            contents[self.json_file] = (json.dumps(results, indent=2, allow_nan=False) + "\n").encode()
+        if self.plot is not None:
+            from receptance.plot import as_image
+
+            contents[self.plot] = as_image(draw(), self.kind)
+        with input_errors():
+            write_whole(contents)
+
+    def name(self, console: Console) -> None:
+        """Say what was written."""
+        if self.json_file is not None:
+            console.print(f"Results: {self.json_file}", soft_wrap=True)
+        if self.plot is not None:
+            console.print(f"Figure: {self.plot}", soft_wrap=True)
+
+
+def _image_kind(plot: Path) -> str:
+    from receptance.plot import image_formats
+
+    kind = plot.suffix.removeprefix(".").lower()
+    if kind not in image_formats():
+        raise InputError(
+            f"cannot write {plot}: its ending must name a format of pictures: {', '.join(image_formats())}"
+        )
+    return kind
+
+
+class _Output(Console):
+    """The standard output; a reader who has seen enough (`| head`) is no error."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        # What is still buffered has nowhere to go, and Python would complain of it at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(0)
+
+
+def output() -> Console:
+    """Return the standard output; in a pipe wide enough for the tables and without colour."""
+    console = _Output(highlight=False, markup=False, emoji=False)
+    if not console.is_terminal:
+        console = _Output(highlight=False, markup=False, emoji=False, width=_PIPE_WIDTH, no_color=True)
+    return console
+
+
+def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
+    """Do long work; on a terminal with what is being done and since when, in a pipe silently."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        return work(lambda _: None)
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("starting", total=None)
+        return work(lambda text: progress.update(task, description=text))

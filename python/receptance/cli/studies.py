@@ -1,0 +1,116 @@
+"""The commands `demo` and `study`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["demo", "studies"]
+
+DEMO_FIGURE = "receptance-demo.png"
+
+
+class _Studies(TyperGroup):
+    """Answers an unknown study with the known ones."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and self.get_command(ctx, args[0]) is None:
+            raise InputError(f"there is no study {args[0]!r}; the studies are {', '.join(self.list_commands(ctx))}")
+        return super().resolve_command(ctx, args)
+
+
+studies = typer.Typer(
+    cls=_Studies, no_args_is_help=True, help="One published study, done again from its printed numbers."
+)
+
+Draws = Annotated[int, typer.Option(min=1, help="Simulations of the bias under chance.")]
+Resolution = Annotated[
+    float,
+    typer.Option(
+        "--resolution", metavar="HZ", help="Step in which frequencies are printed; ten times that from 10 kHz."
+    ),
+]
+Overhang = Annotated[float, typer.Option("--overhang-error", metavar="MM", help="Standard deviation of an overhang.")]
+
+
+def demo(json_file: Json = None, plot: Plot = None) -> None:
+    """Do the ER32 study end to end and save its figure in the current folder (or where --plot says)."""
+    _run_er32(json_file, plot or Path(DEMO_FIGURE), {})
+
+
+@studies.command()
+def er32(
+    json_file: Json = None,
+    plot: Plot = None,
+    resolution: Resolution = 1.0,
+    overhang_error: Overhang = 0.1,
+    draws: Draws = 300,
+    seed: Seed = 0,
+) -> None:
+    """The joint of an ER32 collet holder, Matthias et al. 2016 (doi 10.1016/j.cirpj.2016.02.005)."""
+    given = {"resolution": resolution, "overhang_error": overhang_error, "draws": draws, "seed": seed}
+    _run_er32(json_file, plot, given)
+
+
+def _run_er32(json_file: Path | None, plot: Path | None, given: dict[str, Any]) -> None:
+    targets = Targets(json_file, plot)
+    from receptance.cli.er32 import print_er32
+    from receptance.studies import er32 as study
+
+    options: dict[str, Any] = {name: given[name] for name in ("draws", "seed") if name in given}
+    with input_errors():
+        if "resolution" in given:
+            fine = given["resolution"]
+            options["resolution"] = study.Resolution(fine_hz=fine, coarse_hz=10.0 * fine)
+        if "overhang_error" in given:
+            options["chance"] = study.ChanceModel(overhang_mm=given["overhang_error"])
+        settings = study.ER32Settings(**options)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_er32
+
+        return draw_er32(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_er32(console, result)
+    targets.name(console)
+
+
+@studies.command("clamped-rods")
+def clamped_rods(
+    json_file: Json = None,
+    plot: Plot = None,
+    reading_error: Annotated[
+        float | None,
+        typer.Option("--reading-error", metavar="HZ", help="How far a reading can be off; else as the source says."),
+    ] = None,
+    seed: Seed = 0,
+) -> None:
+    """The clamp of aluminium rods from one rod's first mode, the other rods predicted."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.clamped_rods import print_clamped_rods
+    from receptance.studies import clamped_rods as study
+
+    with input_errors():
+        error = study.checked_error(reading_error)
+    result = with_progress(lambda say: study.run(reading_error_hz=error, seed=seed, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_clamped_rods
+
+        return draw_clamped_rods(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_clamped_rods(console, result)
+    targets.name(console)

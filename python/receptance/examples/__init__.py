@@ -1,0 +1,5 @@
+"""Complete campaigns that come with the package."""
+
+from receptance.examples.catalogue import EXAMPLES, Example, write
+
+__all__ = ["EXAMPLES", "Example", "write"]

@@ -1,0 +1,138 @@
+"""Simulated measurements of the examples: made from a stated seed, and labelled as simulated.
+
+What is simulated is the structure as the campaign describes it, with a joint that the campaign does not know.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.coordinates import Coordinate
+    from receptance.frf import FRF
+    from receptance.io import TimeSeries
+
+__all__ = ["FREE_FREE_JOINT", "FREE_FREE_SEED", "HAMMER_JOINT", "HAMMER_SEED", "free_free", "hammer"]
+
+Say = Callable[[str], None]
+
+FREE_FREE_SEED = 20240229
+FREE_FREE_JOINT = {"joint.k_y": 4.2e8, "joint.k_theta": 1.6e5, "joint.c_y": 400.0, "joint.c_theta": 0.08}
+"""The joint behind the data of the example free-free, in SI units."""
+_LINES_HZ = np.arange(200.0, 6000.5, 4.0)
+_HITS = 10
+_SCATTER = 0.03
+"""Relative standard deviation of each hit, real and imaginary part each: it is not the same spot twice."""
+_FLOOR = 0.02
+"""Noise of the accelerometer in m/s^2/N under the weakest hit, real and imaginary part each."""
+_DIGITS = 7
+
+HAMMER_SEED = 20241017
+HAMMER_JOINT = {"collet.k_y": 2.8e8, "collet.k_theta": 5.0e4, "collet.c_y": 400.0, "collet.c_theta": 0.06}
+"""The joint behind the data of the example hammer, in SI units."""
+_HAMMER_HITS = 8
+_RATE_HZ = 25600.0
+_BLOCK_S = 0.4
+_CONTACT_S = 1.5e-4
+_NOISE_DB = -75.0
+
+
+def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
+    """Return the FRFs of the example free-free by file name: accelerance and coherence of ten hits each."""
+    from receptance.campaign.loading import measured_structures
+
+    random = np.random.default_rng(FREE_FREE_SEED)
+    files = {}
+    for name, (assembly, tip) in measured_structures(campaign).items():
+        say(f"simulating {name}")
+        frf = _averaged(assembly.replace(FREE_FREE_JOINT), tip, random, name)
+        files[f"{name}.csv"] = _content(frf, ".csv")
+    return files
+
+
+def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
+    """Return the records of the example hammer by file name: one long record each, with all hits."""
+    from receptance.campaign.loading import measured_structures
+    from receptance.io import TimeSeries
+    from receptance.measurement import simulate_hits
+
+    files = {}
+    for number, (name, (assembly, tip)) in enumerate(measured_structures(campaign).items()):
+        say(f"simulating hits on {name}")
+        records = simulate_hits(
+            assembly.replace(HAMMER_JOINT),
+            response=tip,
+            excitation=tip,
+            hits=_HAMMER_HITS,
+            sample_rate_hz=_RATE_HZ,
+            duration_s=_BLOCK_S,
+            contact_s=_CONTACT_S,
+            force_noise_db=_NOISE_DB,
+            response_noise_db=_NOISE_DB,
+            double_hits=[3] if name == "medium" else [],
+            overloads=[5] if name == "long" else [],
+            one_record=True,
+            seed=HAMMER_SEED + number,
+        )
+        series = TimeSeries(
+            values=np.stack([records.force[0], records.response[0, :, 0]], axis=1),
+            channels=["hammer", "tip"],
+            units=["N", "m/s^2"],
+            sample_rate_hz=records.sample_rate_hz,
+            label=f"{name} (simulated)",
+            source=records.source,
+            notes=records.notes,
+        )
+        files[f"{name}.npz"] = _content(series, ".npz")
+    return files
+
+
+def _content(thing: FRF | TimeSeries, ending: str) -> bytes:
+    """Return the content of a file with a measurement."""
+    from receptance.io import write
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"data{ending}"
+        write(file, thing)
+        return file.read_bytes()
+
+
+def _averaged(assembly: Assembly, tip: Coordinate, random: np.random.Generator, name: str) -> FRF:
+    """Return H1 of several hits with coherence, as an analyser gives them."""
+    from receptance.frf import FRF
+
+    lines = _LINES_HZ
+    true = assembly.receptance(lines, response=tip, excitation=tip) * (2j * np.pi * lines) ** 2
+    force = random.uniform(0.85, 1.15, (_HITS, 1)) * np.exp(-((lines / 9e3) ** 2))
+    scatter = 1.0 + _SCATTER * _noise(random, (_HITS, lines.size))
+    motion = true * force * scatter + 0.85 * _FLOOR * _noise(random, (_HITS, lines.size))
+    cross = np.sum(force * motion, axis=0)
+    power = np.sum(force**2, axis=0)
+    coherence = np.abs(cross) ** 2 / (power * np.sum(np.abs(motion) ** 2, axis=0))
+    values = cross / power
+    return FRF(
+        frequency_hz=lines,
+        values=_rounded(values.real) + 1j * _rounded(values.imag),
+        form="accelerance",
+        coherence=_rounded(coherence),
+        label=f"{name} (simulated)",
+        source=f"simulated by receptance, seed {FREE_FREE_SEED}",
+        notes=("simulated",),
+    )
+
+
+def _noise(random: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
+    return random.standard_normal(shape) + 1j * random.standard_normal(shape)
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return numbers with as many digits as an export has."""
+    return np.array([float(f"{value:.{_DIGITS - 1}e}") for value in values])

@@ -1,0 +1,109 @@
+"""From an FRF to what a fit takes: one entry, as receptance, on lines that are usable, with its spread."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance import _checks
+from receptance.coordinates import Coordinate
+from receptance.frf import FRF, Unplaced
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["observe"]
+
+_FEW = 10.0
+"""Degrees of freedom below which a line's standard deviation is itself mostly noise: 25 % and more."""
+
+
+def observe(
+    frf: FRF,
+    response: Coordinate | str | int | None,
+    excitation: Coordinate | str | int | None,
+    low_hz: float | None,
+    high_hz: float | None,
+    floor: float,
+    label: str | None,
+) -> dict[str, Any]:
+    """Return the fields of a `MeasuredFRF`; see `MeasuredFRF.from_frf`."""
+    if not isinstance(frf, FRF):
+        raise TypeError(f"MeasuredFRF.from_frf: frf is {frf!r}, expected an FRF")
+    owner = repr(frf)
+    name = frf.label if label is None else label
+    least = _checks.not_negative("MeasuredFRF.from_frf", "floor", floor)
+    entry, places, notes = _entry(frf, response, excitation)
+    # Over the band first: the line at 0 Hz then causes no note where it is not asked for.
+    entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
+    known = entry.frequency_hz > 0.0
+    if entry.log_variance is not None:
+        infinite = np.isinf(entry.log_variance[:, 0, 0]) & known
+        if infinite.any():
+            notes.append(f"{np.count_nonzero(infinite)} lines of infinite variance are left out")
+            known &= ~infinite
+    if not known.any():
+        raise ValueError(f"{owner}: no line is left for {name or 'an observation'}: at 0 Hz, or of infinite variance")
+    return {
+        "frequency_hz": entry.complex_frequency_hz[known],
+        "receptance": entry.values[known, 0, 0],
+        "response": places[0],
+        "excitation": places[1],
+        "standard_deviation": _spread(owner, entry, known, least, notes),
+        "label": name,
+        "notes": (*entry.notes, *notes),
+    }
+
+
+def _entry(
+    frf: FRF, response: Coordinate | str | int | None, excitation: Coordinate | str | int | None
+) -> tuple[FRF, list[Coordinate], list[str]]:
+    """Return the wanted entry alone, where its response and excitation are, and what is to be said of that."""
+    picks, notes = [], []
+    for name, wanted in (("responses", response), ("excitations", excitation)):
+        side = getattr(frf, name)
+        if len(side) > 1 and wanted is None:
+            raise ValueError(f"{frf!r} has {len(side)} {name}: say which with {name[:-1]}=, a coordinate or a number")
+        picks.append(0 if len(side) == 1 and (wanted is None or isinstance(wanted, Coordinate)) else wanted)
+    entry = frf.select(responses=picks[0], excitations=picks[1])
+    places = []
+    for name, wanted, found in (
+        ("response", response, entry.responses[0]),
+        ("excitation", excitation, entry.excitations[0]),
+    ):
+        place = wanted if isinstance(wanted, Coordinate) else found
+        if place.direction != found.direction:
+            raise ValueError(f"{frf!r}: its {name} is in direction {found.direction!r}, which {place!r} is not")
+        if isinstance(place, Unplaced):
+            notes.append(f"where the {name} is, is not known: taken at the tip")
+            place = Coordinate(direction=place.direction)
+        elif place != found and not isinstance(found, Unplaced):
+            notes.append(f"the {name} is taken at {place!r}, the FRF says {found!r}")
+        places.append(place)
+    return entry, places, notes
+
+
+def _spread(
+    owner: str, entry: FRF, known: NDArray[np.bool_], floor: float, notes: list[str]
+) -> NDArray[np.float64] | float | None:
+    """Return the standard deviations of lines that count as independent, `(n,)`, or None where nothing is known."""
+    if entry.log_variance is None:
+        if floor:
+            notes.append(f"the FRF has no variance: the floor of {floor:g} is all there is")
+        return floor or None
+    spread: NDArray[np.float64] = np.sqrt(entry.log_variance[known, 0, 0] * entry.correlated_lines[known] + floor**2)
+    exact = np.flatnonzero(spread == 0.0)
+    if exact.size:
+        raise ValueError(
+            f"{owner}: the variance is zero on {exact.size} lines, first at {entry.frequency_hz[known][exact[0]]:g} Hz "
+            "(a coherence of exactly 1), so they would decide everything; give a floor, floor=0.003 say"
+        )
+    if entry.degrees_of_freedom is not None:
+        freedom = float(np.median(entry.degrees_of_freedom[known]))
+        if freedom < _FEW:
+            notes.append(
+                f"standard deviations from {freedom:.3g} degrees of freedom are mostly noise themselves: pool the "
+                "variance over neighbouring lines"
+            )
+    return spread

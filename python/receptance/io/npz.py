@@ -1,0 +1,109 @@
+"""NPZ: arrays of NumPy in a zip file, without pickles."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.frf import FRF
+from receptance.io.coherence import Coherence
+from receptance.io.errors import FileFormatError
+from receptance.io.named import items_of, things_of
+from receptance.io.options import ReadOptions
+from receptance.io.time_series import TimeSeries
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["npz_bytes", "read_npz"]
+
+_KINDS = "biufcU"
+_DEFLATED_AT_MOST = 1100
+"""Times that deflate can shrink anything; what claims more is damaged."""
+_BROKEN = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, RuntimeError, ValueError, IndexError)
+
+
+def npz_bytes(things: Sequence[FRF | TimeSeries | Coherence]) -> bytes:
+    """Return the contents of an NPZ file; nothing is lost."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in items_of(things, separator=".").items()}
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def read_npz(data: bytes, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
+    """Return the measurements in an NPZ file: those this library wrote, else the arrays that `variables` names.
+
+    Raises
+    ------
+    FileFormatError
+        A file that is damaged or holds Python objects, or arrays that do not make a measurement.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            for member in archive.infolist():
+                if member.filename.endswith(".npy"):
+                    arrays[member.filename.removesuffix(".npy")] = _array(archive, member)
+    except FileFormatError:
+        raise
+    except _BROKEN as error:
+        raise FileFormatError(f"this is not a whole NPZ file: {error}") from None
+    return things_of(_texts_as_str(arrays), options, separator=".")
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    name = member.filename.removesuffix(".npy")
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise FileFormatError(
+            f"the compression {member.compress_type} is none that NumPy writes", place=f"array {name!r}"
+        )
+    if member.file_size > _DEFLATED_AT_MOST * max(member.compress_size, 1):
+        raise FileFormatError(
+            f"{member.file_size} bytes are said to be in {member.compress_size}, more than can be",
+            place=f"array {name!r}",
+        )
+    content = archive.read(member)
+    try:
+        return _parse_npy(content)
+    except FileFormatError as error:
+        raise FileFormatError(error.problem, place=f"array {name!r}") from None
+
+
+def _parse_npy(content: bytes) -> NDArray[Any]:
+    """Return an array of an NPY file; its declared size must be that of the data before anything is made of it."""
+    stream = io.BytesIO(content)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, by_column, dtype = read(stream)
+    except Exception as error:
+        # NumPy evaluates the header as a Python literal; whatever the parser makes of damaged ones ends here.
+        raise FileFormatError(f"the header is damaged: {error}") from None
+    if dtype.kind not in _KINDS or dtype.hasobject:
+        raise FileFormatError(f"the dtype is {dtype}, expected numbers or text: Python objects (pickles) are not read")
+    start, count = stream.tell(), 1
+    size = len(content) - start
+    for length in shape:
+        count *= length
+    if any(length < 0 for length in shape) or len(shape) > 8 or count * dtype.itemsize != size:
+        raise FileFormatError(f"shape {shape} of {dtype} takes {count * dtype.itemsize} bytes, there are {size}")
+    if not size:
+        return np.zeros(0)
+    flat = np.frombuffer(content, dtype=dtype, count=count, offset=start)
+    return flat.reshape(shape, order="F" if by_column else "C")
+
+
+def _texts_as_str(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, array in arrays.items():
+        try:
+            found[name] = str(array[()]) if array.dtype.kind == "U" and array.ndim == 0 else array
+        except (UnicodeError, ValueError):
+            raise FileFormatError("the text is damaged", place=f"array {name!r}") from None
+    return found

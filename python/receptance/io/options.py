@@ -1,0 +1,221 @@
+"""What a person may add to what a file says, and how unit and quantity follow from both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from typing import Any, TypedDict
+
+from receptance import _checks
+from receptance.coordinates import Coordinate, as_coordinates
+from receptance.frf.forms import Form
+from receptance.io.errors import FileFormatError
+from receptance.io.units import FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
+
+__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "resolve_frf", "several_channels"]
+
+SI = "SI"
+_GIVE_UNIT = (
+    "give it: unit='m/s^2/N', say (on the command line --unit m/s^2/N), or unit='SI' with quantity='accelerance'"
+)
+
+
+class ReadKeywords(TypedDict, total=False):
+    """The options of `read` as they are given."""
+
+    quantity: str | None
+    unit: str | Mapping[str, str] | None
+    responses: Coordinate | Sequence[Coordinate] | None
+    excitations: Coordinate | Sequence[Coordinate] | None
+    coherence: str | PathLike[str] | None
+    ignore_coherence: bool
+    variables: Mapping[str, str] | None
+    columns: Sequence[str] | None
+    sample_rate_hz: float | None
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """The options of `read`, checked; None where nothing was given."""
+
+    quantity: Form | None = None
+    unit: str | Mapping[str, str] | None = None
+    responses: tuple[Coordinate, ...] | None = None
+    excitations: tuple[Coordinate, ...] | None = None
+    ignore_coherence: bool = False
+    variables: Mapping[str, str] | None = None
+    columns: Sequence[str] | None = None
+    sample_rate_hz: float | None = None
+
+    @staticmethod
+    def checked(given: Mapping[str, Any]) -> ReadOptions:
+        """Return options, or raise a TypeError or ValueError that names the one which is wrong."""
+        known = {field.name for field in fields(ReadOptions)}
+        unknown = sorted(set(given) - known)
+        if unknown:
+            raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(known))}")
+        options = dict(given)
+        if options.get("quantity") is not None:
+            options["quantity"] = form_name(options["quantity"])
+        for side in ("responses", "excitations"):
+            if options.get(side) is not None:
+                options[side] = as_coordinates(options[side])
+        unit = options.get("unit")
+        if unit is not None and not isinstance(unit, (str, Mapping)):
+            raise TypeError(f"unit is {unit!r}, expected a text, or a mapping from channel to text")
+        for text in unit.values() if isinstance(unit, Mapping) else [unit] if unit is not None else []:
+            if text != SI:
+                parse_unit(text)
+        for name in ("variables", "unit"):
+            mapping = options.get(name)
+            if isinstance(mapping, Mapping) and not all(isinstance(v, str) for pair in mapping.items() for v in pair):
+                raise TypeError(f"{name} is {mapping!r}, expected texts for texts")
+        if options.get("variables") is not None and not isinstance(options["variables"], Mapping):
+            raise TypeError(f"variables is {options['variables']!r}, expected a mapping such as {{'values': 'H'}}")
+        columns = options.get("columns")
+        if columns is not None:
+            if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
+                raise TypeError(f"columns is {columns!r}, expected a list of texts such as 'frequency [Hz]'")
+            options["columns"] = tuple(columns)
+        if options.get("sample_rate_hz") is not None:
+            options["sample_rate_hz"] = _checks.positive("read", "sample_rate_hz", options["sample_rate_hz"], unit="Hz")
+        options["ignore_coherence"] = bool(options.get("ignore_coherence", False))
+        return ReadOptions(**options)
+
+    def channel_unit(self, name: str) -> str | None:
+        """Return the unit that was given for a channel, or None."""
+        unit = self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit
+        if unit is not None and unit != SI and frf_kind(parse_unit(unit)) is not None:
+            raise FileFormatError(f"{unit!r} is the unit of an FRF, but channel {name!r} is a time record")
+        return unit
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """What the numbers of an FRF are."""
+
+    kind: FRFKind
+    factor: float
+    notes: tuple[str, ...] = ()
+
+
+def resolve_frf(
+    options: ReadOptions,
+    *,
+    declared: Unit | None,
+    form: Form | None,
+    directions: tuple[str, str] | None,
+    undeclared: str = "the file does not say in which unit its FRF is",
+) -> Resolved:
+    """Return what the numbers of an FRF are, from the file and from what was given.
+
+    Parameters
+    ----------
+    options : ReadOptions
+        What was given.
+    declared : Unit, optional
+        What the file says.
+    form : str, optional
+        Receptance, mobility or accelerance as the file says otherwise than by its unit.
+    directions : pair of {"y", "theta"}, optional
+        Of response and excitation, as the file says.
+    undeclared : str, optional
+        How to say that there is no unit.
+
+    Raises
+    ------
+    FileFormatError
+        Where neither says it, or file, unit and quantity contradict each other.
+    """
+    given = _given(options, form, directions, declared)
+    unit = given or declared
+    if unit is None:
+        raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
+    kind = frf_kind(unit)
+    if kind is None:
+        raise FileFormatError(
+            f"{unit.text!r} is not the unit of a receptance, mobility or accelerance, such as 'm/N' or 'm/s^2/N'"
+            + ("" if given else "; if it is wrong, give the right one with unit= and quantity=")
+        )
+    if options.quantity is not None and kind.form != options.quantity:
+        raise FileFormatError(
+            f"quantity is {options.quantity!r}, but {unit.text!r}{'' if given else ', which the file says,'} is the "
+            f"unit of {_a(kind.form)}; give quantity= and unit= that belong together"
+        )
+    against = _against(kind, form, directions, declared if given else None)
+    placed = options.responses is not None and options.excitations is not None
+    if given and directions not in (None, (kind.response, kind.excitation)) and not placed:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_a(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{_of_directions(directions)}; give unit='SI' where all of the file is in SI, or responses= and "
+            "excitations= as well to overrule the directions"
+        )
+    if against and given is None:
+        raise FileFormatError(
+            f"the file contradicts itself: {against}, but its unit {unit.text!r} is that of {_a(kind.form)} in "
+            f"{frf_unit(kind)}; find out which is true and give both, quantity= and unit="
+        )
+    if against and options.quantity is None:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_a(kind.form)} in {frf_unit(kind)}, but in the file {against}; to overrule "
+            "the file give quantity= as well"
+        )
+    notes = [f"overruled by what was given: {against}"] if against else []
+    if given and declared and (declared.dimension, declared.factor) != (unit.dimension, unit.factor):
+        notes.append(f"the unit in the file, {declared.text!r}, was overruled by {unit.text!r}")
+    return Resolved(kind, unit.factor, tuple(notes))
+
+
+def several_channels(names: Sequence[str], unit: str) -> str:
+    """Return what to say where one unit is given for several channels."""
+    example = ", ".join(f"{name!r}: {unit!r}" for name in names[:2])
+    return f"one unit, {unit!r}, was given for {len(names)} channels; give one for each: unit={{{example}}}"
+
+
+def _given(
+    options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
+) -> Unit | None:
+    """Return the unit that was given; "SI" means that of the form."""
+    if options.unit is None:
+        return None
+    if not isinstance(options.unit, str):
+        raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
+    if options.unit != SI:
+        return parse_unit(options.unit)
+    said = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (said.form if said is not None else None)
+    if directions is None and said is not None:
+        directions = (said.response, said.excitation)
+    if form is None:
+        raise FileFormatError(
+            "unit is 'SI', but neither the file nor quantity= says whether this is a receptance, a mobility or an "
+            "accelerance"
+        )
+    if directions is None:
+        sides = (options.responses or (Coordinate(),), options.excitations or (Coordinate(),))
+        directions = (sides[0][0].direction, sides[1][0].direction)
+    return parse_unit(frf_unit(FRFKind(form, *directions)))
+
+
+def _against(kind: FRFKind, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None) -> str:
+    """Return what in the file is against this kind of FRF, empty where nothing is."""
+    if form is not None and form != kind.form:
+        return f"it is said to be {_a(form)}"
+    if directions not in (None, (kind.response, kind.excitation)):
+        return _of_directions(directions)
+    if declared is not None and (said := frf_kind(declared)) is not None and said != kind:
+        return f"the unit is {declared.text!r}, that of {_a(said.form)}"
+    return ""
+
+
+def _of_directions(directions: tuple[str, str] | None) -> str:
+    motion, load = directions or ("y", "y")
+    return (
+        f"the directions are those of {'a translation' if motion == 'y' else 'a rotation'} per "
+        f"{'force' if load == 'y' else 'moment'}"
+    )
+
+
+def _a(form: Form) -> str:
+    return f"an {form}" if form.startswith("a") else f"a {form}"

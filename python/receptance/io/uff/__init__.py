@@ -1,0 +1,1 @@
+"""Universal files with data set 58 and 58b."""

@@ -1,0 +1,290 @@
+"""Universal files with data sets 164 (units) and 58 or 58b (functions), as the standard has them.
+
+pyuff 2.5.8 writes abscissae with six digits although the columns hold more, declares the wrong number of binary bytes
+for complex data, writes double-precision abscissae where the standard has single ones, turns NaN into zero without a
+word and lets long names move the columns behind them; it serves the tests as a reader instead.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.coordinates import Coordinate
+from receptance.frf import FRF, Unplaced
+from receptance.io.coherence import Coherence
+from receptance.io.time_series import TimeSeries
+from receptance.io.uff.header import WIDTH, coordinates_line, values_line
+from receptance.io.uff.sets import Point
+from receptance.io.uff.units import MOTIONS, code_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["uff_bytes"]
+
+_POINT = re.compile(r"(?:(?P<name>\S(?:.{0,8}\S)?) )?(?P<node>[0-9]{1,10})(?::(?P<direction>[+-][1-6]))?")
+_EXACT = 1e-9
+"""Relative error of an abscissa from which on it is said how exactly it is held."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """What one data set 58 is to hold."""
+
+    kind: int
+    response: Point
+    reference: Point
+    abscissa: NDArray[np.float64]
+    ordinate: NDArray[Any]
+    axes: tuple[tuple[int, str, str], ...]
+    """Specific data type, label and unit of abscissa, numerator and denominator."""
+    texts: tuple[str, ...]
+
+
+def uff_bytes(things: Sequence[FRF | TimeSeries | Coherence], *, binary: bool) -> tuple[bytes, list[str]]:
+    """Return the contents of a universal file, and what it does not hold of the things.
+
+    ASCII files have 13 digits of every ordinate, binary ones all; of abscissae both have what 13 columns hold where the
+    lines are evenly spaced (nine digits or more), else eight digits in ASCII and single precision in binary.
+    """
+    lost: list[str] = []
+    parts = [_units()]
+    for thing in things:
+        for record in _records(thing, lost):
+            parts.append(_data_set(record, binary, lost))
+    return b"".join(parts), list(dict.fromkeys(lost))
+
+
+def _units() -> bytes:
+    factors = "".join(f"{value:25.17E}".replace("E", "D") for value in (1.0, 1.0, 1.0))
+    return f"    -1\n   164\n         1{'SI: metre, newton':<20}         2\n{factors}\n{0.0:25.17E}\n    -1\n".encode()
+
+
+def _records(thing: FRF | TimeSeries | Coherence, lost: list[str]) -> list[_Record]:
+    if isinstance(thing, TimeSeries):
+        return _of_time_series(thing, lost)
+    sides = (thing.labels or (None, None)) if isinstance(thing, (FRF, Coherence)) else (None, None)
+    shape = thing.values.shape[1:]
+    coordinates = (thing.responses, thing.excitations) if isinstance(thing, FRF) else (None, None)
+    numbers: dict[object, int] = {}
+    points = [_points(sides[k], coordinates[k], shape[k], numbers, lost) for k in (0, 1)]
+    texts = [_text(thing.label, "the label", lost), "", "", "", ""]
+    if isinstance(thing, Coherence):
+        pairs = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
+        return [_of_coherence(thing.frequency_hz, thing.values, points, row, column, texts) for row, column in pairs]
+    return _of_frf(thing, points, texts, lost)
+
+
+def _of_frf(frf: FRF, points: list[list[Point]], texts: list[str], lost: list[str]) -> list[_Record]:
+    for name, held in (
+        ("log_variance", frf.log_variance is None),
+        ("degrees_of_freedom", frf.degrees_of_freedom is None),
+        ("correlated_lines", bool(np.all(frf.correlated_lines == 1.0))),
+        ("usable", frf.usable is None),
+        ("notes", not frf.notes),
+    ):
+        if not held:
+            lost.append(name)
+    values: dict[str, Any] = {"averages": frf.averages} if frf.averages is not None else {}
+    if frf.decay_rate:
+        values["decay_rate"] = frf.decay_rate
+    if frf.labels is None:
+        values["labels"] = 0
+    exact = _exact_lines(frf.frequency_hz)
+    if exact is not None:
+        values["lines"] = exact
+    code = next(code for code, form in MOTIONS.items() if form == frf.form)
+    records = []
+    for row, response in enumerate(frf.responses):
+        for column, excitation in enumerate(frf.excitations):
+            texts = [texts[0], "", "", "", values_line(values)]
+            if not (isinstance(response, Unplaced) and isinstance(excitation, Unplaced)):
+                line = coordinates_line(response, excitation)
+                if line is None:
+                    lost.append("coordinates with long names of parts")
+                texts[3] = line or ""
+            pair = points[0][row], points[1][column]
+            motion, load = frf.units[row][column].split("/", 1)[0], "N" if excitation.direction == "y" else "N m"
+            rate = ("", "/s", "/s^2")[list(MOTIONS.values()).index(frf.form)]
+            axes = ((18, "Frequency", "Hz"), (code, frf.form.capitalize(), motion + rate), (13, "", load))
+            records.append(_Record(4, *pair, frf.frequency_hz, frf.values[:, row, column], axes, tuple(texts)))
+            if frf.coherence is not None:
+                alone = [texts[0], "", "", "", ""]
+                records.append(_of_coherence(frf.frequency_hz, frf.coherence, points, row, column, alone))
+    return records
+
+
+def _of_coherence(
+    lines: NDArray[np.float64],
+    values: NDArray[np.float64],
+    points: list[list[Point]],
+    row: int,
+    column: int,
+    texts: list[str],
+) -> _Record:
+    axes = ((18, "Frequency", "Hz"), (0, "Coherence", "1"), (0, "", ""))
+    return _Record(6, points[0][row], points[1][column], lines, values[:, row, column], axes, tuple(texts))
+
+
+def _of_time_series(series: TimeSeries, lost: list[str]) -> list[_Record]:
+    if series.notes:
+        lost.append("notes")
+    texts = (_text(series.label, "the label", lost), "", "", "", values_line({"sample_rate_hz": series.sample_rate_hz}))
+    records = []
+    for column, name in enumerate(series.channels):
+        point, label = _channel(name, lost)
+        quantity = series.quantities[column]
+        code = code_of(quantity, rotation=abs(point.direction) > 3)
+        axes = ((17, "Time", "s"), (code, label, _short(series.units[column], 20, "a unit", lost)), (0, "", ""))
+        records.append(_Record(1, point, Point("", 0, 0), series.time_s, series.values[:, column], axes, texts))
+    return records
+
+
+def _channel(name: str, lost: list[str]) -> tuple[Point, str]:
+    """Return a point whose label is the name, or no point and the name as the label of the axis."""
+    point = _named_point(name)
+    if point is not None:
+        return point, ""
+    return Point("", 0, 0), _short(name, 20, "a channel's name", lost)
+
+
+def _points(
+    labels: Sequence[str] | None,
+    coordinates: Sequence[Coordinate] | None,
+    count: int,
+    numbers: dict[object, int],
+    lost: list[str],
+) -> list[Point]:
+    """Return a point for each response or excitation, all different; the same place has the same node on both sides."""
+    points: list[Point] = []
+    for index in range(count):
+        place = coordinates[index] if coordinates is not None else Unplaced()
+        rotation = place.direction == "theta"
+        point = _named_point(labels[index]) if labels is not None else None
+        if point is None or point in points or (point.direction and rotation != (abs(point.direction) > 3)):
+            if labels is not None:
+                lost.append("labels that are not like '22:+3' or at most 10 characters")
+            key: object = object() if isinstance(place, Unplaced) else (place.part, place.position)
+            point = Point("", numbers.setdefault(key, len(numbers) + 1), 6 if rotation else 2)
+            if point in points:
+                point = Point("", numbers.setdefault(object(), len(numbers) + 1), point.direction)
+        points.append(point)
+    return points
+
+
+def _named_point(label: str) -> Point | None:
+    """Return the point that is read as this label, or None."""
+    match = _POINT.fullmatch(label)
+    if match:
+        point = Point(match["name"] or "", int(match["node"]), int(match["direction"] or 0))
+        if point.label == label and point.name != "NONE":
+            return point
+    if len(label) <= 10 and label == label.strip() and label.isprintable() and label != "NONE":
+        return Point(label, 0, 0)
+    return None
+
+
+def _short(text: str, width: int, what: str, lost: list[str]) -> str:
+    short = "".join(c if c.isprintable() else " " for c in text)[:width].strip()
+    if short != text or text == "NONE":
+        lost.append(f"{what} of more than {width} characters")
+    return short
+
+
+def _text(text: str, what: str, lost: list[str]) -> str:
+    return _short(text, WIDTH, what, lost)
+
+
+def _data_set(record: _Record, binary: bool, lost: list[str]) -> bytes:
+    even, first, step = _spacing(record, binary, lost)
+    n, is_complex = record.ordinate.size, np.iscomplexobj(record.ordinate)
+    body = _binary_body(record, even) if binary else _text_body(record, even)
+    identity = f"    58b{1:6d}{2:6d}{11:12d}{len(body):12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else "    58"
+    ends = record.response, record.reference
+    points = "".join(f" {end.name or 'NONE':<10}{end.node:10d}{end.direction:4d}" for end in ends)
+    lines = [
+        f"{'    -1':<80}",
+        f"{identity:<80}",
+        *(f"{text or 'NONE':<80}" for text in record.texts),
+        f"{record.kind:5d}{0:10d}{0:5d}{0:10d}{points}",
+        f"{6 if is_complex else 4:10d}{n:10d}{int(even):10d}{first:>13}{step:>13}{'0.00000E+00':>13}",
+        *(
+            f"{code:10d}{0:5d}{0:5d}{0:5d} {label or 'NONE':<20} {unit or 'NONE':<20}"
+            for code, label, unit in (*record.axes, (0, "", ""))
+        ),
+    ]
+    return "\n".join(lines).encode() + b"\n" + body + f"{'    -1':<80}\n".encode()
+
+
+def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str, str]:
+    """Return whether the abscissa is written as evenly spaced, and its two numbers then."""
+    lines = record.abscissa
+    n, scale = lines.size, float(np.max(np.abs(lines)))
+    best: tuple[float, str, str] = (np.inf, "", "")
+    for step in (float(lines[-1] - lines[0]) / max(n - 1, 1), float(lines[1] - lines[0]) if n > 1 else 0.0):
+        first, increment = _in_13(float(lines[0])), _in_13(step)
+        wrong = float(np.max(np.abs(float(first) + float(increment) * np.arange(n) - lines)))
+        if wrong < best[0] and (n == 1 or float(increment) > 0.0):
+            best = (wrong, first, increment)
+    if record.kind == 1 or best[0] <= _EXACT * scale:
+        # Time records are even, and their sample rate stands in ID line 5 with all its digits.
+        return True, *best[1:]
+    held = lines.astype(np.float32) if binary else np.array([float(_in_13(x)) for x in lines.tolist()])
+    uneven = float(np.max(np.abs(held - lines)))
+    if min(best[0], uneven) > _EXACT * scale:
+        lost.append(f"frequency lines more exactly than {min(best[0], uneven):.1g} Hz")
+    return (True, *best[1:]) if best[0] <= uneven else (False, "0.00000E+00", "0.00000E+00")
+
+
+def _exact_lines(lines: NDArray[np.float64]) -> list[float] | None:
+    """Return first line and increment where they give even lines that 13 columns do not, else None."""
+    n = lines.size
+    if n < 2:
+        return None
+    first, step = float(lines[0]), float(lines[-1] - lines[0]) / (n - 1)
+    wrong = np.max(np.abs(first + step * np.arange(n) - lines))
+    if wrong > 4.0 * np.spacing(lines[-1]) or (float(_in_13(first)), float(_in_13(step))) == (first, step):
+        return None
+    return [first, step]
+
+
+def _in_13(number: float) -> str:
+    """Return a number in at most 13 columns, with a decimal point (Fortran wants one), as exactly as they hold."""
+    whole = len(str(int(abs(number)))) + (number < 0)
+    texts = [repr(number), f"{number:.7E}", f"{number:.6E}", f"{number:.5E}", f"{number:.{max(12 - whole, 1)}f}"]
+    fitting = [text for text in texts if len(text) <= 13 and "." in text]
+    return min(fitting, key=lambda text: abs(float(text) - number))
+
+
+def _binary_body(record: _Record, even: bool) -> bytes:
+    parts = ["re", "im"] if np.iscomplexobj(record.ordinate) else ["re"]
+    # By the standard the abscissa is single precision, whatever the ordinate is.
+    fields = ([] if even else [("x", "<f4")]) + [(part, "<f8") for part in parts]
+    table = np.zeros(record.ordinate.size, dtype=fields)
+    if not even:
+        table["x"] = record.abscissa
+    table["re"] = record.ordinate.real
+    if len(parts) == 2:
+        table["im"] = record.ordinate.imag
+    return table.tobytes()
+
+
+def _text_body(record: _Record, even: bool) -> bytes:
+    numbers = [record.ordinate.real, record.ordinate.imag] if np.iscomplexobj(record.ordinate) else [record.ordinate]
+    values = np.stack(numbers, axis=1)
+    if even:
+        flat = [f"{value:20.12E}" for value in values.ravel().tolist()]
+        rows = ["".join(flat[k : k + 4]) for k in range(0, len(flat), 4)]
+    else:
+        points = [
+            f"{_in_13(x):>13}" + "".join(f"{value:20.12E}" for value in row)
+            for x, row in zip(record.abscissa.tolist(), values.tolist(), strict=True)
+        ]
+        per_line = 1 if len(numbers) == 2 else 2
+        rows = ["".join(points[k : k + per_line]) for k in range(0, len(points), per_line)]
+    return ("\n".join(rows) + "\n").encode()

@@ -1,0 +1,113 @@
+"""Contacts of the hammer in a force signal, and signs of overload."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Contact", "find_contacts", "flat_top", "noise_level", "second_contact"]
+
+_MAD = 1.4826
+"""Standard deviation of Gaussian noise over its median absolute deviation."""
+_EDGE_NOISE = 3.0
+"""A contact lasts until the force is below this many standard deviations of the noise, or below `_EDGE_SHARE`."""
+_EDGE_SHARE = 0.1
+"""Of the trigger."""
+_SECOND_NOISE = 6.0
+"""Standard deviations above which a second contact is not taken for noise: once in 1e9 samples."""
+_FLAT_SAMPLES = 4
+"""Equal samples at the extreme that make a flat top."""
+_EXTREME = 0.3
+"""Of the largest value, that an extreme is where something may be clipped: a force's lower one is silence."""
+_FLAT_STEP = 3.0
+"""How many steps of the digitiser the wave is away from its extreme beside a flat top; less beside a round one."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One touch of the hammer: first sample, first sample after it, and largest force between."""
+
+    onset: int
+    release: int
+    peak: float
+
+
+def noise_level(force: NDArray[np.float64]) -> tuple[float, float]:
+    """Return offset and standard deviation of a signal that is silent most of the time, by medians."""
+    offset = float(np.median(force))
+    return offset, _MAD * float(np.median(np.abs(force - offset)))
+
+
+def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
+    """Return the contacts in a force `(n,)` without offset, pulses positive, in order of time."""
+    above = np.flatnonzero(force > trigger)
+    low = np.flatnonzero(force <= max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger))
+    found: list[Contact] = []
+    while above.size:
+        first = int(above[0])
+        place = int(np.searchsorted(low, first))
+        onset = int(low[place - 1]) + 1 if place else 0
+        release = int(low[place]) if place < low.size else force.size
+        found.append(Contact(onset, release, float(force[onset:release].max())))
+        above = above[np.searchsorted(above, release) :]
+    return found
+
+
+def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, share: float) -> tuple[int, float] | None:
+    """Look for another pulse of the first one's shape after it: a matched filter.
+
+    Parameters
+    ----------
+    force : ndarray
+        `(n,)` without offset, pulses positive.
+    contact : Contact
+        The first one.
+    stop : int
+        Where to end.
+    share : float
+        Smallest peak that counts, over the first one's.
+
+    Returns
+    -------
+    tuple or None
+        The sample at which the largest second pulse begins, and its peak over the first one's.
+    """
+    shape = force[contact.onset : contact.release] / contact.peak
+    rest = force[contact.release : stop]
+    if rest.size < 2 * shape.size:
+        return None
+    from scipy.signal import correlate  # slow to import
+
+    heights = correlate(rest - np.median(rest), shape, mode="valid") / np.sum(shape**2) / contact.peak
+    # The median absolute deviation knows hum and ringing of the channel as well as white noise.
+    smallest = max(share, _SECOND_NOISE * noise_level(heights)[1])
+    best = int(heights.argmax())
+    if heights[best] < smallest:
+        return None
+    return contact.release + best, float(heights[best])
+
+
+def flat_top(signal: NDArray[np.float64]) -> int:
+    """Return how many equal samples in a row a clipped wave has at an extreme, 0 where it does not look clipped."""
+    size = float(np.abs(signal).max())
+    # A slow wave on a coarse digitiser is flat at its top as well, but leaves it by single steps.
+    step = float(np.diff(np.unique(signal)).min(initial=np.inf))
+    counts = [_flat(side, step) for side in (signal, -signal) if side.max() >= _EXTREME * size]
+    return max(counts, default=0)
+
+
+def _flat(signal: NDArray[np.float64], step: float) -> int:
+    top = signal.max()
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], signal == top, [False]]).astype(np.int8)))
+    begins, ends = changes[::2], changes[1::2]
+    longest = int(np.argmax(ends - begins))
+    count = int(ends[longest] - begins[longest])
+    if count < _FLAT_SAMPLES or top <= 0.0:
+        return 0
+    beside = [signal[i] for i in (begins[longest] - 1, ends[longest]) if 0 <= i < signal.size]
+    return count if all(top - value > _FLAT_STEP * step for value in beside) else 0

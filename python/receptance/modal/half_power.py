@@ -1,0 +1,214 @@
+"""Damping from the width of a peak at the half-power points."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.errors import ReceptanceWarning
+from receptance.modal._lines import lines_of, one_entry
+from receptance.modal._local import highest, mobility, polar_errors, relative_scatter
+from receptance.modal.estimate import ModeEstimate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.frf import FRF
+
+__all__ = ["half_power"]
+
+_ENOUGH = 5.0
+"""Below so many lines in the half-power band the width is largely that of the interpolation."""
+
+
+def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None = None) -> ModeEstimate:
+    """Natural frequency and damping from the half-power points of the highest peak in a band.
+
+    On the magnitude of the mobility (w times the receptance), whose half-power points w_1 and w_2 satisfy
+    w_2 - w_1 = 2 zeta w_r and w_1 w_2 = w_r^2 exactly for one viscously damped mode. The peak is the highest line, and
+    the points are interpolated linearly between lines, as is customary. Both are wrong where there are few lines: the
+    peak is cut off and the band comes out too wide. Nothing is corrected; below five lines a warning says by how
+    much it is off on average, and `circle_fit` or `fit_modes` should be used instead.
+
+    Parameters
+    ----------
+    frf : FRF
+        One response and one excitation.
+    low_hz, high_hz : float, optional
+        The band; its highest peak is the mode.
+
+    Returns
+    -------
+    ModeEstimate
+        The standard errors contain the scatter of the lines (as stated by the FRF's variance, else from the residuals
+        of a single mode fitted around the peak) and that of not knowing where between two lines the peak is. They do
+        not contain the bias, nor what a neighbouring mode adds.
+
+    Warns
+    -----
+    ReceptanceWarning
+        Fewer than five lines in the half-power band.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Several responses or excitations, fewer than three lines, no peak inside the band, or no half-power point
+        to one side of it.
+
+    References
+    ----------
+    Ewins, Modal Testing, 2nd ed. 2000, ch. 4 (peak amplitude method).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import FRF
+    >>> from receptance.modal import half_power
+    >>> f = np.arange(600.0, 1000.0, 1.0)
+    >>> s = 2j * np.pi * f
+    >>> frf = FRF(frequency_hz=f, values=1.0 / (s**2 + 2 * 0.01 * 5000.0 * s + 5000.0**2))
+    >>> mode = half_power(frf)
+    >>> f"{mode.frequency_hz:.1f} Hz, {100 * mode.damping_ratio:.2f} %, {mode.lines_in_band:.0f} lines"
+    '795.8 Hz, 1.00 %, 16 lines'
+    """
+    owner = "half_power"
+    lines = lines_of(owner, frf, low_hz, high_hz, 3)
+    one_entry(owner, lines)
+    moved = mobility(lines)
+    peak = highest(owner, lines, np.abs(moved))
+    points = _points(owner, lines.frequency_hz, np.abs(moved), peak)
+    width, spacing = points.high - points.low, lines.spacing_at(peak)
+    resolution = _resolution(round(float(np.clip(width / spacing, 0.5, 50.0)), 1))
+    scatter, freedom, notes = relative_scatter(lines, peak, width)
+
+    # The centre, the log of the width and that of the modal constant by the log of every line.
+    slopes = np.stack([0.5 * (points.slopes[0] + points.slopes[1]), (points.slopes[1] - points.slopes[0]) / width])
+    slopes = np.vstack([slopes, slopes[1]])
+    slopes[2, peak] += 1.0
+    # Nothing is known of some lines; that matters where they are used.
+    reach = np.multiply(np.abs(slopes), scatter, out=np.zeros_like(slopes), where=slopes != 0.0)
+    # Of lines that share their values only the two around each end are near enough to matter: at most twice as much.
+    of_centre, of_width, of_constant = np.sqrt(min(lines.shared, 2.0) * np.sum(reach**2, axis=1))
+
+    decay = np.pi * width - frf.decay_rate
+    # w_1 w_2 is w_r^2 of the mode with the window's damping; its damped frequency is not changed by the window.
+    damped_squared = (2.0 * np.pi) ** 2 * points.low * points.high - (np.pi * width) ** 2
+    natural = float(np.sqrt(damped_squared + decay**2))
+    # The highest line is not at the resonance: turned from its place on the circle to there.
+    turn = np.arctan2(lines.frequency_hz[peak] - np.sqrt(points.low * points.high), 0.5 * width)
+    constant = complex(2.0 * np.pi * width * moved[peak] * np.exp(1j * turn))
+    of_phase = float(np.hypot(scatter[peak], 2.0 * of_centre / width))
+    said = [*lines.notes, *notes]
+    if width / spacing < _ENOUGH:
+        said.append(_few(width / spacing, natural, resolution.bias, frf.decay_rate > 0.0))
+        warnings.warn(f"{owner}: {said[-1]}", ReceptanceWarning, stacklevel=2)
+    if decay <= 0.0:
+        said.append("the peak is no wider than the exponential window makes it: the damping is not determined")
+    return ModeEstimate(
+        method="half-power",
+        frequency_hz=natural / (2.0 * np.pi),
+        frequency_standard_error_hz=float(np.hypot(of_centre, resolution.of_centre * spacing)),
+        damping_ratio=decay / natural,
+        damping_standard_error=float(np.hypot(of_width, resolution.of_width) * np.pi * width / natural),
+        modal_constant=constant,
+        modal_constant_standard_error=polar_errors(
+            constant,
+            float(np.hypot(of_constant, resolution.of_constant)),
+            float(np.hypot(of_phase, resolution.of_phase)),
+        ),
+        lines_in_band=width / spacing,
+        band_hz=(float(lines.frequency_hz[points.first]), float(lines.frequency_hz[points.last])),
+        lines=points.last - points.first + 1,
+        degrees_of_freedom=freedom,
+        notes=tuple(said),
+    )
+
+
+def _few(lines: float, natural: float, bias: float, window: bool) -> str:
+    return (
+        f"only {lines:.1f} lines in the half-power band of the mode at {natural / (2.0 * np.pi):.6g} Hz: its width "
+        f"{'(that of the exponential window included) ' if window else ''}comes out about {100.0 * bias:.2g} % too "
+        "large on average; use circle_fit or fit_modes"
+    )
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Half-power frequencies, their `(2, n)` derivatives by the log of every line, and the outermost lines used."""
+
+    low: float
+    high: float
+    slopes: NDArray[np.float64]
+    first: int
+    last: int
+
+
+def _points(owner: str, f: NDArray[np.float64], size: NDArray[np.float64], peak: int) -> _Points:
+    level = size[peak] / np.sqrt(2.0)
+    found, outer, slopes = [], [], np.zeros((2, f.size))
+    for side, step in enumerate((-1, 1)):
+        place = peak
+        while size[place] > level:
+            place += step
+            if not 0 <= place < size.size:
+                raise ValueError(
+                    f"{owner}: the mobility does not fall to its half-power point "
+                    f"{'below' if step < 0 else 'above'} the peak at {f[peak]:g} Hz before the band ends at "
+                    f"{f[place - step]:g} Hz; widen the band, or use fit_modes where another mode is in the way"
+                )
+        inner = place - step
+        gap, rise = f[inner] - f[place], size[inner] - size[place]
+        share = (level - size[place]) / rise
+        found.append(float(f[place] + share * gap))
+        slopes[side, peak] += level / rise * gap
+        slopes[side, inner] -= size[inner] * share / rise * gap
+        slopes[side, place] -= size[place] * (1.0 - share) / rise * gap
+        outer.append(place)
+    return _Points(found[0], found[1], slopes, outer[0], outer[1])
+
+
+@dataclass(frozen=True)
+class _Resolution:
+    """What the lines' places do to the half-power points of one undisturbed mode, over all places alike.
+
+    Mean relative error of the width, and standard deviations: of the width, relative; of the centre, in distances
+    of the lines; of the log of the modal constant; of its phase.
+    """
+
+    bias: float
+    of_width: float
+    of_centre: float
+    of_constant: float
+    of_phase: float
+
+
+_SHIFTS = tuple((np.arange(40) + 0.5) / 40.0)
+_NEARBY = (0.85, 0.9, 0.95, 1.0, 1.05)
+"""How far the true number of lines may be from the apparent one; what the places do varies quickly with it."""
+
+
+@functools.lru_cache(maxsize=256)
+def _resolution(lines_in_band: float) -> _Resolution:
+    found = [[_placed(lines_in_band * factor, shift) for shift in _SHIFTS] for factor in _NEARBY]
+    # (factors, places, quantities)
+    table = np.array(found)
+    spread = np.sqrt(np.mean(table.var(axis=1), axis=0))
+    bias = float(table[:, :, 0].mean()) - 1.0
+    return _Resolution(bias, float(spread[0]), float(spread[1]), float(spread[2]), float(spread[3]))
+
+
+def _placed(lines_in_band: float, shift: float) -> tuple[float, float, float, float]:
+    """Width over the true one, centre, log of the modal constant and its phase, for one place of the lines."""
+    reach = int(2.0 * lines_in_band) + 6
+    x = np.arange(-reach, reach + 1).astype(np.float64) + shift
+    values = 1.0 / (1.0 + 2j * x / lines_in_band)
+    size = np.abs(values)
+    peak = int(np.argmax(size))
+    points = _points("", x, size, peak)
+    width, centre = points.high - points.low, 0.5 * (points.low + points.high)
+    phase = float(np.angle(values[peak]) + np.arctan2(x[peak] - centre, 0.5 * width))
+    return width / lines_in_band, centre, float(np.log(width / lines_in_band * size[peak])), phase

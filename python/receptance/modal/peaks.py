@@ -1,0 +1,188 @@
+"""Peaks of a magnitude, between the lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance import _checks
+from receptance.modal._lines import Lines, lines_of, one_entry
+from receptance.modal._local import around, mobility, polar_errors
+from receptance.modal.estimate import ModeEstimate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.frf import FRF
+
+__all__ = ["find_peaks"]
+
+_SHARE = 0.5
+_LEAST, _MOST = 5, 25
+
+
+def find_peaks(
+    frf: FRF, *, low_hz: float | None = None, high_hz: float | None = None, prominence_db: float = 6.0
+) -> tuple[ModeEstimate, ...]:
+    """Peaks of the mobility's magnitude with what each says about its mode.
+
+    The inverse square of one mode's receptance is exactly a parabola in w^2,
+    1 / |H|^2 = ((w_r^2 - w^2)^2 + (2 zeta_r w_r w)^2) / |C|^2; it is fitted to the lines around the peak that have at
+    least half of its height (five at least), each with its weight. The frequency is then not tied to the lines and no
+    half-power points are needed. Only magnitudes are used, and other modes are taken to be far: good for finding
+    modes and for clear peaks, while `circle_fit` and `fit_modes` are better for numbers.
+
+    Parameters
+    ----------
+    frf : FRF
+        One response and one excitation.
+    low_hz, high_hz : float, optional
+        Where to look.
+    prominence_db : float, optional
+        How far a peak must stand above the valleys beside it.
+
+    Returns
+    -------
+    tuple of ModeEstimate
+        In ascending frequency; empty if nothing stands out. The damping is NaN where the lines are too few for the
+        width, with a note.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Several responses or excitations, or fewer than five lines.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import FRF
+    >>> from receptance.modal import find_peaks
+    >>> f = np.arange(10.0, 1000.0, 2.0)
+    >>> s = 2j * np.pi * f
+    >>> modes = [(251.3, 0.01), (700.4, 0.004)]
+    >>> h = sum(1.0 / (s**2 + 4 * np.pi * z * n * s + (2 * np.pi * n) ** 2) for n, z in modes)
+    >>> [f"{peak.frequency_hz:.0f} Hz" for peak in find_peaks(FRF(frequency_hz=f, values=h))]
+    ['251 Hz', '700 Hz']
+    """
+    from scipy.signal import find_peaks as peaks_of  # slow to import
+
+    owner = "find_peaks"
+    least = _checks.positive(owner, "prominence_db", prominence_db, unit="dB")
+    lines = lines_of(owner, frf, low_hz, high_hz, _LEAST)
+    one_entry(owner, lines)
+    moved = mobility(lines)
+    size = np.maximum(np.abs(moved), np.finfo(np.float64).tiny)
+    found, _ = peaks_of(20.0 * np.log10(size), prominence=least)
+    return tuple(_estimate(lines, moved, int(peak)) for peak in found)
+
+
+def _estimate(lines: Lines, moved: NDArray[np.complex128], peak: int) -> ModeEstimate:
+    part = _part(np.abs(moved), peak)
+    parabola = _Parabola.through(lines, part, peak)
+    values, slopes = parabola.evaluated(lines, peak)
+    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, parabola.covariance, slopes), 0.0))
+    frequency, damping, size, turn, width = values
+    notes = list(lines.notes)
+    if np.isnan(damping):
+        notes.append("the lines do not resolve the peak's width: its damping is not determined")
+    elif damping <= 0.0:
+        notes.append("the peak is no wider than the exponential window makes it: the damping is not determined")
+    constant = complex(np.exp(size + 1j * (np.angle(moved[peak]) + turn))) if np.isfinite(size) else complex("nan")
+    return ModeEstimate(
+        method="peak",
+        frequency_hz=float(frequency),
+        frequency_standard_error_hz=float(spread[0]),
+        damping_ratio=float(damping),
+        damping_standard_error=float(spread[1]),
+        modal_constant=constant,
+        modal_constant_standard_error=polar_errors(
+            constant, float(spread[2]), float(np.hypot(spread[3], parabola.scatter_at_peak))
+        ),
+        lines_in_band=float(width / lines.spacing_at(peak)),
+        band_hz=(float(lines.frequency_hz[part][0]), float(lines.frequency_hz[part][-1])),
+        lines=part.stop - part.start,
+        degrees_of_freedom=parabola.degrees_of_freedom,
+        notes=tuple(notes),
+    )
+
+
+def _part(size: NDArray[np.float64], peak: int) -> slice:
+    wide = around(size, peak, _SHARE, _LEAST)
+    return slice(max(wide.start, peak - _MOST // 2), min(wide.stop, peak + _MOST // 2 + 1))
+
+
+@dataclass(frozen=True)
+class _Parabola:
+    """1 / |H|^2 = a + b x + c x^2 with x = (w^2 - middle) / reach."""
+
+    coefficients: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    middle: float
+    reach: float
+    degrees_of_freedom: float
+    scatter_at_peak: float
+
+    @classmethod
+    def through(cls, lines: Lines, part: slice, peak: int) -> _Parabola:
+        squared = (2.0 * np.pi * lines.frequency_hz[part]) ** 2
+        middle = float((2.0 * np.pi * lines.frequency_hz[peak]) ** 2)
+        reach = float(np.max(np.abs(squared - middle)))
+        x = (squared - middle) / reach
+        inverse = 1.0 / np.maximum(np.abs(lines.receptance[part, 0]), np.finfo(np.float64).tiny ** 0.25) ** 2
+        known = lines.relative is not None
+        # Noise of one size on all lines weighs on a line as the inverse of its magnitude.
+        raw = np.abs(lines.values[part, 0])
+        relative = (
+            lines.relative[part, 0] if lines.relative is not None else raw.max() / np.maximum(raw, raw.max() / 1e6)
+        )
+        weights = 1.0 / (2.0 * relative * inverse)
+        columns = np.stack([np.ones_like(x), x, x**2], axis=1) * weights[:, None]
+        q, r = np.linalg.qr(columns)
+        target = inverse * weights
+        coefficients = np.linalg.solve(r, q.T @ target)
+        back = np.linalg.inv(r)
+        freedom = x.size - 3
+        left = target - q @ (q.T @ target)
+        scatter = 1.0 if known else float(left @ left) / freedom
+        factor = scatter * lines.shared
+        at_peak = float(relative[peak - part.start] * np.sqrt(scatter))
+        return cls(
+            coefficients,
+            factor * back @ back.T,
+            middle,
+            reach,
+            lines.freedom if known else max(freedom / lines.shared, 1.0),
+            at_peak,
+        )
+
+    def evaluated(self, lines: Lines, peak: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Frequency in Hz, damping ratio, log of |C|, turn from the peak line to the resonance, width in Hz; slopes."""
+        w, sigma = 2.0 * np.pi * float(lines.frequency_hz[peak]), float(lines.frf.decay_rate)
+        steps = np.maximum(1e-3 * np.sqrt(np.diag(self.covariance)), 1e-9 * np.abs(self.coefficients).max())
+        slopes = [
+            (self._values(self.coefficients + step, w, sigma) - self._values(self.coefficients - step, w, sigma))
+            / (2.0 * step[index])
+            for index, step in enumerate(np.diag(steps))
+        ]
+        return self._values(self.coefficients, w, sigma), np.stack(slopes, axis=1)
+
+    def _values(self, coefficients: NDArray[np.float64], w: float, sigma: float) -> NDArray[np.float64]:
+        a, b, c = (float(value) for value in coefficients)
+        if c <= 0.0:
+            # No peak but a slope that noise has dented.
+            return np.array([w / (2.0 * np.pi), np.nan, np.nan, np.nan, np.nan])
+        vertex = self.middle - self.reach * b / (2.0 * c)
+        depth = self.reach**2 * (a / c - (b / (2.0 * c)) ** 2)
+        if depth <= 0.0 or vertex <= 0.0:
+            return np.array([np.sqrt(max(vertex, w**2 / 4.0)) / (2.0 * np.pi), np.nan, np.nan, np.nan, np.nan])
+        # As the lines show it: x_vertex = w_r^2 (1 - 2 zeta^2), depth = 4 zeta^2 (1 - zeta^2) w_r^4.
+        natural = np.sqrt(np.hypot(vertex, np.sqrt(depth)))
+        # Half of natural^2 - vertex, without the difference of two near numbers.
+        apparent = np.sqrt(0.5 * depth / (natural**2 + vertex))
+        decay = apparent - sigma
+        own = np.sqrt(natural**2 - apparent**2 + decay**2)
+        turn = np.arctan2(w - natural**2 / w, 2.0 * apparent)
+        size = np.log(self.reach) - 0.5 * np.log(c)
+        return np.array([own / (2.0 * np.pi), decay / own, size, turn, apparent / np.pi])

@@ -1,0 +1,305 @@
+"""Figures of campaigns: what was fitted, and what was predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.identification import MeasuredFRF
+from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+    from numpy.typing import NDArray
+
+    from receptance.campaign import CampaignIdentification, CampaignPrediction, PredictedFrequencies, PredictedFRF
+
+__all__ = ["draw_identification", "draw_prediction"]
+
+_DECIBEL = 20.0 / math.log(10.0)
+_ROW = 4.4
+"""Height of a row of panels in inches."""
+_MOST_FRFS = 12
+_STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+"""Distances of ticks on an axis of factors."""
+_OPEN = 3.0
+"""Half-width of a band, as natural logarithm, beyond which more says nothing."""
+_BAND = "#BBD9EC"
+_FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N", ("theta", "theta"): "rad/(N m)"}
+
+
+def draw_identification(found: CampaignIdentification) -> Figure:
+    """Draw the measurements against the fitted model, what is left, and how well the parameters are determined.
+
+    Parameters
+    ----------
+    found : CampaignIdentification
+        From `Campaign.identify`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+    """
+    pairs = list(zip(found.campaign.to_identify.values(), found.fit.assemblies, strict=True))
+    frfs = [(m, a) for m, a in pairs if isinstance(m.observation, MeasuredFRF)][:_MOST_FRFS]
+    lists = [(m, a) for m, a in pairs if not isinstance(m.observation, MeasuredFRF)]
+    figure, cells = _grid(
+        len(frfs) + bool(lists) + 1, found.campaign.title, f"identified{_left_out(pairs, frfs, lists)}"
+    )
+    for (measured, assembly), cell in zip(frfs, cells, strict=False):
+        seen = measured.observation
+        assert isinstance(seen, MeasuredFRF)
+        model = assembly.receptance(seen.frequency_hz, response=seen.response, excitation=seen.excitation)
+        top, below = _pair(cell)
+        _magnitude(top, measured.name, _FORMS[seen.response.direction, seen.excitation.direction])
+        lines = seen.frequency_hz.real
+        top.plot(lines, np.abs(seen.receptance), ".", color=PALE, markersize=2.5, label="measured")
+        top.plot(lines, np.abs(model), color=COLOURS[0], linewidth=1.3, label="fitted")
+        low, high = top.get_ylim()
+        top.set_ylim(low, 30.0 * high)
+        _legend(top, seen.standard_deviation)
+        ratio = np.log(np.abs(seen.receptance / model))
+        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, seen.standard_deviation)
+    if lists:
+        axes = cells[len(frfs)].subplots()
+        rows = []
+        for measured, assembly in lists:
+            seen = measured.observation
+            assert not isinstance(seen, MeasuredFRF)
+            fitted = _modes(assembly, seen.modes, float(seen.frequency_hz[-1]))
+            spread = seen.standard_deviation_hz
+            rows.append((measured.name, seen.modes, seen.frequency_hz, fitted, None, spread))
+        _frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
+    _parameters(cells[len(frfs) + bool(lists)].subplots(), found)
+    return figure
+
+
+def draw_prediction(found: CampaignPrediction) -> Figure:
+    """Draw predictions with their intervals over what was measured.
+
+    Parameters
+    ----------
+    found : CampaignPrediction
+        From `Campaign.predict`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+    """
+    frfs = found.frfs[:_MOST_FRFS]
+    compared = [one for one in found.frequencies if one.measured_hz is not None]
+    figure, cells = _grid(len(frfs) + bool(compared), found.campaign.title, f"predicted{_left_out(found.frfs, frfs)}")
+    for frf, cell in zip(frfs, cells, strict=False):
+        _predicted_frf(cell, frf, found)
+    if compared:
+        rows = [
+            (p.name, p.modes, p.measured_hz, p.predicted_hz, found.reach * p.scatter.total, p.measured_deviation_hz)
+            for p in compared
+        ]
+        title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
+        _frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
+    return figure
+
+
+def _grid(count: int, title: str, what: str) -> tuple[Figure, list[SubFigure]]:
+    columns = min(count, 3 if count > 4 or count == 3 else 2)
+    rows = -(-count // columns)
+    height = _ROW * rows + 0.6
+    figure = new_figure(5.6 * columns + (2.0 if columns == 1 else 0.0), height)
+    cells = np.atleast_1d(figure.subfigures(rows, columns, squeeze=False)).ravel()
+    keep_clear(figure, 1.0 - 0.5 / height)
+    most = 64 * columns + 24
+    text = title if len(title) < most else title[: most - 3] + "..."
+    size = 14 if len(text) < 32 * columns + 12 else 12
+    figure.text(0.5, 1.0 - 0.26 / height, f"{text}: {what}", ha="center", va="center", fontsize=size, color=INK)
+    return figure, list(cells)
+
+
+def _left_out(all_of_them: Sequence[Any], *drawn: Sequence[Any]) -> str:
+    rest = len(all_of_them) - sum(map(len, drawn))
+    return f" ({rest} more responses are not drawn)" if rest > 0 else ""
+
+
+def _pair(cell: SubFigure) -> tuple[Axes, Axes]:
+    top, below = cell.subplots(2, 1, sharex=True, height_ratios=[2.6, 1.0])
+    return top, below
+
+
+def _magnitude(axes: Axes, title: str, unit: str) -> None:
+    set_up(axes, title, y=f"|receptance| ({unit})")
+    axes.set_yscale("log")
+
+
+def _ratio(
+    axes: Axes,
+    what: str,
+    lines: NDArray[np.float64],
+    log_ratio: NDArray[np.float64] | None,
+    band: NDArray[np.float64] | None,
+    noise: NDArray[np.float64] | None,
+) -> None:
+    """Draw the ratio of magnitudes in dB, with the band of the prediction and the noise of the lines around it."""
+    set_up(axes, "", "frequency (Hz)", what)
+    most = 0.5
+    if band is not None:
+        # Where a parameter that matters is not determined the band is infinite: it fills the panel.
+        band = np.minimum(band, _OPEN)
+        axes.fill_between(lines, -_DECIBEL * band, _DECIBEL * band, color=_BAND, linewidth=0)
+        most = max(most, 1.5 * _DECIBEL * float(np.percentile(band, 98)))
+    if log_ratio is not None:
+        axes.plot(lines, _DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
+        most = max(most, 1.3 * _DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))
+    if noise is not None:
+        for sign in (-2.0, 2.0):
+            axes.plot(lines, sign * _DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
+        most = max(most, 3.0 * _DECIBEL * float(np.median(noise)))
+    axes.axhline(0.0, color=INK, linewidth=0.6)
+    axes.set_ylim(-most, most)
+
+
+def _legend(axes: Axes, noise: NDArray[np.float64] | None) -> None:
+    if noise is not None:
+        axes.plot([], [], color=BAD, linewidth=0.8, alpha=0.7, label="noise, two standard deviations (below)")
+    axes.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
+
+
+def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: CampaignPrediction) -> None:
+    lines = frf.frequency_hz.real
+    measured = frf.measured is not None
+    top, below = _pair(cell)
+    title = f"{frf.name}: {'held out' if measured else 'predicted, not measured'}"
+    _magnitude(top, title, _FORMS[frf.response.direction, frf.excitation.direction])
+    size = np.abs(frf.receptance)
+    shown = size if frf.measured is None else np.concatenate([size, np.abs(frf.measured)])
+    limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
+    low, high = frf.band(found.reach)
+    low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
+    top.fill_between(lines, low, high, color=_BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
+    if frf.measured is not None:
+        top.plot(lines, np.abs(frf.measured), ".", color=PALE, markersize=2.5, label="measured")
+    top.plot(lines, size, color=COLOURS[0], linewidth=1.3, label="predicted")
+    top.set_ylim(*limits)
+    if not measured:
+        _name_modes(top, next((one for one in found.frequencies if one.name == frf.name), None), found.reach)
+    _legend(top, frf.measured_deviation)
+    what = "measured over\npredicted (dB)" if measured else "band (dB)"
+    log_ratio = frf.log_ratio.real if measured else None
+    _ratio(below, what, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
+
+
+def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) -> None:
+    """Write natural frequencies with their intervals where they are."""
+    if modes is None:
+        return
+    for frequency, half in zip(modes.predicted_hz, reach * modes.scatter.total, strict=True):
+        text = f"{frequency:.0f} ± {half:.0f} Hz" if np.isfinite(half) else f"{frequency:.0f} Hz, open"
+        axes.axvline(frequency, color=PALE, linewidth=0.7, linestyle=":")
+        axes.annotate(
+            text, (frequency, 0.03), xycoords=("data", "axes fraction"), xytext=(-4, 0), textcoords="offset points",
+            rotation=90, ha="right", va="bottom", fontsize=8, color=INK,
+        )  # fmt: skip
+
+
+def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ...]]) -> None:
+    """Draw calculated over measured natural frequencies in percent, a group for each measurement."""
+    set_up(axes, title, "", "against measured (%)")
+    place = 0.0
+    ticks: list[tuple[float, str]] = []
+    for name, modes, measured, calculated, half, spread in rows:
+        x = place + np.arange(len(modes))
+        error = 100.0 * (calculated / measured - 1.0)
+        if spread is not None:
+            label = None if place else "reading, two standard deviations"
+            half_reading = 200.0 * spread / measured
+            axes.errorbar(x, np.zeros(len(x)), half_reading, fmt="none", ecolor=PALE, capsize=5, label=label)
+        bars = None if half is None else 100.0 * half / measured
+        label = None if place else what
+        axes.errorbar(x, error, bars, fmt="o", color=COLOURS[0], capsize=3, markersize=5, label=label)
+        if len(rows) * len(modes) <= 24:
+            for at, value, mode in zip(x, error, modes, strict=True):
+                axes.annotate(f"{mode}", (at, value), xytext=(6, 3), textcoords="offset points", fontsize=8, color=INK)
+        ticks.append((float(x.mean()), name))
+        place = float(x[-1]) + 1.8
+        if len(rows) > 1 and name is not rows[-1][0]:
+            axes.axvline(place - 0.9, color="#E6E6E6", linewidth=0.8)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    tilted = sum(len(name) for _, name in ticks) > 50
+    axes.set_xticks(
+        [at for at, _ in ticks],
+        [name for _, name in ticks],
+        rotation=35 if tilted else 0,
+        ha="right" if tilted else "center",
+        rotation_mode="anchor",
+        fontsize=9,
+    )
+    low, high = axes.get_ylim()
+    most = max(abs(low), abs(high), 0.05)
+    axes.set_ylim(-most, 1.25 * most)
+    axes.set_xlim(-1.2, place - 0.6)
+    axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
+
+
+def _parameters(axes: Axes, found: CampaignIdentification) -> None:
+    """Draw the 95 % interval of every parameter as a factor of its value."""
+    set_up(axes, "How well the parameters are determined, 95 %", "factor of the value", "")
+    fit = found.fit
+    toleranced = bool(found.propagation.errors)
+    styles = [(_BAND, 12.0, "with tolerances")] if toleranced else []
+    styles.append((COLOURS[0], 6.0, "from the data"))
+    for colour, width, label in styles:
+        axes.plot([], [], color=colour, linewidth=width, label=label)
+    labels = []
+    for index, (address, value) in enumerate(fit.values.items()):
+        intervals = [found.interval(address)] if toleranced else []
+        for ends, (colour, width, _) in zip([*intervals, fit.interval(address)], styles, strict=True):
+            low, high = sorted(end / value if value else float("inf") for end in ends)
+            if np.isfinite(high) and low > 0.0:
+                axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")
+                continue
+            text = "the interval includes zero" if np.isfinite(high) and value else "not determined"
+            axes.annotate(
+                text, (1.0, -index), xytext=(0, 9), textcoords="offset points", ha="center", fontsize=9, color=BAD
+            )
+        axes.plot(1.0, -index, "|", color=INK, markersize=11)
+        labels.append(f"{address}\n{value:.4g}")
+    axes.set_yticks([-i for i in range(len(labels))], labels, fontsize=8 if len(labels) > 6 else 9)
+    axes.set_ylim(-len(labels) + 0.4, 0.6)
+    axes.set_xscale("log")
+    _factors(axes)
+    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
+    axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+
+
+def _factors(axes: Axes) -> None:
+    """Give the axis of factors a few round ticks on both sides of one."""
+    from matplotlib.ticker import FixedLocator, NullLocator
+
+    low, high = axes.get_xlim()
+    span = max(high, 1.0 / low, 1.001)
+    decades = math.ceil(math.log10(span))
+    step = next((s for s in _STEPS if 4.0 * s >= span - 1.0), None)
+    if step is not None:
+        above = [1.0 + k * step for k in range(1, 5)]
+    elif decades == 1:
+        above = [2.0, 5.0, 10.0]
+    else:
+        every = -(-decades // 4)
+        above = [10.0**k for k in range(every, decades + 1, every)]
+    ticks = [*(1.0 / tick for tick in above[::-1]), 1.0, *above]
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    axes.xaxis.set_minor_locator(NullLocator())
+    names = [f"{tick:.5g}" for tick in above]
+    axes.set_xticks(ticks, [*(f"\u00f7 {name}" for name in names[::-1]), "1", *(f"\u00d7 {name}" for name in names)])
+    axes.set_xlim(1.0 / span, span)
+
+
+def _modes(assembly: Any, modes: Sequence[int], near_hz: float) -> NDArray[np.float64]:
+    from receptance.campaign.propagation import frequency_slopes
+
+    return frequency_slopes(assembly, modes, near_hz, [])[0]

@@ -1,0 +1,168 @@
+"""Figures of modal estimates: a global fit, and a ring-down."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.modal import ModalFit, RingDown
+
+__all__ = ["draw_modal_fit", "draw_ring_down"]
+
+_NAMED = 8
+"""Most modes that are named in the figure."""
+
+
+def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0) -> Figure:
+    """Draw measured and synthesised values of one entry, what is left of it, and the poles among their candidates.
+
+    Parameters
+    ----------
+    fit : ModalFit
+        The fit; it holds the lines that were fitted.
+    response, excitation : int, optional
+        Which entry.
+    """
+    figure = new_figure(11.0, 7.4)
+    keep_clear(figure, 0.94)
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0), width_ratios=(1.45, 1.0))
+    magnitude = figure.add_subplot(grid[0, 0])
+    phase = figure.add_subplot(grid[1, 0], sharex=magnitude)
+    poles = figure.add_subplot(grid[0, 1])
+    plane = figure.add_subplot(grid[1, 1])
+    _draw_magnitude(magnitude, fit, response, excitation)
+    _draw_phase(phase, fit, response, excitation)
+    _draw_poles(poles, fit)
+    _draw_plane(plane, fit, response, excitation)
+    name = f"{fit.frf.label}: " if fit.frf.label else ""
+    low, high = fit.frf.frequency_hz[[0, -1]]
+    count = fit.frequency_hz.size
+    figure.suptitle(
+        f"{name}{count} mode{'' if count == 1 else 's'} between {low:g} and {high:g} Hz", fontsize=13, color=INK
+    )
+    return figure
+
+
+def draw_ring_down(decay: RingDown) -> Figure:
+    """Draw natural frequency and damping of a mode against its amplitude, with intervals of 95 %."""
+    figure = new_figure(10.0, 4.4)
+    left, right = figure.subplots(1, 2)
+    set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
+    set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
+    panels = (
+        (left, decay.frequency_hz, decay.frequency_interval_hz(), 1.0),
+        (right, decay.damping_ratio, decay.damping_interval(), 100.0),
+    )
+    for axes, values, interval, scale in panels:
+        reach = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
+        axes.errorbar(decay.amplitude, scale * values, reach, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
+        axes.set_xscale("log")
+        axes.ticklabel_format(axis="y", useOffset=False)
+    return figure
+
+
+def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
+    from receptance.frf.forms import unit_of
+
+    frf = fit.frf
+    unit = unit_of(frf.form, frf.responses[response], frf.excitations[excitation]).replace("^2", "²")
+    set_up(axes, "Measured and fitted", "", f"|{frf.form}| ({unit})")
+    measured = frf.values[:, response, excitation]
+    left = measured - fit.synthesised()[:, response, excitation]
+    lines, fitted = _curve(fit, response, excitation)
+    axes.plot(frf.frequency_hz, np.abs(left), color=PALE, linewidth=0.8, label="what is left")
+    axes.plot(frf.frequency_hz, np.abs(measured), ".", color=COLOURS[0], markersize=4, label="measured")
+    axes.plot(lines, np.abs(fitted), color=COLOURS[1], linewidth=1.3, label="fitted")
+    for number, place in enumerate(fit.frequency_hz):
+        axes.axvline(place, color=PALE, linewidth=0.7, linestyle=":", label="modes" if number == 0 else None)
+    axes.set_yscale("log")
+    # What is left may fall to the rounding of the arithmetic, which is not worth the room.
+    top, least = np.abs(measured).max(), np.abs(measured).min()
+    low = max(min(least, float(np.quantile(np.abs(left), 0.05))), 1e-3 * least)
+    axes.set_ylim(0.5 * low, 12.0 * top)
+    axes.legend(frameon=False, fontsize=9, ncols=4, loc="upper left")
+
+
+def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
+    set_up(axes, "", "frequency (Hz)", "phase (°)")
+    lines, fitted = _curve(fit, response, excitation)
+    axes.plot(
+        fit.frf.frequency_hz,
+        np.degrees(np.angle(fit.frf.values[:, response, excitation])),
+        ".",
+        color=COLOURS[0],
+        markersize=4,
+    )
+    phase = np.degrees(np.angle(fitted))
+    # No line across the figure where the phase leaves it at one edge and comes in at the other.
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
+    axes.plot(np.insert(lines, jumps, np.nan), np.insert(phase, jumps, np.nan), color=COLOURS[1], linewidth=1.3)
+    axes.set_yticks([-180, -90, 0, 90, 180])
+    axes.set_ylim(-190.0, 190.0)
+
+
+def _draw_poles(axes: Axes, fit: ModalFit) -> None:
+    set_up(axes, "Poles, and what the polynomials offered", "frequency (Hz)", "damping ratio (%)")
+    offered = np.concatenate(fit.stabilisation)
+    damping = 100.0 * offered.imag / np.abs(offered)
+    axes.plot(offered.real[damping > 0.0], damping[damping > 0.0], ".", color="#C9C9C9", markersize=3, label="offered")
+    values, interval = 100.0 * fit.damping_ratio, 100.0 * fit.damping_interval()
+    reach = np.stack([values - interval[:, 0], interval[:, 1] - values])
+    axes.errorbar(
+        fit.frequency_hz, values, reach, fmt="o", color=COLOURS[1], markersize=6, capsize=4, label="modes, 95 %"
+    )
+    if np.all(values > 0.0):
+        axes.set_yscale("log")
+        axes.set_ylim(values.min() / 12.0, values.max() * 40.0)
+    axes.set_xlim(fit.frf.frequency_hz[0], fit.frf.frequency_hz[-1])
+    for number in range(min(fit.frequency_hz.size, _NAMED)):
+        axes.annotate(
+            f"{fit.frequency_hz[number]:.5g} Hz\n{values[number]:.3g} %",
+            (fit.frequency_hz[number], values[number]),
+            # Neighbours on opposite sides: close modes are what such a fit is for.
+            xytext=(-8, 8) if number % 2 == 0 else (8, -26),
+            ha="right" if number % 2 == 0 else "left",
+            textcoords="offset points",
+            fontsize=8,
+            color=INK,
+        )
+    axes.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
+
+
+def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
+    set_up(axes, "Mobility in the plane", "real part", "imaginary part")
+    frf = fit.frf
+    lines, fitted = _curve(fit, response, excitation)
+    for f, values, style in (
+        (frf.frequency_hz, frf.values[:, response, excitation], {"marker": ".", "linestyle": "", "markersize": 4}),
+        (lines, fitted, {"linewidth": 1.3}),
+    ):
+        w = 2j * np.pi * f
+        s = w + frf.decay_rate
+        power = {"receptance": 0, "mobility": 1, "accelerance": 2}[frf.form]
+        moved = values / s**power * w
+        axes.plot(moved.real, moved.imag, color=COLOURS[1 if "linewidth" in style else 0], **style)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.ticklabel_format(style="sci", scilimits=(-2, 3))
+
+
+def _curve(fit: ModalFit, response: int, excitation: int) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Lines close enough to draw every mode round, and the fit on them in the form of the FRF."""
+    from receptance.frf.forms import conversion
+
+    f = fit.frf.frequency_hz
+    apparent = (fit.frf.decay_rate - fit.poles.real) / (2.0 * np.pi)
+    near = fit.poles.imag[:, None] / (2.0 * np.pi) + np.abs(apparent)[:, None] * np.tan(np.linspace(-1.5, 1.5, 121))
+    lines = np.unique(np.concatenate([np.linspace(f[0], f[-1], 800), near.ravel()]))
+    lines = lines[(lines >= f[0]) & (lines <= f[-1])]
+    places = lines - 1j * fit.frf.decay_rate / (2.0 * np.pi)
+    values = fit.receptance(places)[:, response, excitation] * conversion(places, "receptance", fit.frf.form)
+    return lines, values

@@ -1,0 +1,102 @@
+"""The packaged ER32 campaign holds what the packaged tables hold, and gives what the study gives."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import campaign, examples
+from receptance.studies import er32
+from receptance.studies.er32.holder import load_holder
+from receptance.studies.er32.joints import Resolution, identify_joints
+from receptance.studies.er32.tables import load
+from receptance.studies.er32.transfer import predict_transfers, rms
+
+TORQUE = 135.0
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> campaign.Campaign:
+    folder = tmp_path_factory.mktemp("er32")
+    examples.write("er32", folder)
+    return campaign.load(folder)
+
+
+def test_the_numbers_are_the_published_ones(read: campaign.Campaign) -> None:
+    published, holder, resolution = load(), load_holder(), Resolution()
+    expected = {}
+    for mount in published.mounts:
+        reading = published.reading(mount.diameter_mm, TORQUE).frequency_hz
+        rows = [("medium", mount.overhang_mm, reading)]
+        rows += [
+            ("short" if t.overhang_mm < mount.overhang_mm else "long", t.overhang_mm, t.measured_hz)
+            for t in published.transfers
+            if t.diameter_mm == mount.diameter_mm
+        ]
+        for name, overhang_mm, frequency_hz in rows:
+            expected[f"d{int(mount.diameter_mm)}_{name}"] = (mount, overhang_mm, frequency_hz)
+    assert read.assemblies.keys() == read.measurements.keys() == expected.keys()
+    for name, (mount, overhang_mm, frequency_hz) in expected.items():
+        measured = read.measurements[name]
+        assert measured.held_out == (not name.endswith("medium"))
+        assert measured.observation.frequency_hz == pytest.approx(frequency_hz)
+        spread = measured.observation.standard_deviation_hz
+        assert spread == pytest.approx(resolution.standard_deviation(frequency_hz), rel=0.01)
+        conditions = read.conditions[name]
+        assert conditions["overhang"].value == pytest.approx(1e-3 * overhang_mm)
+        assert conditions["insertion"].value == pytest.approx(1e-3 * mount.insertion_mm)
+        assert conditions["torque"].value == TORQUE
+        own = read.assemblies[name]
+        blank, joint, _ = own.elements
+        stiffness = own.get(f"{joint}.k_y"), own.get(f"{joint}.k_theta")
+        theirs = holder.assembly(mount.diameter_mm, overhang_mm, mount.holder_length_mm, *stiffness)
+        assert own.get(f"{blank}.segment[0].length") == pytest.approx(1e-3 * overhang_mm)
+        # The nose's modulus and density are products of rounded numbers.
+        assert own.natural_frequencies(13e3) == pytest.approx(theirs.natural_frequencies(13e3), rel=1e-5)
+
+
+def test_the_tolerances_are_those_of_the_study(read: campaign.Campaign) -> None:
+    chance = er32.ChanceModel()
+    materials = read.table.materials
+    for name in ("carbide", "steel"):
+        spread = materials[name].tolerance
+        assert spread.youngs_modulus.amount == pytest.approx(chance.deviation(f"{name} modulus"))
+        assert spread.density.amount == pytest.approx(chance.deviation(f"{name} density"))
+    assert materials["nose"].tolerance.youngs_modulus.amount == pytest.approx(chance.deviation("nose modulus factor"))
+    for segment in read.table.parts["holder"].segments:
+        assert segment.tolerance.outer_diameter.amount == pytest.approx(chance.deviation("body diameter"))
+    for name, assembly in read.assemblies.items():
+        blank = next(iter(assembly.elements))
+        own = [moved for moved in read.effects[name].values() if f"{blank}.segment[0].length" in moved]
+        assert [list(moved.values()) for moved in own] == [[pytest.approx(1e-3 * chance.overhang_mm)]]
+
+
+def test_it_gives_what_the_study_gives(read: campaign.Campaign) -> None:
+    published, holder = load(), load_holder()
+    only = replace(published, readings=tuple(r for r in published.readings if r.torque_nm == TORQUE))
+    joints = identify_joints(holder, only, Resolution(), starts=2, seed=0)
+    found = read.identify()
+    stiffness = {}
+    for joint in joints:
+        name = f"joint_d{int(joint.diameter_mm)}"
+        own = found.fit.values[f"{name}.k_y"], found.fit.values[f"{name}.k_theta"]
+        assert own == pytest.approx((joint.k_y, joint.k_theta), rel=1e-3)
+        stiffness[joint.diameter_mm] = (joint.k_y, joint.k_theta)
+    rows = predict_transfers(holder, published, stiffness)
+    prediction = read.predict(found)
+    assert prediction.rms_percent == pytest.approx(rms([row.error_percent for row in rows]), rel=1e-3)
+    assert sum(one.modes != () and one.measured_hz is not None for one in prediction.frequencies) == len(
+        published.transfers
+    )
+    inside = np.concatenate([one.within(prediction.reach) for one in prediction.frequencies])
+    assert inside.size == len(rows)
+    assert inside.mean() > 0.8
+
+
+def test_the_file_says_what_is_published_and_what_is_not() -> None:
+    text = examples.EXAMPLES["er32"].campaign
+    assert "NOT published is the holder's shape" in text
+    assert "inferred, not published" in tomllib.loads(text)["description"]

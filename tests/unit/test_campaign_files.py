@@ -1,0 +1,312 @@
+"""Data files of campaigns: FRFs and hammer records, what the campaign adds to them, and the simulated examples."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from campaign_text import TEXT
+from receptance import FRF, MeasuredFRF, PointMass, campaign, examples
+from receptance.campaign import Campaign, CampaignError
+from receptance.examples.simulated import FREE_FREE_JOINT, HAMMER_JOINT
+from receptance.io import TimeSeries, write
+
+LINES = np.linspace(300.0, 4000.0, 300)
+BASE = TEXT.partition("[measurements.short]")[0]
+UNKNOWNS = "[unknowns]" + TEXT.partition("[unknowns]")[2]
+pytestmark = pytest.mark.filterwarnings("ignore::receptance.ReceptanceWarning")
+
+
+@pytest.fixture(scope="module")
+def free_free(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("free-free")
+    examples.write("free-free", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def hammer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hammer")
+    examples.write("hammer", folder)
+    return folder
+
+
+def load(folder: Path, measurement: str, kind: str = "frf") -> Campaign:
+    text = f'{BASE}[measurements.m]\nkind = "{kind}"\nassembly = "short"\n{measurement}\n{UNKNOWNS}'
+    (folder / "campaign.toml").write_text(text)
+    return campaign.load(folder)
+
+
+def observed(folder: Path, measurement: str) -> MeasuredFRF:
+    seen = load(folder, measurement).measurements["m"].observation
+    assert isinstance(seen, MeasuredFRF)
+    return seen
+
+
+def mistake(folder: Path, measurement: str, kind: str = "frf") -> str:
+    with pytest.raises(CampaignError) as error:
+        load(folder, measurement, kind)
+    return str(error.value)
+
+
+def values(size: int = 1) -> np.ndarray:
+    one = 1e-6 / (1.0 - (LINES / 2000.0) ** 2 + 0.01j)
+    return one if size == 1 else one[:, None, None] * np.arange(1.0, size * size + 1.0).reshape(1, size, size)
+
+
+class TestFRF:
+    def test_the_file_says_everything(self, tmp_path: Path) -> None:
+        write(tmp_path / "m.csv", FRF(frequency_hz=LINES, values=values(), log_variance=4e-4))
+        seen = observed(tmp_path, 'file = "m.csv"')
+        assert seen.receptance == pytest.approx(values(), rel=1e-12)
+        assert seen.standard_deviation == pytest.approx(np.full(LINES.size, 0.02))
+        assert (seen.response.part, seen.response.position, seen.response.direction) == ("tool", 0.0, "y")
+
+    def test_the_campaign_says_what_the_file_does_not(self, tmp_path: Path) -> None:
+        rows = [f"{f!r},{v.real!r},{v.imag!r}" for f, v in zip(LINES.tolist(), values().tolist(), strict=True)]
+        (tmp_path / "m.csv").write_text("\n".join(rows) + "\n")
+        columns = 'columns = ["frequency [Hz]", "mobility real [mm/s/N]", "mobility imaginary [mm/s/N]"]'
+        seen = observed(tmp_path, f'file = "m.csv"\n{columns}\nstandard_deviation = "3 %"')
+        expected = 1e-3 * values() / (2j * np.pi * LINES)
+        assert seen.receptance == pytest.approx(expected, rel=1e-12)
+        assert seen.standard_deviation == pytest.approx(np.full(LINES.size, 0.03))
+
+    def test_sign_place_and_sensor(self, tmp_path: Path) -> None:
+        write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values()))
+        places = (
+            'response = { part = "holder", position = "end", direction = "-y" }\nexcitation = { position = "10 mm" }'
+        )
+        read = load(tmp_path, f'file = "m.npz"\nsensor = "accelerometer"\n{places}')
+        seen = read.measurements["m"].observation
+        assert isinstance(seen, MeasuredFRF)
+        assert seen.receptance == pytest.approx(-values(), rel=1e-12)
+        assert (seen.response.part, seen.response.position) == ("holder", "end")
+        assert (seen.excitation.part, seen.excitation.position) == ("tool", 0.01)
+        mass = seen.assembly.attachments["accelerometer"]
+        assert isinstance(mass, PointMass)
+        assert (mass.mass, mass.part, mass.position) == (0.6e-3, "holder", "end")
+        assert "accelerometer" not in read.assemblies["short"].attachments
+        assert read.measurements["m"].effects["sensors.accelerometer.mass"] == {
+            "accelerometer.mass": pytest.approx(0.02e-3)
+        }
+        both = 'response = { direction = "-y" }\nexcitation = { direction = "-y" }'
+        assert observed(tmp_path, f'file = "m.npz"\n{both}').receptance == pytest.approx(values(), rel=1e-12)
+
+    def test_bands_floor_and_window(self, tmp_path: Path) -> None:
+        write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values(), log_variance=4e-4))
+        seen = observed(
+            tmp_path,
+            'file = "m.npz"\nbands = [["500 Hz", "1 kHz"], ["3 kHz", "9 kHz"]]\nfloor = "1.5 %"\ndecay_rate = "20 1/s"',
+        )
+        real = seen.frequency_hz.real
+        assert np.all(((real >= 500.0) & (real <= 1000.0)) | (real >= 3000.0))
+        assert seen.frequency_hz.imag == pytest.approx(np.full(real.size, -20.0 / (2.0 * np.pi)))
+        assert seen.standard_deviation == pytest.approx(np.full(real.size, 0.025))
+
+    def test_variance_from_coherence_and_averages(self, tmp_path: Path) -> None:
+        rng = np.random.default_rng(1)
+        hits = values() * (1.0 + 0.05 * (rng.standard_normal((10, 300)) + 1j * rng.standard_normal((10, 300))))
+        coherence = np.abs(hits.mean(axis=0)) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
+        write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence))
+        assert observed(tmp_path, 'file = "m.npz"').standard_deviation is None
+        spread = observed(tmp_path, 'file = "m.npz"\naverages = 10').standard_deviation
+        assert spread is not None
+        assert spread == pytest.approx(np.full(300, 0.05 / np.sqrt(10.0)), rel=0.4)
+
+    def test_an_entry_of_many(self, tmp_path: Path) -> None:
+        labels = (("tip", "nose"), ("hammer a", "hammer b"))
+        many = FRF(frequency_hz=LINES, values=values(2), labels=labels)
+        write(tmp_path / "m.npz", many)
+        words = mistake(tmp_path, 'file = "m.npz"')
+        assert "holds 2 responses and 2 excitations" in words
+        assert "tip, nose" in words
+        seen = observed(tmp_path, 'file = "m.npz"\nentry = { response = "nose", excitation = 0 }')
+        assert seen.receptance == pytest.approx(3.0 * values(), rel=1e-12)
+        write(tmp_path / "n.uff", [FRF(frequency_hz=LINES, values=values() * k, label=f"{k}") for k in (1, 2)])
+        assert "more than one FRF" in mistake(tmp_path, 'file = "n.uff"')
+        seen = observed(tmp_path, 'file = "n.uff"\nentry = { number = 1 }')
+        assert seen.receptance == pytest.approx(2.0 * values(), rel=1e-9)
+        assert "holds 2 FRFs, expected `entry.number`" in mistake(tmp_path, 'file = "n.uff"\nentry = { number = 2 }')
+
+    @pytest.mark.parametrize(
+        ("measurement", "words"),
+        [
+            (
+                'file = "m.npz"\nbands = [["10 kHz", "20 kHz"]]',
+                "without a usable line, expected one within 300 to 4000 Hz",
+            ),
+            ('file = "m.npz"\nbands = [["1 kHz", "500 Hz"]]', "expected the lower end first"),
+            ('file = "m.npz"\nbands = [["1 kHz"]]', "expected at least 2"),
+            ('file = "m.npz"\nbands = ["1 kHz", "2 kHz"]', "expected a list in square brackets"),
+            ('file = "m.npz"\nstandard_deviation = "2 mm"', "expected a standard deviation of the FRF in percent"),
+            ('file = "m.npz"\nstandard_deviation = "0 %"', "expected more than zero"),
+            ('file = "m.npz"\nfloor = "-1 %"', "measurements.m.floor"),
+            ('file = "m.npz"\naverages = 5', "says averages 10 and the campaign 5"),
+            ('file = "m.npz"\nresponse = { position = "61 mm" }', "expected at most the length 60 mm of part"),
+            ('file = "m.npz"\nresponse = { part = "joint" }', 'is "joint", which is not a part of this file'),
+            ('file = "m.npz"\nquantity = "admittance"', "measurements.m.quantity"),
+            ('file = "m.npz"\nunit = "m/s^2"', "measurements.m.file"),
+            ('file = "m.npz"\ncoherence = "c.npz"', 'measurements.m.coherence: is "c.npz", which is not there'),
+            ('file = "m.npz"\nentry = { response = 1.5 }', "measurements.m.entry.response"),
+            ('file = "empty.csv"', "the file is empty"),
+            ('file = "plain.csv"', "plain.csv"),
+            ('file = "campaign.toml"', "measurements.m.file"),
+            ('file = "."', "which is a folder"),
+        ],
+    )
+    def test_mistakes(self, measurement: str, words: str, tmp_path: Path) -> None:
+        write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values(), averages=10))
+        (tmp_path / "empty.csv").write_bytes(b"")
+        (tmp_path / "plain.csv").write_text("1,2,3\n2,3,4\n")
+        said = mistake(tmp_path, measurement)
+        assert words in said
+        assert "line " in said
+
+    def test_what_is_suspicious_is_noted_and_warned_of(self, tmp_path: Path) -> None:
+        """A drive point whose imaginary part has the wrong sign, as of a conjugated file."""
+        write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values().conj()))
+        with pytest.warns(match=r"measurements\.m: .*conjugate"):
+            read = load(tmp_path, 'file = "m.npz"')
+        assert any("conjugate" in note for note in read.notes)
+        assert read.measurements["m"].notes
+
+
+class TestHammer:
+    def test_records_of_several_files(self, tmp_path: Path, hammer: Path) -> None:
+        """Each hit in a file of its own, as some recorders write them."""
+        with np.load(hammer / "short.npz", allow_pickle=False) as file:
+            names = list(file)
+        assert names
+        series = _series(hammer / "short.npz")
+        hits = [series.values[k * 10240 : (k + 1) * 10240] for k in range(3)]
+        for number, hit in enumerate(hits):
+            one = TimeSeries(values=hit, channels=["hammer", "tip"], units=["N", "m/s^2"], sample_rate_hz=25600.0)
+            write(tmp_path / f"{number}.csv", one)
+        files = ", ".join(f'"{number}.csv"' for number in range(3))
+        text = f'file = [{files}]\nforce = 0\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]'
+        read = load(tmp_path, text, "hammer records")
+        assert read.measurements["m"].files == ("0.csv", "1.csv", "2.csv")
+        assert any("H1 of 3 hits" in note for note in read.notes)
+        assert "H1 of 2 hits" in " ".join(load(tmp_path, f"{text}\ndrop_hits = [2]", "hammer records").notes)
+
+    @pytest.mark.parametrize(
+        ("measurement", "words"),
+        [
+            ('file = "s.csv"\nforce = "hamer"\nmotion = "tip"', "hamer"),
+            ('file = "s.csv"\nforce = "tip"\nmotion = "hammer"', "expected the force of the hammer"),
+            ('file = "s.csv"\nforce = "hammer"', "measurements.m.motion: is missing"),
+            (
+                'file = "s.csv"\nforce = "hammer"\nmotion = "tip"\nforce_window = "2 mm"',
+                'expected a time such as "2 ms"',
+            ),
+            ('file = "s.csv"\nforce = "hammer"\nmotion = "tip"\ntrigger = "1 kN"', "no hit"),
+            ('file = []\nforce = "hammer"\nmotion = "tip"', "is an empty list"),
+            ('file = ["s.csv", "t.csv"]\nforce = "hammer"\nmotion = "tip"', 'file[1]: is "t.csv", which is not there'),
+            ('file = 3\nforce = "hammer"\nmotion = "tip"', "expected the name of a file, or a list of them"),
+            ('file = "m.npz"\nforce = "hammer"\nmotion = "tip"', "no time series"),
+        ],
+    )
+    def test_mistakes(self, measurement: str, words: str, tmp_path: Path) -> None:
+        time = np.arange(2048) / 25600.0
+        force = np.where((time > 0.01) & (time < 0.0103), 50.0, 0.0)
+        motion = np.exp(-100.0 * time) * np.sin(5000.0 * time)
+        series = TimeSeries(
+            values=np.stack([force, motion], axis=1), channels=["hammer", "tip"], units=["N", "m/s^2"],
+            sample_rate_hz=25600.0,
+        )  # fmt: skip
+        write(tmp_path / "s.csv", series)
+        write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values()))
+        assert words in mistake(tmp_path, measurement, "hammer records")
+
+
+def _series(file: Path) -> TimeSeries:
+    from receptance.io import read_time_series
+
+    return read_time_series(file)
+
+
+class TestExamples:
+    def test_they_are_made_again_bit_by_bit(self, free_free: Path, tmp_path: Path) -> None:
+        examples.write("free-free", tmp_path)
+        for file in free_free.iterdir():
+            assert (tmp_path / file.name).read_bytes() == file.read_bytes()
+
+    @pytest.mark.parametrize("name", ["free-free", "hammer"])
+    def test_they_are_labelled_as_simulated(self, name: str, request: pytest.FixtureRequest) -> None:
+        folder = request.getfixturevalue(name.replace("-", "_"))
+        text = (folder / "campaign.toml").read_text()
+        assert "SIMULATED" in tomllib.loads(text)["description"]
+        assert "simulated" in tomllib.loads(text)["title"]
+        assert "SIMULATED" in examples.EXAMPLES[name].title
+        read = campaign.load(folder)
+        for measured in read.measurements.values():
+            assert any("simulated" in note for note in measured.notes)
+
+    @pytest.mark.parametrize(("name", "joint"), [("free-free", FREE_FREE_JOINT), ("hammer", HAMMER_JOINT)])
+    def test_the_joint_behind_the_data_is_found(
+        self, name: str, joint: dict[str, float], request: pytest.FixtureRequest
+    ) -> None:
+        read = campaign.load(request.getfixturevalue(name.replace("-", "_")))
+        text = read.table.description
+        found = read.identify()
+        assert found.fit.converged
+        assert not found.fit.advice
+        for address, value in joint.items():
+            low, high = found.interval(address)
+            assert low < value < high, address
+            # Of the data alone: three standard errors, so that no draw of the noise decides.
+            assert abs(found.fit.values[address] - value) < 3.0 * found.fit.standard_errors[address], address
+            assert address.split(".")[1] in text, "the description states the joint"
+        prediction = read.predict(found)
+        held_out = next(frf for frf in prediction.frfs if frf.measured is not None)
+        assert (held_out.share_within(prediction.reach) or 0.0) > 0.9
+        assert len(held_out.peaks) == 2
+        assert all(peak.within(prediction.reach) for peak in held_out.peaks)
+
+    def test_what_is_stated_of_the_joint_is_what_is_simulated(self) -> None:
+        for name, joint in (("free-free", FREE_FREE_JOINT), ("hammer", HAMMER_JOINT)):
+            text = examples.EXAMPLES[name].campaign
+            described = tomllib.loads(text)["description"]
+            stated = dict(
+                pair.split(" ") for pair in described.partition(": ")[2].removesuffix(" in SI units").split(", ")
+            )
+            assert {f"{next(iter(joint)).split('.')[0]}.{key}": float(value) for key, value in stated.items()} == joint
+
+    def test_a_window_that_is_not_told_biases_the_damping(self, hammer: Path, tmp_path: Path) -> None:
+        """The windowed FRF taken for an ordinary one: the damping comes out too large by the window."""
+        read = campaign.load(hammer)
+        right = read.identify().fit.values["collet.c_theta"]
+        measurements = {}
+        for name, measured in read.measurements.items():
+            seen = measured.observation
+            assert isinstance(seen, MeasuredFRF)
+            plain = MeasuredFRF(
+                assembly=seen.assembly, frequency_hz=seen.frequency_hz.real, receptance=seen.receptance,
+                response=seen.response, excitation=seen.excitation, standard_deviation=seen.standard_deviation,
+            )  # fmt: skip
+            measurements[name] = dataclasses.replace(measured, observation=plain)
+        wrong = dataclasses.replace(read, measurements=measurements).identify().fit
+        excess = wrong.values["collet.c_theta"] - right
+        assert excess > 10.0 * wrong.standard_errors["collet.c_theta"]
+
+    def test_results_pickle(self, free_free: Path) -> None:
+        read = campaign.load(free_free)
+        prediction = read.predict()
+        again = pickle.loads(pickle.dumps(prediction))
+        assert again.as_dict() == prediction.as_dict()
+        assert repr(again) == repr(prediction)
+
+    def test_a_damaged_data_file(self, free_free: Path, tmp_path: Path) -> None:
+        folder = tmp_path / "copy"
+        shutil.copytree(free_free, folder)
+        lines = (folder / "medium.csv").read_text().splitlines()
+        lines[700] = "oops"
+        (folder / "medium.csv").write_text("\n".join(lines))
+        with pytest.raises(CampaignError, match=r"measurements\.medium\.file: medium\.csv.*line 701"):
+            campaign.load(folder)

@@ -1,0 +1,244 @@
+"""Mistakes in a campaign file: all at once, each with its place, its line, what was found and what was expected."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from campaign_text import TEXT, changed, load, write
+from receptance import campaign
+from receptance.campaign import CampaignError
+
+
+def mistakes(folder: Path, text: str) -> CampaignError:
+    with pytest.raises(CampaignError) as error:
+        load(folder, text)
+    return error.value
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('title = "A', 'titel = "A', 'titel: is no known key; did you mean "title"?'),
+        ("[sensors.accelerometer]", "[sensor.accelerometer]", 'sensor: is no known key; did you mean "sensors"?'),
+        (
+            'length = "60 mm"',
+            'lenght = "60 mm"',
+            'parts.tool.segments[0].lenght: is no known key; did you mean "length"?',
+        ),
+        ('length = "60 mm"', "", "parts.tool.segments[0].length: is missing"),
+        (
+            'length = "60 mm"',
+            'length = "-60 mm"',
+            'parts.tool.segments[0].length: is "-60 mm", expected more than zero',
+        ),
+        ('length = "60 mm"', 'length = "60 N"', 'is "60 N", a force, expected a length'),
+        (
+            'length = "60 mm"',
+            "length = 60",
+            "parts.tool.segments[0].length: is 60, expected a length as text with a unit",
+        ),
+        ('inner_diameter = "12 mm"', 'inner_diameter = "60 mm"', "parts.holder.segments[0]: inner_diameter is 0.06 m"),
+        ('core = "carbide"', 'core = "carbid"', 'parts.holder.segments[0].core: is "carbid", which is not a material'),
+        ('core = "carbide"', 'core = "carbid"', 'expected one of "carbide", "steel" (did you mean "carbide"?)'),
+        ('{ mass = "0.02 g" }', '{ mass = "0.02 mm" }', "sensors.accelerometer.tolerance.mass: "),
+        ("[joints.joint]", "[joints.joint]\nk_x = 3", 'joints.joint.k_x: is no known key; did you mean "k_y"?'),
+        ("[joints.joint]", '[joints.joint]\nkind = "layer"', 'joints.joint.kind: is "layer", expected "point"'),
+        ("[joints.joint]", "[joints.tool]", "joints.tool: is the name of one of the parts too"),
+        ("[joints.joint]", '[joints."a b"]', 'joints."a b": is "a b", expected one word'),
+        (
+            'conditions = { torque = "135 N m" }',
+            'conditions = { torque = "135" , x = true}',
+            "assemblies.short.conditions.x",
+        ),
+        (
+            '"tool.segment[0].length" = "90 mm"',
+            '"tool.segment[3].length" = "90 mm"',
+            "is no parameter of this assembly",
+        ),
+        ('"tool.segment[0].length" = "90 mm"', '"tool.segment[0].lenth" = "90 mm"', 'did you mean "length"?'),
+        ('"tool.segment[0].length" = "90 mm"', '"joint.k_y" = "1e8 N/m"', "is set here and is among the unknowns"),
+        ('"tool.segment[0].length" = "90 mm"', '"tool.segment[0].length" = "90 GPa"', "a modulus, expected a length"),
+        ('kind = "natural frequencies"\nassembly = "short"', 'assembly = "short"', "measurements.short: has no kind"),
+        ('kind = "natural frequencies"\nassembly = "short"', 'kind = "frq"\nassembly = "short"', 'has the kind "frq"'),
+        ('assembly = "short"', 'assembly = "shrt"', 'measurements.short.assembly: is "shrt", which is not an assembly'),
+        (
+            'assembly = "short"',
+            'assembly = "short"\nsensor = "acc"',
+            'measurements.short.sensor: is "acc", which is not a sensor',
+        ),
+        ('role = "hold out"', 'role = "holdout"', '(did you mean "hold out"?)'),
+        ('frequencies = ["2500 Hz", "10000 Hz"]', 'file = "f.csv"', 'file: is "f.csv", which is not there'),
+        ('frequencies = ["2500 Hz", "10000 Hz"]', "", "measurements.short: has neither frequencies nor a file"),
+        ('["2500 Hz", "10000 Hz"]', '["2500 Hz", "1000 Hz"]', "frequency_hz is not ascending"),
+        ('["2500 Hz", "10000 Hz"]', '["2500 Hz", "10000 rad/s"]', "measurements.short.frequencies[1]: "),
+        (
+            'standard_deviation = "2 Hz"',
+            'standard_deviation = ["2 Hz"]',
+            "is a list of 1, expected one text for all or 2",
+        ),
+        ('standard_deviation = "2 Hz"', "standard_deviation = 2", "measurements.short.standard_deviation: is 2"),
+        ('standard_deviation = "2 Hz"', 'standard_deviation = "0 Hz"', "expected more than zero"),
+        ('standard_deviation = "2 Hz"', "modes = [2, 1]", "measurements.short.modes: "),
+        ('standard_deviation = "2 Hz"', "modes = [1, 2, 3]", "there are 3 modes for 2 frequencies"),
+        ('"joint.k_y" = {', '"joint.k_z" = {', 'unknowns."joint.k_z": names no quantity "k_z"'),
+        ('"joint.k_y" = {', '"jiont.k_y" = {', 'begins with "jiont", which is not a part, joint, attachment or sensor'),
+        ('"joint.k_y" = {', '"joint.mass" = {', 'unknowns."joint.mass"'),
+        ('lower = "1e7 N/m"', 'lower = "1e11 N/m"', 'unknowns."joint.k_y": lower is 1e+11 and upper 1e+10'),
+        ('lower = "1e7 N/m"', 'lower = "1e7 N/m", start = "1 N/m"', "start is 1, outside the bounds"),
+        ("[joints.joint]", '[joints.joint]\nk_y = "1e6 N/m"', 'unknowns."joint.k_y": has bounds without the 1e+06'),
+        ('lower = "1e7 N/m"', 'lower = "1e7 Pa"', 'unknowns."joint.k_y".lower: is "1e7 Pa", a modulus'),
+        (
+            '"joint.k_y" = {',
+            '"tool.segment[*].length" = { lower = "1 mm", upper = "1 m" }\n"joint.k_y" = {',
+            "unknowns",
+        ),
+        ('title = "A', 'materials = 3\ntitle = "A', "Cannot"),
+    ],
+)
+def test_one_mistake(old: str, new: str, words: str, tmp_path: Path) -> None:
+    text = changed((old, new))
+    error = mistakes(tmp_path, text)
+    assert words in str(error)
+    if new and "is missing" not in words:
+        for problem in error.problems:
+            assert problem.line is not None
+            assert 1 <= problem.line <= text.count("\n")
+
+
+def test_all_mistakes_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+    text = changed(
+        ('length = "60 mm"', 'length = "60 mn"'),
+        ('material = "carbide"\ntolerance = { length', 'material = "carbyde"\ntolerance = { length'),
+        ('chain = ["tool", "joint", "holder"]\nconditions', 'chain = ["tool", "jiont", "holder"]\nconditions'),
+        ('role = "hold out"', 'role = "holdout"\nfile = "missing.csv"'),
+        ('upper = "1e7 N m/rad" }', "uper = 3 }"),
+    )
+    error = mistakes(tmp_path, text)
+    assert [campaign.problems.path_text(problem.path) for problem in error.problems] == [
+        "parts.tool.segments[0].length",
+        "parts.tool.segments[0].material",
+        "assemblies.short.chain[1]",
+        "measurements.long.role",
+        "measurements.long.file",
+        'unknowns."joint.k_theta".uper',
+    ]
+    lines = text.splitlines()
+    for problem, piece in zip(
+        error.problems, ["60 mn", "carbyde", "jiont", "holdout", "missing.csv", "uper"], strict=True
+    ):
+        assert problem.line is not None
+        assert piece in lines[problem.line - 1]
+    first, *rest = str(error).splitlines()
+    assert first == f"{tmp_path / 'campaign.toml'} has 6 mistakes:"
+    assert len(rest) == 6
+    assert all(line.startswith("  line ") for line in rest)
+
+
+def test_a_mistake_is_not_said_twice(tmp_path: Path) -> None:
+    """What only follows from a mistake elsewhere is left out: a broken material is not an unknown material."""
+    error = mistakes(tmp_path, changed(('youngs_modulus = "580 GPa"', 'youngs_modulus = "580"')))
+    assert [problem.path for problem in error.problems] == [("materials", "carbide", "youngs_modulus")]
+    error = mistakes(tmp_path, changed(('lower = "1e7 N/m"', 'lower = "1e7"')))
+    assert [problem.path for problem in error.problems] == [("unknowns", "joint.k_y", "lower")]
+    error = mistakes(tmp_path, TEXT.replace("[parts.", "[part.").replace("[[parts.", "[[part."))
+    assert {problem.path for problem in error.problems} == {("part",), ("parts",)}
+
+
+def test_what_is_found_together_is_weighed_against_each_other(tmp_path: Path) -> None:
+    extra = (
+        '[measurements.more]\nkind = "natural frequencies"\nassembly = "short"\nfrequencies = ["2500 Hz"]\n[unknowns]'
+    )
+    error = mistakes(tmp_path, changed(("[unknowns]", extra)))
+    assert "measurements.more: has no standard deviation but others have one" in str(error)
+
+
+def test_tolerances_of_an_assembly(tmp_path: Path) -> None:
+    base = 'conditions = { torque = "135 N m" }'
+    for written, words in (
+        ('{ "tool.segment[0].length" = "3 N" }', "a force, expected a standard deviation"),
+        ('{ "tool.segment[1].length" = "1 %" }', "is no parameter of this assembly"),
+        ('{ "joint.k_y" = "1 %" }', "has a tolerance and is among the unknowns"),
+        ('{ "tool" = "1 %" }', "is no address"),
+    ):
+        error = mistakes(tmp_path, changed((base, f"tolerance = {written}")))
+        assert words in str(error)
+        assert len(error.problems) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "materials: is missing"),
+        (b"a = [\n", "this is not TOML"),
+        (b"a = 1\na = 2\n", "line 2: this is not TOML: Cannot overwrite a value"),
+        (b"a = \xff\n", "byte 4 is not UTF-8"),
+        (b"\x00\x01\x02", "this is not TOML"),
+        (b"materials = 3\n", "materials: is 3, expected a table"),
+        (b"[[materials]]\n", "materials: is a list of 1, expected a table"),
+        (b"[materials]\ncarbide = 3\n", "materials.carbide: is 3, expected a table"),
+    ],
+)
+def test_files_that_are_no_campaign(content: bytes, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "odd.toml"
+    file.write_bytes(content)
+    with pytest.raises(CampaignError) as error:
+        campaign.load(file)
+    assert words in str(error.value)
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+    file = tmp_path / "campaign.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
+    assert len(campaign.load(file).assemblies) == 3
+
+
+def test_no_file(tmp_path: Path) -> None:
+    write(tmp_path)
+    with pytest.raises(
+        FileNotFoundError, match=r"there is no campaign file .*campain\.toml; did you mean .*campaign\.toml"
+    ):
+        campaign.load(tmp_path / "campain.toml")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileNotFoundError, match=r"there is no campaign\.toml in the folder"):
+        campaign.load(tmp_path / "empty")
+
+
+def test_the_error_pickles(tmp_path: Path) -> None:
+    error = mistakes(tmp_path, changed(('length = "60 mm"', 'length = "60"')))
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert again.problems == error.problems
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("mode,frequency [Hz]\n1,2500\n2,10000\n", None),
+        ("# remark\n\nfrequency [kHz], standard_deviation [Hz]\n2.5,2\n10,3\n", None),
+        ("frequency_hz\n2500\n", None),
+        ("", "the table is empty"),
+        ("frequency [Hz]\n", "there is no frequency below"),
+        ("frequency\n2500\n", 'the column "frequency" has no unit'),
+        ("freqency [Hz]\n2500\n", 'names a column "freqency [Hz]"'),
+        ("frequency [mm]\n2500\n", "line 2: frequency is"),
+        ("frequency [Hz]\n2500,3\n", "line 2 has 2 cells, expected 1"),
+        ("mode,frequency [Hz]\none,2500\n", 'mode is "one"'),
+        ("mode\n1\n", "expected each once"),
+    ],
+)
+def test_tables_of_frequencies(table: str, words: str | None, tmp_path: Path) -> None:
+    (tmp_path / "f.csv").write_text(table)
+    text = changed(
+        ('frequencies = ["2500 Hz", "10000 Hz"]', 'file = "f.csv"'),
+        ('standard_deviation = "2 Hz"\n', ""),
+        ('standard_deviation = ["1 Hz", "0.1 %"]\n', ""),
+    )
+    if words is None:
+        assert load(tmp_path, text).measurements["short"].observation.frequency_hz[0] == 2500.0
+        return
+    error = mistakes(tmp_path, text)
+    assert words in str(error)
+    assert error.problems[0].path == ("measurements", "short", "file")

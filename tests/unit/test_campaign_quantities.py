@@ -1,0 +1,164 @@
+"""Quantities, tolerances and conditions as people write them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from receptance.campaign.addresses import kind_of, parse_position
+from receptance.campaign.conditions import parse_condition
+from receptance.campaign.deviations import Deviation, parse_deviation
+from receptance.campaign.quantities import KINDS, parse
+from receptance.campaign.suggestions import did_you_mean, one_of
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value"),
+    [
+        ("62.3 mm", "a length", 0.0623),
+        ("62.3mm", "a length", 0.0623),
+        ("  6.23e1   mm ", "a length", 0.0623),
+        (".5 inch", "a length", 0.0127),
+        ("580 GPa", "a modulus", 580e9),
+        ("85 N/µm", "a stiffness", 85e6),
+        ("14.5 g/cm^3", "a density", 14500.0),
+        ("14500 kg/m3", "a density", 14500.0),
+        ("14500 kg/m³", "a density", 14500.0),
+        ("0.6 g", "a mass", 0.6e-3),
+        ("4e4 N m/rad", "a rotational stiffness", 4e4),
+        ("4e4 N m", "a rotational stiffness", 4e4),
+        ("40 kNm/rad", "a rotational stiffness", 4e4),
+        ("4e7 Nmm/rad", "a rotational stiffness", 4e4),
+        ("1 N m/deg", "a rotational stiffness", 180.0 / math.pi),
+        ("0.03 N·m·s/rad", "a rotational damping", 0.03),
+        ("-3e5 N/rad", "a coupling stiffness", -3e5),
+        ("2.5 kHz", "a frequency", 2500.0),
+        ("20 1/s", "a rate of decay", 20.0),
+        ("0.02 1/ms", "a rate of decay", 20.0),
+        ("0 mm", "a length or zero", 0.0),
+        (0.22, "a Poisson's ratio", 0.22),
+        (0, "a loss factor", 0.0),
+    ],
+)
+def test_quantities(text: object, kind: str, value: float) -> None:
+    assert parse(text, KINDS[kind]) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "words"),
+    [
+        (62.3, "a length", 'is 62.3, expected a length as text with a unit, such as "62.3 mm"'),
+        ("62.3", "a length", 'is "62.3", without a unit, expected a length'),
+        ("62,3 mm", "a length", "decimals are written with a point"),
+        ("mm", "a length", 'is "mm", expected a length'),
+        ("", "a length", 'is "", expected a length'),
+        ("62.3 mn", "a length", 'with the unknown unit "mn" (did you mean "mm"?)'),
+        ("62.3 N", "a length", 'is "62.3 N", a force, expected a length'),
+        ("580 N", "a modulus", "a force, expected a modulus"),
+        ("-60 mm", "a length", "expected more than zero"),
+        ("0 mm", "a length", "expected more than zero"),
+        ("-1 mm", "a length or zero", "expected zero or more"),
+        ("1e400 mm", "a length", "too large a number"),
+        ("nan mm", "a length", 'is "nan mm", expected a length'),
+        ("inf mm", "a length", 'is "inf mm", expected a length'),
+        ("9**9**9 mm", "a length", "expected a length"),
+        ("60 mm; import os", "a length", "unknown unit"),
+        ("60 2 mm", "a length", "expected a length"),
+        ("100 rad/s", "a frequency", "write it in Hz or kHz"),
+        ("6000 rpm", "a frequency", "write it in Hz or kHz"),
+        ("100 1/s", "a frequency", "write it in Hz or kHz"),
+        ("20 Hz", "a rate of decay", "a rate of decay is in 1/s, not in Hz"),
+        ("20 rad/s", "a rate of decay", "a rate of decay is in 1/s, not in Hz"),
+        (True, "a Poisson's ratio", "is true, expected a number such as 0.22"),
+        ("0.22", "a Poisson's ratio", 'is "0.22", expected a number such as 0.22'),
+        (0.7, "a Poisson's ratio", "is 0.7, expected at most 0.5"),
+        (float("nan"), "a loss factor", "expected a finite value"),
+        ({"value": 3}, "a length", "is a table, expected a length"),
+        (["3 mm"], "a length", "is a list of 1, expected a length"),
+    ],
+)
+def test_what_is_no_quantity_is_answered_in_words(text: object, kind: str, words: str) -> None:
+    with pytest.raises(ValueError, match="expected") as error:
+        parse(text, KINDS[kind])
+    assert words in str(error.value)
+
+
+def test_every_example_of_a_kind_is_one() -> None:
+    for kind in KINDS.values():
+        assert parse(kind.example if kind.unit else float(kind.example), kind) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("written", "deviation"),
+    [
+        ("0.1 mm", Deviation(1e-4, False)),
+        ("2 %", Deviation(0.02, True)),
+        ("0.5percent", Deviation(0.005, True)),
+        ("0 mm", Deviation(0.0, False)),
+        ({"value": "0.05 %", "name": "the blank"}, Deviation(0.0005, True, "the blank")),
+    ],
+)
+def test_deviations(written: object, deviation: Deviation) -> None:
+    found = parse_deviation(written, KINDS["a length"])
+    assert (found.relative, found.name) == (deviation.relative, deviation.name)
+    assert found.amount == pytest.approx(deviation.amount, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "-1 %",
+        "-1 mm",
+        "3 N",
+        "2",
+        2,
+        "% 2",
+        {"value": "2 %"},
+        {"value": "2 %", "name": ""},
+        {"value": "2 %", "nam": "x"},
+    ],
+)
+def test_what_is_no_deviation_is_answered_in_words(written: object) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        parse_deviation(written, KINDS["a length"])
+
+
+def test_a_relative_deviation_is_of_the_size() -> None:
+    assert Deviation(0.02, True).of(-3.0) == pytest.approx(0.06)
+    assert Deviation(0.02, False).of(-3.0) == 0.02
+
+
+@pytest.mark.parametrize(
+    ("written", "value", "unit"),
+    [("135 N m", 135.0, "kg m^2/s^2"), ("20 kN", 2e4, "kg m/s^2"), (3, 3.0, ""), ("3", 3.0, ""), ("40 mm", 0.04, "m")],
+)
+def test_conditions(written: str | float, value: float, unit: str) -> None:
+    found = parse_condition(written)
+    assert (found.value, found.unit) == (pytest.approx(value), unit)
+
+
+@pytest.mark.parametrize("written", ["135 Xm", "torque", "100 rpm", "20 degC", "1,5 mm"])
+def test_what_is_no_condition_is_answered_in_words(written: str) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        parse_condition(written)
+
+
+def test_addresses_and_places() -> None:
+    assert kind_of("tool.segment[*].core.density") is KINDS["a density"]
+    assert kind_of("accelerometer.mass") is KINDS["a mass"]
+    with pytest.raises(ValueError, match=r'names no quantity "lenght" \(did you mean "length"\?\)'):
+        kind_of("tool.segment[0].lenght")
+    with pytest.raises(ValueError, match="is no address"):
+        kind_of("tool length")
+    assert parse_position("end") == "end"
+    assert parse_position("0 mm") == 0.0
+    with pytest.raises(ValueError, match='"-1 mm", expected a distance from the tip-side end'):
+        parse_position("-1 mm")
+
+
+def test_suggestions() -> None:
+    assert did_you_mean("Lenght", ["length", "density"]) == ' (did you mean "length"?)'
+    assert did_you_mean("xyz", ["length", "density"]) == ""
+    assert one_of([]) == "nothing: there is none"
+    assert one_of(map(str, range(20))).endswith("and 8 more")

@@ -1,0 +1,232 @@
+"""The commands of campaigns, as a person runs them in an empty folder: results, mistakes, exit codes, files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from campaign_text import TEXT, changed, write
+from receptance.cli import main
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Run the command line in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert isinstance(end.value.code, int)
+    return end.value.code
+
+
+def left() -> set[str]:
+    return {path.name for path in Path().iterdir()}
+
+
+def test_an_example_from_nothing_to_a_prediction(tmp_path: Path) -> None:
+    """As a person does it: other processes, plain text in a pipe, nothing on the error output."""
+    for arguments in (
+        ["example", "er32"],
+        ["identify", "er32"],
+        ["predict", "er32", "--json", "p.json", "--plot", "p.png"],
+    ):
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-m", "receptance.cli", *arguments],
+            capture_output=True, cwd=tmp_path, timeout=120, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr.decode()
+        assert done.stderr == b""
+        text = done.stdout.decode("utf-8")
+        assert "\x1b" not in text
+        assert "\u2026" not in text, "a cell was cut off"
+        assert max(map(len, text.splitlines())) <= 132
+    assert "Held out: 20 natural frequencies and peaks" in text
+    assert left() == {"er32", "p.json", "p.png"}
+    assert {path.name for path in Path("er32").iterdir()} == {"campaign.toml"}
+    assert Path("p.png").read_bytes().startswith(PNG)
+    found = json.loads(Path("p.json").read_text())
+    assert found["rms_percent"] == pytest.approx(1.09, abs=0.01)
+    assert len(found["natural_frequencies"]) == 8
+    assert found["identified"]["seed"] == 0
+
+
+def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    write(Path())
+    assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", "i.svg") == 0
+    assert b"<svg" in Path("i.svg").read_bytes()
+    found = json.loads(Path("i.json").read_text())
+    assert list(found["parameters"]) == ["joint.k_y", "joint.k_theta"]
+    for parameter in found["parameters"].values():
+        low, high = parameter["interval_95"]
+        wide_low, wide_high = parameter["interval_95_with_tolerances"]
+        assert wide_low < low < parameter["value"] < high < wide_high
+        assert 0.0 < parameter["standard_error"] < parameter["standard_error_with_tolerances"]
+    assert found["correlation"]["matrix"][0][0] == 1.0
+    assert [(m["name"], m["unit"], m["count"], len(m["residuals"])) for m in found["measurements"]] == [
+        ("short", "standard deviations", 2, 2)
+    ]
+    assert found["seed"] == 0
+    assert {"receptance", "python", "numpy", "scipy", "instruction_set"} <= found["versions"].keys()
+    assert any("tolerances widen the intervals" in note for note in found["notes"])
+    assert found["settings"]["objective"] == "log"
+
+
+def test_what_was_not_measured_is_predicted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without anything held out the assemblies without measurements are predicted."""
+    text = TEXT.replace('role = "hold out"\n', "")
+    write(Path(), text)
+    assert call(monkeypatch, "predict", ".", "--json", "p.json", "--plot", "p.png") == 0
+    said = capsys.readouterr().out
+    assert "Assemblies that were not measured" in said
+    assert "Held out" not in said
+    found = json.loads(Path("p.json").read_text())
+    assert [one["name"] for one in found["frfs"]] == ["longest"]
+    assert found["rms_percent"] is None
+    frf = found["frfs"][0]
+    assert len(frf["frequency_hz"]) == len(frf["receptance"]) == len(frf["magnitude_interval"][0]) > 1000
+    assert frf["frequency_hz"][-1] == pytest.approx(10000.0)
+
+
+def test_a_campaign_without_unknowns_is_predicted_from_what_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    joint = '[joints.joint]\nk_y = "4e8 N/m"\nk_theta = "6e4 N m/rad"'
+    text = changed(("[joints.joint]", joint)).partition("[unknowns]")[0]
+    write(Path(), text)
+    assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json") == 0
+    found = json.loads(Path("p.json").read_text())
+    assert found["identified"] is None
+    assert found["natural_frequencies"][0]["standard_error_hz"][0] > 0.0
+    assert call(monkeypatch, "identify", "campaign.toml") == 2
+
+
+@pytest.mark.parametrize(
+    ("edit", "arguments", "words"),
+    [
+        (None, ["identify", "campain.toml"], "there is no campaign file campain.toml; did you mean campaign.toml?"),
+        (None, ["identify"], "CAMPAIGN"),
+        (None, ["identify", "campaign.toml", "--jsn", "a"], "--jsn"),
+        (None, ["identify", ".", "--json", "campaign.toml"], "--json names campaign.toml, which is the campaign"),
+        (None, ["identify", "campaign.toml", "--json", "no/a.json"], "there is no folder no"),
+        (None, ["predict", "campaign.toml", "--plot", "a.txt"], "its ending must name a format of pictures"),
+        (None, ["predict", "campaign.toml", "--at-most", "-1"], "--at-most"),
+        (('length = "60 mm"', 'length = "60 mn"'), ["identify", "."], "parts.tool.segments[0].length"),
+        (("[unknowns]", "[unknown]"), ["predict", "."], 'unknown: is no known key; did you mean "unknowns"?'),
+        (('role = "hold out"', 'role = "holdout"'), ["predict", "."], 'did you mean "hold out"?'),
+        (('"10000 Hz"]', '"10000 Hz"]\nmodes = [1]'), ["identify", "."], "there are 1 modes for 2 frequencies"),
+        (('["2500 Hz", "10000 Hz"]', '["2500 Hz"]'), ["identify", "."], "2 unknowns but only 1 observed"),
+        (('standard_deviation = "2 Hz"', 'role = "hold out"'), ["identify", "."], "nothing to identify from"),
+        (None, ["example", "er33"], "there is no example 'er33'; the examples are er32"),
+        (None, ["example", "er32", "campaign.toml"], "cannot write to campaign.toml: it is a file"),
+        (None, ["example", "er32", "."], "there is already campaign.toml; choose another folder"),
+        (None, ["example"], "name an example: er32"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_answered_in_words(
+    edit: tuple[str, str] | None,
+    arguments: list[str],
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write(Path(), TEXT if edit is None else changed(edit))
+    assert call(monkeypatch, *arguments) == 2
+    said = capsys.readouterr()
+    assert words in said.err
+    assert "Traceback" not in said.err
+    assert said.out == ""
+    assert left() == {"campaign.toml"}
+
+
+def test_nothing_to_predict(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [line for line in TEXT.replace("assemblies.longest", "assemblies.again").splitlines() if "role" not in line]
+    again = [
+        "[measurements.again]",
+        'kind = "natural frequencies"',
+        'assembly = "again"',
+        'frequencies = ["900 Hz"]',
+        'standard_deviation = "2 Hz"',
+    ]
+    write(Path(), "\n".join([*lines, *again, ""]))
+    assert call(monkeypatch, "predict", ".") == 2
+    assert "there is nothing to predict" in capsys.readouterr().err
+    assert call(monkeypatch, "predict", ".", "--at-most", "1") == 2
+    assert "holds out no measurement" in capsys.readouterr().err
+
+
+def test_the_answer_is_no(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 3 where a verdict was asked to fail on, after everything is written."""
+    assert call(monkeypatch, "example", "er32") == 0
+    assert call(monkeypatch, "predict", "er32", "--at-most", "3") == 0
+    assert "At most 3 %: yes, the worst is 2.07 %" in capsys.readouterr().out
+    assert call(monkeypatch, "predict", "er32", "--at-most", "1", "--json", "p.json") == 3
+    assert "At most 1 %: no" in capsys.readouterr().out
+    assert Path("p.json").is_file()
+    assert call(monkeypatch, "identify", "er32", "--strict") == 0
+    text = (
+        Path("er32/campaign.toml")
+        .read_text()
+        .replace('"joint_d7.k_y" = { lower = "1e6', '"joint_d7.k_y" = { lower = "1e9')
+    )
+    Path("er32/campaign.toml").write_text(text)
+    assert call(monkeypatch, "identify", "er32", "--strict") == 3
+    assert call(monkeypatch, "identify", "er32") == 0
+
+
+def test_examples_are_listed_and_not_written_over(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "example", "--list") == 0
+    assert "published natural frequencies" in capsys.readouterr().out
+    assert call(monkeypatch, "example", "er32", "some/where") == 0
+    assert "Written: some/where/campaign.toml" in capsys.readouterr().out
+    assert call(monkeypatch, "example", "er32", "some/where") == 2
+    assert call(monkeypatch, "example", "er32", "some/where", "--overwrite") == 0
+
+
+def test_an_example_that_cannot_be_written_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    assert call(monkeypatch, "example", "er32", "some/where") == 130
+    assert left() == set()
+
+
+def test_schema(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "schema") == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "receptance campaign"
+    assert call(monkeypatch, "schema", "--markdown") == 0
+    assert "| `youngs_modulus` | needed |" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_interrupted_at_work(tmp_path: Path) -> None:
+    write(tmp_path, TEXT + "[settings]\nstarts = 100000\n")
+    started = subprocess.Popen(
+        [sys.executable, "-m", "receptance.cli", "identify", "campaign.toml", "--json", "i.json"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    time.sleep(4.0)
+    started.send_signal(signal.SIGINT)
+    out, err = started.communicate(timeout=20)
+    assert started.returncode == 130, err.decode()
+    assert b"interrupted, no file was written" in err
+    assert b"Traceback" not in err
+    assert out == b""
+    assert left() == {"campaign.toml"}

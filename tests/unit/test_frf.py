@@ -1,0 +1,477 @@
+"""FRF: what is kept, how bad input is answered, forms, selection, and how it is shown."""
+
+import pickle
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+from receptance import FRF, STEEL, Assembly, Coordinate, Part, PointMass, ReceptanceWarning, Segment
+from receptance.frf import Unplaced
+from receptance.plot._style import as_image
+
+BAR = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+TIP, END = Coordinate("bar"), Coordinate("bar", "end")
+SLOPE = Coordinate("bar", 0.0, "theta")
+LINES = np.linspace(50.0, 5000.0, 100)
+VALUES = BAR.receptance(LINES, response=[TIP, END, SLOPE], excitation=[TIP, SLOPE])
+
+
+def make(**changes):
+    fields = {
+        "frequency_hz": LINES,
+        "values": VALUES,
+        "responses": [TIP, END, SLOPE],
+        "excitations": [TIP, SLOPE],
+        "coherence": np.linspace(0.5, 1.0, LINES.size),
+        "averages": 10,
+        "log_variance": np.linspace(1e-4, 1e-2, LINES.size),
+        "degrees_of_freedom": 18,
+        "usable": LINES > 100.0,
+        "labels": (("1:+Y", "2:+Y", "1:+RZ"), ("1:+Y", "1:+RZ")),
+        "label": "blank",
+        "source": "simulated",
+        "notes": ["first note"],
+    }
+    return FRF(**(fields | changes))
+
+
+def test_arrays_are_kept_as_documented():
+    frf = make()
+    assert frf.shape == (100, 3, 2)
+    for name, dtype in {
+        "frequency_hz": np.float64,
+        "values": np.complex128,
+        "coherence": np.float64,
+        "log_variance": np.float64,
+        "degrees_of_freedom": np.float64,
+        "correlated_lines": np.float64,
+        "usable": np.bool_,
+    }.items():
+        array = getattr(frf, name)
+        assert array.dtype == dtype, name
+        assert array.flags.c_contiguous, name
+        assert not array.flags.writeable, name
+        assert array.shape == ((100,) if name in ("frequency_hz", "correlated_lines", "usable") else (100, 3, 2)), name
+    np.testing.assert_array_equal(frf.coherence[:, 2, 1], np.linspace(0.5, 1.0, 100))
+    np.testing.assert_allclose(frf.standard_deviation**2, frf.log_variance, rtol=1e-15)
+    assert (frf.form, frf.averages, frf.decay_rate, frf.label) == ("receptance", 10, 0.0, "blank")
+    assert frf.responses == (TIP, END, SLOPE)
+    assert frf.notes == ("first note",)
+
+
+def test_one_entry_may_be_given_flat():
+    frf = FRF(frequency_hz=[1, 2], values=[1, 2j])
+    assert frf.shape == (2, 1, 1)
+    assert frf.values.dtype == np.complex128
+    assert frf.coherence is None
+    assert frf.standard_deviation is None
+    np.testing.assert_array_equal(frf.correlated_lines, 1.0)
+
+
+def test_own_arrays():
+    lines, values = LINES.copy(), VALUES.copy()
+    frf = make(frequency_hz=lines, values=values)
+    lines[0], values[0] = -1.0, 0.0
+    assert frf.frequency_hz[0] == 50.0
+    assert frf.values[0, 0, 0] == VALUES[0, 0, 0]
+    with pytest.raises(ValueError, match="read-only"):
+        frf.values[0] = 1.0
+    with pytest.raises(AttributeError):
+        frf.form = "mobility"
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"frequency_hz": []}, ValueError, "FRF 'blank': frequency_hz is empty"),
+        ({"frequency_hz": LINES[::-1]}, ValueError, "not ascending: line 1 is 4950 Hz after 5000 Hz"),
+        ({"frequency_hz": np.r_[LINES[:1], LINES[:-1]]}, ValueError, "leave out repeated ones"),
+        ({"frequency_hz": np.r_[-1.0, LINES[1:]]}, ValueError, r"frequency_hz\[0\] is -1 Hz"),
+        ({"frequency_hz": np.r_[LINES[:-1], np.nan]}, ValueError, r"frequency_hz\[99\] is nan"),
+        ({"frequency_hz": LINES + 1j}, TypeError, "complex lines follow from decay_rate"),
+        ({"frequency_hz": LINES[:, None]}, ValueError, "expected one dimension"),
+        ({"frequency_hz": [[1.0], [2.0, 3.0]]}, ValueError, "rows of different lengths"),
+        ({"values": VALUES[:-1]}, ValueError, r"values has shape \(99, 3, 2\) for 100 lines"),
+        ({"values": VALUES[:, 0]}, ValueError, r"values has shape \(100, 2\) for 100 lines"),
+        ({"values": VALUES[:, :0]}, ValueError, r"values has shape \(100, 0, 2\)"),
+        ({"values": VALUES.astype(str)}, TypeError, "values has dtype <U"),
+        (
+            {"values": np.where(LINES == 550.0, np.nan, 1.0)[:, None, None] * VALUES},
+            ValueError,
+            "values at 550 Hz is .nan",
+        ),
+        ({"values": 1e60 * VALUES}, ValueError, "values at 50 Hz is .*, which no structure has"),
+        ({"form": "inertance"}, ValueError, "form is 'inertance', expected one of receptance, mobility, accelerance"),
+        ({"form": 2}, TypeError, "form is 2"),
+        ({"responses": [TIP, END]}, ValueError, "there are 2 responses for values with 3"),
+        ({"responses": TIP}, ValueError, "there are 1 responses for values with 3"),
+        (
+            {"responses": ["tip", "y", "y"]},
+            TypeError,
+            r"responses\[0\] is 'tip', expected a Coordinate, or 'y' or 'theta'",
+        ),
+        ({"excitations": [TIP, 3]}, TypeError, r"excitations\[1\] is 3"),
+        ({"decay_rate": -1.0}, ValueError, "decay_rate is -1, expected zero or more 1/s"),
+        ({"decay_rate": "fast"}, TypeError, "decay_rate is 'fast'"),
+        ({"coherence": np.full(100, -0.2)}, ValueError, "coherence at 50 Hz is -0.2, expected from 0 to 1"),
+        (
+            {"coherence": np.where(LINES == 550.0, 1.25, 0.5)},
+            ValueError,
+            "coherence at 550 Hz is 1.25 .*cannot be more than 1",
+        ),
+        ({"coherence": np.where(LINES == 550.0, np.nan, 0.5)}, ValueError, "coherence at 550 Hz is nan"),
+        ({"coherence": np.ones((100, 3))}, ValueError, r"coherence has shape \(100, 3\), expected one number"),
+        ({"averages": 0}, ValueError, "averages is 0, expected a whole number from 1 to 1000000000"),
+        ({"averages": 2.5}, TypeError, "averages is 2.5"),
+        ({"averages": 10**400}, ValueError, "averages is 1000000"),
+        ({"averages": True}, ValueError, "averages is True"),
+        ({"log_variance": -1.0}, ValueError, r"log_variance\[0, 0, 0\] is -1, expected at least 0"),
+        ({"log_variance": np.full(100, np.nan)}, ValueError, "log_variance at 50 Hz is nan"),
+        ({"degrees_of_freedom": 0}, ValueError, r"degrees_of_freedom\[0, 0, 0\] is 0, expected more than 0"),
+        (
+            {"correlated_lines": 0.5},
+            ValueError,
+            r"correlated_lines\[0\] is 0.5, expected a finite number of at least 1",
+        ),
+        ({"correlated_lines": np.ones(3)}, ValueError, r"correlated_lines has shape \(3,\)"),
+        ({"usable": np.ones(100)}, ValueError, "usable has dtype float64"),
+        ({"usable": np.ones(3, dtype=bool)}, ValueError, r"shape \(3,\), expected True or False on each of 100 lines"),
+        ({"labels": ("a", "b")}, TypeError, "labels is"),
+        ({"labels": (("a",), ("b", "c"))}, ValueError, "labels names 1 responses and 2 excitations, expected 3 and 2"),
+        ({"notes": "one text"}, TypeError, "notes is 'one text'"),
+        ({"notes": 5}, TypeError, "notes is 5"),
+        ({"labels": 5}, TypeError, "labels is 5"),
+        ({"labels": (5, 6)}, TypeError, "labels is"),
+        ({"responses": 5}, ValueError, "there are 1 responses"),
+    ],
+)
+def test_bad_input_is_answered_in_words(changes, error, words):
+    with pytest.raises(error, match=words):
+        make(**changes)
+
+
+def test_coherence_above_one_by_rounding_is_clipped_and_noted():
+    frf = make(coherence=np.r_[1.00003, np.full(99, 0.9)])
+    assert frf.coherence.max() == 1.0
+    assert any("rounding on 6 lines" in note for note in frf.notes)
+
+
+def test_coherence_above_one_is_explained_to_who_measured():
+    coherence = np.full(100, 0.9)
+    coherence[:2] = 1.246, 1.1
+    with pytest.raises(ValueError, match="above 1 on 11 more") as caught:
+        make(coherence=coherence)
+    for words in ("50 Hz is 1.246", "share of the response's power that the force explains", "leave the coherence out"):
+        assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("field", ["values", "coherence", "log_variance"])
+def test_the_line_at_zero_is_kept_where_it_is_finite_and_dropped_where_not(field):
+    lines = np.r_[0.0, LINES]
+    fields = {
+        "values": np.concatenate([np.ones((1, 3, 2)), VALUES]),
+        "coherence": np.r_[0.3, np.full(100, 0.9)],
+        "log_variance": np.full(101, 0.1),
+        "usable": None,
+    }
+    assert make(frequency_hz=lines, **fields).frequency_hz[0] == 0.0
+    fields[field] = fields[field].copy()
+    fields[field][0] = np.nan
+    frf = make(frequency_hz=lines, **fields)
+    np.testing.assert_array_equal(frf.frequency_hz, LINES)
+    assert frf.coherence.shape == (*frf.correlated_lines.shape, 3, 2) == (100, 3, 2)
+    assert frf.notes[-1] == f"the line at 0 Hz is dropped: {field} not finite there"
+
+
+def test_a_line_at_zero_alone_that_is_not_finite_is_an_error():
+    with pytest.raises(ValueError, match="only line is at 0 Hz"):
+        FRF(frequency_hz=[0.0], values=[np.inf])
+
+
+def test_infinite_variance_means_that_nothing_is_known():
+    assert np.isinf(make(log_variance=np.inf).standard_deviation).all()
+
+
+@pytest.mark.parametrize(
+    ("form", "units"),
+    [
+        ("receptance", (("m/N", "m/(N m)"), ("m/N", "m/(N m)"), ("rad/N", "rad/(N m)"))),
+        ("mobility", (("m/s/N", "m/s/(N m)"), ("m/s/N", "m/s/(N m)"), ("rad/s/N", "rad/s/(N m)"))),
+        ("accelerance", (("m/s^2/N", "m/s^2/(N m)"), ("m/s^2/N", "m/s^2/(N m)"), ("rad/s^2/N", "rad/s^2/(N m)"))),
+    ],
+)
+def test_units(form, units):
+    frf = make().to(form)
+    assert frf.units == units
+    assert frf.select(responses=2, excitations=1).unit == units[2][1]
+    with pytest.raises(ValueError, match="several units"):
+        frf.unit  # noqa: B018
+
+
+def test_conversion_against_the_definition():
+    s = 2j * np.pi * LINES[:, None, None]
+    frf = make()
+    np.testing.assert_allclose(frf.to("mobility").values, s * VALUES, rtol=1e-15)
+    np.testing.assert_allclose(frf.to("accelerance").values, s**2 * VALUES, rtol=1e-15)
+    assert frf.to("receptance").form == "receptance"
+
+
+def test_conversion_of_a_rigid_mass_under_an_exponential_window():
+    # A free mass has receptance -1 / (m w^2) and accelerance 1 / m at any complex w.
+    sigma, m = 30.0, 2.5
+    w = 2 * np.pi * LINES - 1j * sigma
+    frf = FRF(frequency_hz=LINES, values=-1.0 / (m * w**2), decay_rate=sigma)
+    np.testing.assert_allclose(frf.complex_frequency_hz, w / (2 * np.pi), rtol=1e-15)
+    np.testing.assert_allclose(frf.to("accelerance").values[:, 0, 0], 1.0 / m, rtol=1e-13)
+    assert abs(frf.with_(decay_rate=0.0).to("accelerance").values[0, 0, 0] * m - 1.0) > 0.1
+
+
+def test_real_lines_without_a_window():
+    assert make().complex_frequency_hz is make().frequency_hz or make().complex_frequency_hz.dtype == np.float64
+    assert make(decay_rate=1.0).complex_frequency_hz.dtype == np.complex128
+
+
+def test_conversion_keeps_variance_coherence_and_everything_else():
+    frf = make(decay_rate=5.0, correlated_lines=2.0)
+    other = frf.to("accelerance")
+    for name in ("log_variance", "coherence", "degrees_of_freedom", "usable", "correlated_lines", "frequency_hz"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(frf, name))
+    for name in ("responses", "labels", "label", "source", "notes", "averages", "decay_rate"):
+        assert getattr(other, name) == getattr(frf, name)
+
+
+def test_conversion_at_zero_hz():
+    frf = FRF(frequency_hz=[0.0, 10.0], values=[1.0, 2.0], log_variance=[0.1, 0.2])
+    up = frf.to("accelerance")
+    assert up.values[0, 0, 0] == 0.0
+    down = up.to("receptance")
+    np.testing.assert_array_equal(down.frequency_hz, [10.0])
+    np.testing.assert_allclose(down.values.ravel(), 2.0, rtol=1e-15)
+    assert down.log_variance.ravel() == 0.2
+    assert "0 Hz is dropped: acceleration says nothing of displacement" in down.notes[0]
+    # Under a window the line is not at zero: nothing is lost.
+    windowed = frf.with_(decay_rate=3.0)
+    np.testing.assert_allclose(windowed.to("accelerance").to("receptance").values, frf.values, rtol=1e-15)
+    with pytest.raises(ValueError, match="no other line"):
+        FRF(frequency_hz=[0.0], values=[1.0], form="accelerance").to("mobility")
+
+
+def test_select_by_number_coordinate_and_label():
+    frf = make()
+    expected = VALUES[:, [2, 0]][:, :, [1]]
+    for responses, excitations in (
+        ([2, 0], 1),
+        ([SLOPE, TIP], SLOPE),
+        (["1:+RZ", "1:+Y"], "1:+RZ"),
+        ((-1, TIP), [np.int64(1)]),
+    ):
+        found = frf.select(responses=responses, excitations=excitations)
+        np.testing.assert_array_equal(found.values, expected)
+        np.testing.assert_array_equal(found.coherence, frf.coherence[:, [2, 0]][:, :, [1]])
+        assert found.responses == (SLOPE, TIP)
+        assert found.excitations == (SLOPE,)
+        assert found.labels == (("1:+RZ", "1:+Y"), ("1:+RZ",))
+        assert found.values.flags.c_contiguous
+
+
+def test_select_lines():
+    found = make().select(low_hz=100.0, high_hz=200.0)
+    np.testing.assert_array_equal(found.frequency_hz, [100.0, 150.0, 200.0])
+    np.testing.assert_array_equal(found.values, VALUES[1:4])
+    np.testing.assert_array_equal(found.usable, [False, True, True])
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"responses": 3}, ValueError, "none of the responses is 3; they are 0: y at 'bar' 0 m .1:[+]Y"),
+        ({"responses": Coordinate("tool")}, ValueError, "none of the responses is Coordinate"),
+        ({"excitations": "3:+X"}, ValueError, "none of the excitations is '3:[+]X'"),
+        ({"responses": []}, ValueError, "responses is empty"),
+        ({"responses": 1.5}, TypeError, "expected a number, Coordinate or label"),
+        ({"responses": [None]}, TypeError, "responses holds None"),
+        ({"low_hz": 5001.0}, ValueError, "no line from 5001 to inf Hz"),
+        ({"low_hz": 60.0, "high_hz": 70.0}, ValueError, "no line from 60 to 70 Hz"),
+        ({"low_hz": "60"}, TypeError, "low_hz is '60'"),
+    ],
+)
+def test_select_what_is_not_there(options, error, words):
+    with pytest.raises(error, match=words):
+        make().select(**options)
+
+
+def test_select_what_is_there_twice():
+    frf = FRF(frequency_hz=[1.0], values=np.ones((1, 2, 1)), responses=[TIP, TIP])
+    with pytest.raises(ValueError, match="several of the responses is"):
+        frf.select(responses=TIP)
+
+
+def test_masked():
+    found = make().masked()
+    assert found.frequency_hz[0] == 150.0
+    assert found.usable.all()
+    assert found.masked() is found
+    everything = make(usable=None)
+    assert everything.masked() is everything
+    with pytest.raises(ValueError, match="no line is usable"):
+        make(usable=np.zeros(100, dtype=bool)).masked()
+
+
+def test_unknown_places():
+    frf = FRF(frequency_hz=[1.0], values=np.ones((1, 2, 1)), responses=["y", "theta"])
+    assert frf.responses == (Unplaced("y"), Unplaced("theta"))
+    assert frf.excitations == (Unplaced(),)
+    assert frf.units == (("m/N",), ("rad/N",))
+    assert Unplaced() != Coordinate()
+    assert Coordinate() != Unplaced()
+    assert repr(Unplaced()) == "Unplaced('y')"
+    assert pickle.loads(pickle.dumps(Unplaced("theta"))) == Unplaced("theta")
+    placed = frf.with_coordinates(responses=[TIP, SLOPE])
+    assert placed.responses == (TIP, SLOPE)
+    assert placed.excitations == (Unplaced(),)
+    with pytest.raises(ValueError, match="direction is 'x'"):
+        Unplaced("x")
+
+
+def test_with_checks_and_knows_its_fields():
+    frf = make()
+    assert frf.with_(label="nose").label == "nose"
+    assert frf.with_(coherence=None).coherence is None
+    np.testing.assert_array_equal(frf.with_(label="nose").values, frf.values)
+    with pytest.raises(TypeError, match="no field 'name'; the fields are frequency_hz, values, form"):
+        frf.with_(name="nose")
+    with pytest.raises(ValueError, match="coherence at 50 Hz is 2"):
+        frf.with_(coherence=2.0)
+
+
+def test_conjugated_and_flipped_on_request():
+    frf = make(responses=None)
+    np.testing.assert_array_equal(frf.conjugated().values, VALUES.conj())
+    np.testing.assert_array_equal(frf.flipped().values, -VALUES)
+    assert frf.conjugated().flipped().notes[-2:] == ("conjugated on request", "sign changed on request")
+
+
+def test_pickles():
+    frf = make(decay_rate=2.0)
+    again = pickle.loads(pickle.dumps(frf))
+    for name in vars(frf):
+        value = getattr(frf, name)
+        same = np.array_equal if isinstance(value, np.ndarray) else lambda a, b: a == b
+        assert same(getattr(again, name), value), name
+    assert not again.values.flags.writeable
+    assert repr(again) == repr(frf)
+
+
+def test_representations():
+    frf = make(label="<blank>", decay_rate=20.0, notes=["say & note"])
+    assert repr(frf) == (
+        "FRF('<blank>': receptance in m/(N m), m/N, rad/(N m), rad/N, 3 x 2, 100 lines from 50 to 5000 Hz, "
+        "decay rate 20/s)"
+    )
+    page = frf._repr_html_()
+    for words in (
+        "&lt;blank&gt;",
+        "say &amp; note",
+        "100, 50 to 5000 Hz, 50 Hz apart",
+        "theta at &#x27;bar&#x27; 0 m (1:+RZ)",
+        "decay rate 20 1/s",
+        "<td>10</td>",
+        "median 0.75, lowest 0.5",
+        "98 lines, 150 to 5000 Hz",
+    ):
+        assert words in page, words
+    assert "somewhere" in FRF(frequency_hz=[1.0], values=[1.0])._repr_html_()
+    uneven = FRF(frequency_hz=[1.0, 2.0, 4.0], values=[1.0, 1.0, 1.0])
+    assert "1 to 2 Hz apart" in uneven._repr_html_()
+
+
+def test_intervals():
+    frf = make(log_variance=1e-4, degrees_of_freedom=4)
+    # Student's t with 4 degrees of freedom: 2.7764 at 95 %, 4.6041 at 99 %.
+    np.testing.assert_allclose(frf.log_interval(), 0.027764, rtol=1e-4)
+    np.testing.assert_allclose(frf.log_interval(0.99), 0.046041, rtol=1e-4)
+    np.testing.assert_allclose(frf.with_(degrees_of_freedom=None).log_interval(), 0.0195996, rtol=1e-5)
+    np.testing.assert_allclose(frf.with_(degrees_of_freedom=np.inf).log_interval(), 0.0195996, rtol=1e-5)
+    with pytest.raises(ValueError, match=r"no variance; .*with_coherence_variance"):
+        make(log_variance=None).log_interval()
+    for level in (0.0, 1.0, 95):
+        with pytest.raises(ValueError, match="level is"):
+            frf.log_interval(level)
+
+
+def test_to_xarray():
+    xarray = pytest.importorskip("xarray")
+    data = make(decay_rate=2.0).to("mobility").to_xarray()
+    assert isinstance(data, xarray.Dataset)
+    assert data.frf.dims == ("frequency_hz", "response", "excitation")
+    assert data.frequency_hz.attrs["units"] == "Hz"
+    assert data.frf.attrs == {"long_name": "mobility"}
+    assert data.unit.sel(response="theta at 'bar' 0 m", excitation="y at 'bar' 0 m") == "rad/s/N"
+    np.testing.assert_array_equal(data.coherence.values, make().coherence)
+    assert data.attrs["decay_rate"] == 2.0
+    assert data.attrs["averages"] == 10
+    assert list(data.response_label.values) == ["1:+Y", "2:+Y", "1:+RZ"]
+    one = make().select(responses=0, excitations=0).to_xarray()
+    assert one.frf.attrs["units"] == "m/N"
+
+
+def test_figures(tmp_path):
+    frf = make()
+    figure = frf.plot()
+    assert [axes.get_ylabel() for axes in figure.axes] == ["|receptance| (SI units)", "phase (°)", "coherence"]
+    assert len(figure.axes[0].lines) == 6
+    assert len(figure.axes[0].patches) == 1  # 50 and 100 Hz are not usable
+    assert as_image(figure, "png").startswith(b"\x89PNG")
+    plain = FRF(frequency_hz=[5.0], values=[1.0], form="accelerance").plot()
+    assert len(plain.axes) == 2
+    assert as_image(plain, "svg")
+    many = FRF(frequency_hz=LINES, values=np.ones((100, 5, 4)), log_variance=np.inf).plot()
+    assert len(many.axes[0].get_legend().get_texts()) == 8
+    assert any("5 responses x 4 excitations" in text.get_text() for text in many.texts)
+    assert as_image(many, "png")
+
+
+def test_zeros_and_phase_turns_are_drawn_without_warnings():
+    values = np.exp(1j * np.linspace(0.0, 12.0, 100))
+    values[3] = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = FRF(frequency_hz=np.r_[0.0, LINES[1:]], values=values).plot()
+        as_image(figure, "png")
+    phase = figure.axes[1].lines[0].get_ydata()
+    assert np.nanmax(np.abs(np.diff(phase))) <= 180.0
+
+
+def test_import_stays_light():
+    code = (
+        "import sys, receptance; from receptance import FRF;"
+        "FRF(frequency_hz=[1.0, 2.0], values=[1.0, 1.0]).to('mobility').select(low_hz=1.0)._repr_html_();"
+        "slow = ('matplotlib', 'xarray', 'scipy.signal', 'scipy.interpolate', 'scipy.stats');"
+        "print([name for name in slow if name in sys.modules])"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+
+
+def test_a_mass_at_the_tip_is_seen_in_every_form_alike():
+    # The same change of the model in any form: conversions commute with simulation.
+    heavy = Assembly(list(BAR.elements.values()), [PointMass(mass=0.01, part="bar", position=0.0, name="sensor")])
+    ratio = {}
+    for form in ("receptance", "mobility", "accelerance"):
+        light, loaded = (
+            FRF(frequency_hz=LINES, values=a.receptance(LINES)).to(form).values.ravel() for a in (BAR, heavy)
+        )
+        ratio[form] = loaded / light
+    np.testing.assert_allclose(ratio["mobility"], ratio["receptance"], rtol=1e-13)
+    np.testing.assert_allclose(ratio["accelerance"], ratio["receptance"], rtol=1e-13)
+
+
+def test_a_drive_point_as_declared_is_not_spoken_of():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert make().notes == ("first note",)
+    with pytest.warns(ReceptanceWarning, match="drive point"):
+        make(values=-VALUES)

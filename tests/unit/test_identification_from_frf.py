@@ -1,0 +1,166 @@
+"""From FRFs to observations: which entry, which lines, what spread, what is said; several responses together."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from receptance import FRF, Coordinate, MeasuredFRF, identify
+from receptance.frf import Unplaced
+from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
+
+TIP, NOSE = Coordinate("tool"), Coordinate("holder", 0.0)
+SLOPE = Coordinate("tool", 0.0, "theta")
+ASSEMBLY = make_assembly()
+
+
+def make(responses=(TIP, NOSE, SLOPE), **changes):
+    values = ASSEMBLY.receptance(LINES, response=list(responses), excitation=[TIP])
+    fields = {"frequency_hz": LINES, "values": values, "responses": responses, "excitations": TIP, "label": "bench"}
+    return FRF(**(fields | changes))
+
+
+@pytest.mark.parametrize("response", [TIP, NOSE, SLOPE])
+def test_entries_by_coordinate_number_and_label(response):
+    frf = make(labels=(("1", "2", "3"), ("1",)))
+    index = frf.responses.index(response)
+    expected = ASSEMBLY.receptance(LINES, response=response, excitation=TIP)
+    for wanted in (response, index, str(index + 1)):
+        observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=wanted)
+        np.testing.assert_array_equal(observed.receptance, expected)
+        assert (observed.response, observed.excitation) == (response, TIP)
+        assert (observed.label, observed.notes, observed.standard_deviation) == ("bench", (), None)
+
+
+def test_a_joint_from_several_responses_of_one_frf():
+    rng = np.random.default_rng(11)
+    sd = 0.01
+    noise = sd * (rng.normal(size=(LINES.size, 3, 1)) + 1j * rng.normal(size=(LINES.size, 3, 1)))
+    exact = make(log_variance=sd**2, degrees_of_freedom=60.0).to("accelerance")
+    frf = exact.with_(values=exact.values * np.exp(noise))
+    observed = [MeasuredFRF.from_frf(ASSEMBLY, frf, response=i) for i in range(3)]
+    together = identify(observed, STIFFNESSES + DASHPOTS, starts=4)
+    alone = identify(observed[:1], STIFFNESSES + DASHPOTS, starts=4)
+    assert together.converged
+    assert together.units == ["standard deviations"] * 3
+    for address, value in TRUE.items():
+        error = together.standard_errors[address]
+        assert abs(together.values[address] - value) < 4.0 * error, address
+        # More responses, smaller errors: three times the lines at least where each says as much as the first.
+        assert error < alone.standard_errors[address]
+    clean = [MeasuredFRF.from_frf(ASSEMBLY, exact, response=i) for i in range(3)]
+    assert_found(identify(clean, STIFFNESSES + DASHPOTS, starts=4), TRUE)
+
+
+def test_a_rotation_per_force_alone_finds_the_joint():
+    observed = MeasuredFRF.from_frf(ASSEMBLY, make().to("mobility"), response=SLOPE)
+    assert_found(identify(observed, STIFFNESSES + DASHPOTS), TRUE)
+
+
+def test_lines_band_mask_and_zero():
+    lines = np.r_[0.0, LINES]
+    values = np.concatenate([np.ones((1, 3, 1)), make().values])
+    frf = make(frequency_hz=lines, values=values, usable=lines < 9e3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=TIP, low_hz=0.0, high_hz=12e3)
+    np.testing.assert_array_equal(observed.frequency_hz, LINES[LINES < 9e3])
+    observed = MeasuredFRF.from_frf(ASSEMBLY, frf.to("accelerance").with_(usable=None), response=TIP)
+    np.testing.assert_array_equal(observed.frequency_hz, LINES)
+    assert any("0 Hz is dropped" in note for note in observed.notes)
+
+
+def test_spread():
+    variance = np.linspace(1e-4, 4e-4, LINES.size)
+    frf = make(log_variance=variance, degrees_of_freedom=18)
+    observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0)
+    np.testing.assert_allclose(observed.standard_deviation, np.sqrt(variance))
+    correlated = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(correlated_lines=9.0), response=0)
+    np.testing.assert_allclose(correlated.standard_deviation, 3.0 * np.sqrt(variance))
+    floor = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0, floor=0.003)
+    np.testing.assert_allclose(floor.standard_deviation, np.sqrt(variance + 9e-6))
+    np.testing.assert_allclose(
+        MeasuredFRF.from_frf(ASSEMBLY, frf.to("accelerance"), response=0).standard_deviation, np.sqrt(variance)
+    )
+
+
+def test_correlated_lines_make_errors_honest():
+    # Every line three times over says no more than once: same values, same errors.
+    lines = np.linspace(100.0, 15e3, 400)
+    copies = np.repeat(lines, 3) + np.tile([0.0, 1e-7, 2e-7], 400)
+    rng = np.random.default_rng(2)
+    noise = np.exp(0.02 * (rng.normal(size=400) + 1j * rng.normal(size=400)))
+    values = ASSEMBLY.receptance(lines) * noise
+    once = FRF(frequency_hz=lines, values=values, log_variance=4e-4)
+    thrice = FRF(frequency_hz=copies, values=np.repeat(values, 3), log_variance=4e-4, correlated_lines=3.0)
+    first, second = (identify(MeasuredFRF.from_frf(ASSEMBLY, f), STIFFNESSES, starts=2) for f in (once, thrice))
+    for address in first.values:
+        assert second.values[address] == pytest.approx(first.values[address], rel=1e-6)
+        assert second.standard_errors[address] == pytest.approx(first.standard_errors[address], rel=1e-3)
+
+
+def test_infinite_variance_leaves_lines_out_and_zero_asks_for_a_floor():
+    variance = np.full(LINES.size, 1e-4)
+    variance[[5, 9]] = np.inf
+    observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
+    assert observed.frequency_hz.size == LINES.size - 2
+    assert "2 lines of infinite variance are left out" in observed.notes
+    variance[7] = 0.0
+    frf = make(log_variance=variance)
+    with pytest.raises(ValueError, match=rf"zero on 1 lines, first at {LINES[7]:g} Hz .*give a floor"):
+        MeasuredFRF.from_frf(ASSEMBLY, frf, response=0)
+    assert MeasuredFRF.from_frf(ASSEMBLY, frf, response=0, floor=0.002).standard_deviation[6] == 0.002
+    without = MeasuredFRF.from_frf(ASSEMBLY, make(), response=0, floor=0.01)
+    assert without.standard_deviation[0] == 0.01
+    assert any("floor of 0.01 is all there is" in note for note in without.notes)
+    with pytest.raises(ValueError, match="no line is left for bench"):
+        MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=np.inf), response=0)
+
+
+def test_few_degrees_of_freedom_are_spoken_of_and_reach_the_result():
+    frf = make(log_variance=1e-4, degrees_of_freedom=4, notes=["hit 3 dropped"])
+    observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0)
+    assert observed.notes[0] == "hit 3 dropped"
+    assert "from 4 degrees of freedom are mostly noise" in observed.notes[1]
+    result = identify(observed, STIFFNESSES, starts=1)
+    assert set(observed.notes) <= set(result.notes)
+
+
+def test_places_that_are_not_known_and_that_differ():
+    values = ASSEMBLY.receptance(LINES)
+    unplaced = FRF(frequency_hz=LINES, values=values)
+    observed = MeasuredFRF.from_frf(ASSEMBLY, unplaced)
+    assert observed.response == observed.excitation == Coordinate()
+    assert not isinstance(observed.response, Unplaced)
+    assert sum("taken at the tip" in note for note in observed.notes) == 2
+    told = MeasuredFRF.from_frf(ASSEMBLY, unplaced, response=NOSE, excitation=TIP)
+    assert (told.response, told.excitation, told.notes) == (NOSE, TIP, ())
+    other = MeasuredFRF.from_frf(ASSEMBLY, make(responses=(TIP,)), response=NOSE)
+    assert other.response == NOSE
+    assert any("is taken at" in note and "the FRF says" in note for note in other.notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({}, ValueError, "has 3 responses: say which with response=, a coordinate or a number"),
+        ({"response": 3}, ValueError, "none of the responses is 3"),
+        ({"response": Coordinate("holder", "end")}, ValueError, "none of the responses is"),
+        ({"response": 0, "excitation": SLOPE}, ValueError, "its excitation is in direction 'y'"),
+        ({"response": 0, "low_hz": 20e3}, ValueError, "no line from 20000"),
+        ({"response": 0, "floor": -1.0}, ValueError, "floor is -1"),
+        ({"response": "4"}, ValueError, "none of the responses is '4'"),
+    ],
+)
+def test_bad_requests(options, error, words):
+    with pytest.raises(error, match=words):
+        MeasuredFRF.from_frf(ASSEMBLY, make(), **options)
+
+
+def test_something_else_than_an_frf():
+    with pytest.raises(TypeError, match="frf is None, expected an FRF"):
+        MeasuredFRF.from_frf(ASSEMBLY, None)
+    with pytest.raises(TypeError, match="assembly is None"):
+        MeasuredFRF.from_frf(None, make(), response=0)
+    with pytest.raises(TypeError, match="notes is 'one'"):
+        MeasuredFRF(assembly=ASSEMBLY, frequency_hz=[1.0], receptance=[1.0], notes="one")

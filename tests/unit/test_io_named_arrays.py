@@ -1,0 +1,289 @@
+"""NPZ, MAT and HDF5: what this library writes, what others write, and files that break their readers."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from receptance import FRF, ReceptanceWarning
+from receptance.io import Coherence, FileFormatError, TimeSeries, isolated, read, read_all, read_frf, write
+
+LINES = np.array([10.0, 20.0, 30.0])
+NUMBERS = np.array([1 + 1j, 2 - 2j, 3 + 0.5j])
+FRF_VARIABLES = {"frequency_hz": "f", "values": "H"}
+
+
+def save(path: Path, arrays: dict[str, Any]) -> Path:
+    if path.suffix == ".npz":
+        np.savez(path, **arrays)
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, arrays)
+    else:
+        with h5py.File(path, "w") as file:
+            for name, value in arrays.items():
+                file[name] = value
+    return path
+
+
+@pytest.fixture(params=[".npz", ".mat", ".h5"])
+def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    return tmp_path / f"made{request.param}"
+
+
+def test_variables_of_other_programs(path: Path) -> None:
+    save(path, {"f": LINES[:, None], "H": NUMBERS, "coh": np.array([[0.9, 0.8, 0.7]]), "text": "hello"})
+    with pytest.raises(
+        FileFormatError, match=r"has to be said which of its variables is what.*H \((1x)?3 complex128\)|double"
+    ):
+        read(path)
+    with pytest.raises(FileFormatError, match="does not say in which unit its FRF is"):
+        read(path, variables=FRF_VARIABLES)
+    frf = read_frf(path, variables={**FRF_VARIABLES, "coherence": "coh"}, unit="g/N")
+    assert np.allclose(frf.values[:, 0, 0], NUMBERS * 9.80665)
+    assert frf.coherence is not None
+    assert frf.coherence.ravel().tolist() == [0.9, 0.8, 0.7]
+    alone = read(path, variables={"frequency_hz": "f", "coherence": "coh"})
+    assert isinstance(alone, Coherence)
+    with pytest.raises(FileFormatError, match="there are no numbers named 'G' for 'values'; the file holds"):
+        read(path, variables={"frequency_hz": "f", "values": "G"}, unit="g/N")
+    with pytest.raises(FileFormatError, match="variables names 'phase', expected some of"):
+        read(path, variables={**FRF_VARIABLES, "phase": "coh"}, unit="g/N")
+
+
+def test_parts_apart_and_matrices(path: Path) -> None:
+    cube = np.arange(12.0).reshape(3, 2, 2)
+    save(path, {"f": LINES, "re": NUMBERS.real, "im": NUMBERS.imag, "cube": cube, "square": cube[:, :, 0]})
+    apart = read_frf(path, variables={"frequency_hz": "f", "real": "re", "imaginary": "im"}, unit="m/N")
+    assert np.array_equal(apart.values[:, 0, 0], NUMBERS)
+    with pytest.warns(ReceptanceWarning, match="the values are real: without a phase"):
+        matrix = read_frf(path, variables={"frequency_hz": "f", "values": "cube"}, quantity="mobility", unit="SI")
+    assert np.array_equal(matrix.values.real, cube)
+    assert "the values are real" in matrix.notes[0]
+    with pytest.raises(FileFormatError, match="whether its columns are responses or excitations is not said"):
+        read(path, variables={"frequency_hz": "f", "values": "square"}, unit="m/N")
+    with pytest.raises(FileFormatError, match=r"has shape \(3, 2, 2\)|has shape"):
+        read(path, variables={"frequency_hz": "re", "values": "cube", "coherence": "square"}, unit="m/N")
+    with pytest.raises(FileFormatError, match="expected 'values', or 'real' and 'imaginary'"):
+        read(path, variables={"frequency_hz": "f", "real": "re"}, unit="m/N")
+
+
+def test_names_that_speak_for_themselves(path: Path) -> None:
+    """`np.savez("tip.npz", frequency_hz=..., values=...)` needs its unit and nothing else; MAT and HDF5 say it."""
+    save(path, {"frequency_hz": LINES, "values": NUMBERS})
+    options: dict[str, Any] = (
+        {} if path.suffix == ".npz" else {"variables": {"frequency_hz": "frequency_hz", "values": "values"}}
+    )
+    assert np.array_equal(read_frf(path, unit="m/N", **options).values[:, 0, 0], NUMBERS)
+
+
+def test_time_records_of_other_programs(path: Path) -> None:
+    save(
+        path,
+        {"t": np.arange(4) / 1000.0, "F": np.arange(4.0), "a": np.arange(4, dtype=np.int16), "short": np.arange(3.0)},
+    )
+    variables = {"time_s": "t", "hammer": "F", "tip": "a"}
+    series = read(path, variables=variables, unit={"hammer": "kN", "tip": "g"})
+    assert isinstance(series, TimeSeries)
+    assert series.values[3] == pytest.approx([3000.0, 3 * 9.80665])
+    assert series.sample_rate_hz == pytest.approx(1000.0)
+    fast = read(path, variables={"tip": "a"}, unit="g", sample_rate_hz=51200.0)
+    assert isinstance(fast, TimeSeries)
+    assert (fast.sample_rate_hz, fast.start_s) == (51200.0, 0.0)
+    for changed, options, message in (
+        ({**variables, "x": "short"}, {}, "different numbers of samples"),
+        (variables, {"unit": "N"}, "one unit, 'N', was given for 2 channels"),
+        (variables, {"unit": {"hammer": "N"}}, "in which unit channel 'tip' is"),
+        ({"tip": "a"}, {"unit": "g"}, "the sample rate is not said"),
+        ({"time_s": "t"}, {}, "variables names no channel"),
+        ({"time_s": "short", "tip": "a"}, {"unit": "g"}, "there are 3 times for 4 samples"),
+    ):
+        with pytest.raises(FileFormatError, match=message):
+            read(path, variables=changed, **options)
+
+
+def test_what_this_library_wrote_says_everything_itself(path: Path) -> None:
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS, form="mobility"))
+    assert read_frf(path, unit="m/s/N").form == "mobility"
+    for options in ({"unit": "m/N"}, {"quantity": "receptance"}, {"unit": "mm/s/N"}):
+        with pytest.raises(FileFormatError, match="the file says that it is a mobility in m/s/N, but"):
+            read(path, **options)
+    with pytest.raises(FileFormatError, match="columns was given, but the file is a"):
+        read(path, columns=["a"])
+
+
+def test_several_measurements_keep_their_order(path: Path) -> None:
+    things = [
+        TimeSeries(values=[1.0, 2.0], channels=["b"], units=["V"], sample_rate_hz=10.0),
+        *[FRF(frequency_hz=LINES, values=NUMBERS * k, label=str(k)) for k in range(1, 13)],
+        Coherence(frequency_hz=LINES, values=[0.1, 0.2, 0.3]),
+    ]
+    write(path, things)
+    assert [repr(thing) for thing in read_all(path)] == [repr(thing) for thing in things]
+
+
+def test_matlab_version_7_3(tmp_path: Path) -> None:
+    """An HDF5 file with a header before it, arrays the other way round, complex numbers as pairs."""
+    path = tmp_path / "v73.mat"
+    pair = np.zeros((1, 3), dtype=[("real", "f8"), ("imag", "f8")])
+    pair["real"], pair["imag"] = NUMBERS.real, NUMBERS.imag
+    cube = np.arange(12.0).reshape(3, 2, 2)
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in (("f", LINES[None, :]), ("H", pair), ("cube", cube.T)):
+            file.create_dataset(name, data=value).attrs["MATLAB_class"] = np.bytes_("double")
+    content = path.read_bytes()
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + content[512:])
+    frf = read_frf(path, variables=FRF_VARIABLES, unit="m/N")
+    assert np.array_equal(frf.values[:, 0, 0], NUMBERS)
+    with pytest.warns(ReceptanceWarning, match="the values are real"):
+        frf = read_frf(path, variables={"frequency_hz": "f", "values": "cube"}, unit="m/N")
+    assert np.array_equal(frf.values.real, cube)
+
+
+def test_older_mat_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "v4.mat"
+    scipy.io.savemat(path, {"f": LINES}, format="4")
+    with pytest.raises(
+        FileFormatError, match=r"v4.mat, byte 0: this is not a MAT file of version 5 to 7 \(save it with -v7\)"
+    ):
+        read(path)
+    (tmp_path / "a.h5").write_bytes(b"something else")
+    with pytest.raises(FileFormatError, match="does not begin like one"):
+        read(tmp_path / "a.h5")
+
+
+# Damage ----------------------------------------------------------------------------------------------------------
+
+
+def test_pickles_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, f=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(FileFormatError, match=r"a.npz, array 'f': .*(Python objects \(pickles\) are not read|header)"):
+        read(path)
+
+
+def npz_with(path: Path, content: bytes, *, compression: int = zipfile.ZIP_STORED) -> Path:
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        archive.writestr("f.npy", content)
+    return path
+
+
+def test_npz_sizes_are_checked_before_anything_is_made(tmp_path: Path) -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, LINES)
+    good = buffer.getvalue()
+    path = tmp_path / "a.npz"
+    for old, new, message in (
+        (b"(3,), ", b"(3, 99999999999), ", "takes .* bytes, there are 24"),
+        (b"(3,), ", b"(-3,), ", r"shape \(-3,\)"),
+        (b"'<f8'", b"'|O'", "Python objects"),
+        (b"'<f8'", b"'<M8[s]'", "expected numbers or text"),
+        (b"{'descr'", b"{'", "the header is damaged"),
+        (b"\x93NUMPY", b"\x92NUMPY", "the header is damaged"),
+    ):
+        header, _, data = good.partition(b"\n")
+        changed = header.replace(old, new)
+        changed = changed[: len(header)] if len(changed) > len(header) else changed.ljust(len(header))
+        with pytest.raises(FileFormatError, match=message):
+            read(npz_with(path, changed + b"\n" + data))
+    with pytest.raises(FileFormatError, match="there are 16"):
+        read(npz_with(path, good[:-8]))
+    with pytest.raises(FileFormatError, match="the compression 14 is none that NumPy writes"):
+        read(npz_with(path, good, compression=zipfile.ZIP_LZMA))
+    content = bytearray(npz_with(path, b"\0" * 2000, compression=zipfile.ZIP_DEFLATED).read_bytes())
+    at = content.rfind(b"PK\x01\x02")
+    content[at + 24 : at + 28] = (2**31).to_bytes(4, "little")
+    path.write_bytes(bytes(content))
+    with pytest.raises(FileFormatError, match="more than can be"):
+        read(path)
+    path.write_bytes(b"PK\x03\x04" + b"\0" * 50)
+    with pytest.raises(FileFormatError, match="not a whole NPZ file"):
+        read(path)
+
+
+def test_space_that_is_only_promised_is_not_allocated(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("f", shape=(10**9,), dtype="f8", chunks=(1000,))
+        file["H"] = NUMBERS
+        file["outside"] = h5py.ExternalLink("other.h5", "/f")
+        file["again"] = h5py.SoftLink("/H")
+    with pytest.raises(FileFormatError, match="'f' is said to take 8000000000 bytes, it has 0"):
+        read(path, variables=FRF_VARIABLES, unit="m/N")
+    with pytest.raises(FileFormatError, match="no numbers named 'outside'"):
+        read(path, variables={"frequency_hz": "outside", "values": "H"}, unit="m/N")
+
+
+def test_damaged_numbers_in_hdf5_are_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS))
+    content = bytearray(path.read_bytes())
+    at = bytes(content).find(NUMBERS.tobytes())
+    content[at + 5] ^= 1
+    path.write_bytes(bytes(content))
+    with pytest.raises(FileFormatError, match="this HDF5 file cannot be read"):
+        read(path)
+
+
+def test_a_dead_reader_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS))
+    assert read_frf(path).shape == (3, 1, 1)
+    reader = isolated._reader
+    assert reader is not None
+    os.kill(reader.process.pid, signal.SIGKILL)
+    reader.process.wait()
+    assert read_frf(path).shape == (3, 1, 1)
+    assert isolated._reader is not reader
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="limits of processor time need POSIX")
+def test_a_reader_that_runs_in_circles_or_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reader that does what scipy.io and libhdf5 do on some damaged files."""
+    worker = Path(isolated.__file__).with_name("_worker.py").read_text()
+    path = tmp_path / "a.mat"
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS))
+    for line, message in (
+        ("while True: pass", r"scipy.io was not done with it after 0\.3 s of processor time"),
+        ("import os; os.abort()", "a.mat: the file is damaged: scipy.io crashed on it"),
+        ("np.ones(10**13)", "MemoryError"),
+        ("sys.stdout.buffer.write(b'x' * 100); sys.stdout.flush()", "scipy.io crashed on it"),
+    ):
+        bad = tmp_path / "_worker.py"
+        bad.write_text(
+            worker.replace("    import scipy.io\n\n    try:\n", f"    import scipy.io\n    {line}\n    try:\n")
+        )
+        assert line in bad.read_text()
+        monkeypatch.setattr(isolated, "__file__", str(tmp_path / "isolated.py"))
+        isolated._at_exit()
+        with pytest.raises(FileFormatError, match=message):
+            read(path)
+        monkeypatch.undo()
+        isolated._at_exit()
+        assert read_frf(path).shape == (3, 1, 1)
+
+
+def test_reading_goes_on_in_a_forked_process(tmp_path: Path) -> None:
+    if not hasattr(os, "fork"):
+        pytest.skip("this system does not fork")
+    path = tmp_path / "a.mat"
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS))
+    read(path)
+    reader = isolated._reader
+    child = os.fork()
+    if child == 0:
+        try:
+            os._exit(0 if read_frf(path).shape == (3, 1, 1) else 1)
+        finally:
+            os._exit(2)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert isolated._reader is reader
+    assert read_frf(path).shape == (3, 1, 1)

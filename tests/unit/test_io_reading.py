@@ -1,0 +1,247 @@
+"""What reading and writing have in common: formats, options, errors, and the objects that are not FRFs."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+
+FREQUENCY = [10.0, 20.0]
+ONE = FRF(frequency_hz=FREQUENCY, values=[1 - 1j, 2 - 2j], form="mobility")
+HIT = TimeSeries(values=[[0.0, 1.0], [2.0, 3.0]], channels=["f", "a"], units=["N", "g"], sample_rate_hz=100.0)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat", ".h5", ".uff", ".csv", ".frf"])
+def test_the_contents_say_the_format(ending: str, tmp_path: Path) -> None:
+    """Whatever the name; only .frf has nothing in it by which it could be known."""
+    with_form = ONE.to("receptance") if ending == ".frf" else ONE
+    write(tmp_path / f"a{ending}", with_form)
+    for name in ("renamed.txt", "renamed", "renamed.csv"):
+        (tmp_path / name).write_bytes((tmp_path / f"a{ending}").read_bytes())
+        options: dict[str, Any] = {"format": "cutpro"} if ending == ".frf" else {}
+        if ending == ".csv" and name == "renamed":
+            options["format"] = "csv"
+        assert np.array_equal(read_frf(tmp_path / name, **options).values, with_form.values)
+
+
+def test_contents_without_a_format(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"\x7fELF something")
+    with pytest.raises(FileFormatError, match=r"^a: neither contents nor ending say .* give format=, one of uff"):
+        read(tmp_path / "a")
+    (tmp_path / "a").write_bytes(b"")
+    with pytest.raises(FileFormatError, match="the file is empty"):
+        read(tmp_path / "a")
+    with pytest.raises(ValueError, match="format is 'wav', expected one of uff, csv"):
+        read(tmp_path / "a", format="wav")
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / "missing.uff")
+    for format_ in ("uff", "npz", "mat", "hdf5", "cutpro", "dataphysics", "csv"):
+        (tmp_path / "a").write_bytes(b"\x7fELF something")
+        with pytest.raises(FileFormatError, match=r"^a"):
+            read(tmp_path / "a", format=format_)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"colour": 1}, TypeError, "read has no option 'colour'; the options are columns, "),
+        ({"quantity": "impedance"}, ValueError, "quantity is 'impedance', expected one of"),
+        ({"quantity": 1}, TypeError, "quantity is 1"),
+        ({"unit": "m/apple"}, ValueError, "what is 'apple'"),
+        ({"unit": 1.0}, TypeError, "unit is 1.0, expected a text, or a mapping"),
+        ({"unit": {"a": 1}}, TypeError, "the unit is 1, expected a text"),
+        ({"responses": "tip"}, TypeError, "expected a Coordinate"),
+        ({"variables": ["a"]}, TypeError, "expected a mapping such as"),
+        ({"columns": "a,b"}, TypeError, "columns is 'a,b', expected a list"),
+        ({"sample_rate_hz": -1.0}, ValueError, "sample_rate_hz is -1, expected more than zero"),
+    ],
+)
+def test_options_that_are_wrong(options: dict[str, Any], error: type[Exception], message: str, tmp_path: Path) -> None:
+    """They are mistakes of the call, not of the file."""
+    write(tmp_path / "a.csv", ONE)
+    with pytest.raises(error, match=message) as caught:
+        read(tmp_path / "a.csv", **options)
+    assert not isinstance(caught.value, FileFormatError)
+
+
+@pytest.mark.parametrize(
+    ("thing", "options", "message"),
+    [
+        (HIT, {"quantity": "mobility"}, "quantity was given, but there is no FRF in the file: it holds TimeSeries"),
+        (HIT, {"responses": Coordinate()}, "responses was given, but there is no FRF"),
+        (HIT, {"variables": {"a": "b"}}, "variables was given, but the file is a table with a header"),
+        (HIT, {"unit": {"a": "m"}}, r"channel 'a' is in 'm/s\^2', but unit='m' was given"),
+        (ONE, {"unit": "m/N"}, "the file says that it is a mobility in m/s/N, but"),
+        (ONE, {"unit": {"a": "m"}}, "unit names the channel 'a'; the channels of the file are none: it holds FRF"),
+        (HIT, {"unit": {"hamer": "N"}}, "unit names the channel 'hamer'; the channels of the file are 'f', 'a'"),
+        (HIT, {"coherence": "x.csv"}, "coherence was given, but there is no FRF in the file"),
+        (ONE, {"sample_rate_hz": 10.0}, "sample_rate_hz was given, but there is no time record in the file"),
+        (HIT, {"sample_rate_hz": 10.0}, r"the file has 100.0 samples per second, but sample_rate_hz=10.0 was given"),
+        (HIT, {"sample_rate_hz": 100.0}, None),
+        (ONE, {"unit": "SI", "quantity": "mobility"}, None),
+    ],
+)
+def test_options_that_say_nothing_of_the_file(
+    thing: Any, options: dict[str, Any], message: str | None, tmp_path: Path
+) -> None:
+    write(tmp_path / "a.csv", thing)
+    if message is None:
+        assert read(tmp_path / "a.csv", **options)
+        return
+    with pytest.raises(FileFormatError, match=message):
+        read(tmp_path / "a.csv", **options)
+
+
+def test_one_of_a_kind(tmp_path: Path) -> None:
+    write(tmp_path / "both.npz", [ONE, HIT])
+    assert read_frf(tmp_path / "both.npz").form == "mobility"
+    assert read_time_series(tmp_path / "both.npz").channels == ("f", "a")
+    with pytest.raises(FileFormatError, match=r"both.npz: the file holds 2 measurements \(0: FRF.*; 1: TimeSeries"):
+        read(tmp_path / "both.npz")
+    write(tmp_path / "two.npz", [ONE, ONE])
+    with pytest.raises(FileFormatError, match="there is more than one FRF in the file"):
+        read_frf(tmp_path / "two.npz")
+    with pytest.raises(FileFormatError, match="there is no time series in the file; it holds FRF"):
+        read_time_series(tmp_path / "two.npz")
+
+
+def test_places_are_given(tmp_path: Path) -> None:
+    tip = Coordinate("tool", 0.0)
+    for ending in (".uff", ".csv", ".npz"):
+        write(tmp_path / f"a{ending}", ONE)
+        frf = read_frf(tmp_path / f"a{ending}", responses=Coordinate("tool", 0.01), excitations=tip)
+        assert (frf.responses, frf.excitations) == ((Coordinate("tool", 0.01),), (tip,))
+
+
+def test_a_coherence_from_another_file(tmp_path: Path) -> None:
+    write(tmp_path / "frf.uff", ONE)
+    write(tmp_path / "coh.uff", Coherence(frequency_hz=FREQUENCY, values=[0.9, 0.8], labels=(["1:+2"], ["1:+2"])))
+    frf = read_frf(tmp_path / "frf.uff", coherence=tmp_path / "coh.uff")
+    assert frf.coherence is not None
+    assert frf.coherence.ravel() == pytest.approx([0.9, 0.8])
+    assert frf.notes == ("coherence of coh.uff",)
+    own = tmp_path / "own.npz"
+    write(own, frf)
+    with pytest.raises(FileFormatError, match="the file has a coherence of its own, but coherence="):
+        read_frf(own, coherence=tmp_path / "coh.uff")
+    write(tmp_path / "poor.csv", Coherence(frequency_hz=FREQUENCY, values=[0.1, 0.2]))
+    with pytest.warns(ReceptanceWarning, match="the median coherence is 0.15") as caught:
+        read_frf(tmp_path / "frf.uff", coherence=tmp_path / "poor.csv")
+    assert caught[0].filename == __file__
+    write(tmp_path / "other.csv", Coherence(frequency_hz=[1.0, 2.0], values=[0.1, 0.2]))
+    with pytest.raises(
+        FileFormatError, match=r"^other.csv: of the coherences in it none has the lines and points of FRF"
+    ):
+        read_frf(tmp_path / "frf.uff", coherence=tmp_path / "other.csv")
+    with pytest.raises(FileFormatError, match=r"^frf.uff: of the coherences in it none .* they are none"):
+        read_frf(tmp_path / "frf.uff", coherence=tmp_path / "frf.uff")
+
+
+def test_writing(tmp_path: Path) -> None:
+    for things, name, options, error, message in (
+        (ONE, "a.wav", {}, ValueError, "a.wav: the ending says no format, expected one of .uff"),
+        (ONE, "a.csv", {"binary": True}, ValueError, "binary is for universal files"),
+        ([], "a.uff", {}, ValueError, "there is nothing to write"),
+        ([1], "a.uff", {}, TypeError, "cannot write 1, expected an FRF"),
+        ([ONE, ONE], "a.csv", {}, ValueError, "holds one measurement, there are 2; write several files"),
+        (HIT, "a.txt", {"format": "dataphysics"}, ValueError, "holds an FRF, this is TimeSeries"),
+        (ONE, "no/folder.uff", {}, OSError, "there is no folder"),
+    ):
+        with pytest.raises(error, match=message):
+            write(tmp_path / name, things, **options)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+    write(tmp_path / "a.uff", ONE, binary=True)
+    assert b"    58b" in (tmp_path / "a.uff").read_bytes()
+    write(tmp_path / "a.bin", ONE, format="npz")
+    assert read_frf(tmp_path / "a.bin").form == "mobility"
+    write(str(tmp_path / "a.uff.gz"), ONE)
+    assert read_frf(str(tmp_path / "a.uff.gz")).form == "mobility"
+    assert read_all(tmp_path / "a.uff.gz")[0].source == "a.uff.gz (universal file (data set 58))"
+
+
+def test_errors_and_measurements_pickle() -> None:
+    error = FileFormatError("found x", file="a.uff", line=3, place="column 'y'")
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) == "a.uff, line 3, column 'y': found x"
+    assert (again.file, again.line, again.byte) == ("a.uff", 3, None)
+    assert isinstance(error, ValueError)
+    assert str(FileFormatError("found x", byte=7)) == "byte 7: found x"
+    series = pickle.loads(pickle.dumps(HIT))
+    assert np.array_equal(series.values, HIT.values)
+    assert series.units == HIT.units
+
+
+def test_time_series() -> None:
+    assert HIT.units == ("N", "m/s^2")
+    assert HIT.quantities == ("force", "acceleration")
+    assert HIT.time_s.tolist() == [0.0, 0.01]
+    assert (len(HIT), HIT.duration_s) == (2, 0.02)
+    assert HIT.channel("a").tolist() == HIT.channel(1).tolist() == [9.80665, 3 * 9.80665]
+    assert repr(HIT) == "TimeSeries(f [N], a [m/s^2]: 2 samples at 100 Hz)"
+    with pytest.raises(ValueError, match="there is no channel 'x'; the channels are f, a"):
+        HIT.channel("x")
+    with pytest.raises(ValueError, match="read-only"):
+        HIT.values[0, 0] = 1.0
+    many = TimeSeries(
+        values=np.zeros((1, 9)), channels=list("abcdefghi"), units=["V"] * 9, sample_rate_hz=1.0, label="run"
+    )
+    assert "'run', a [V], b [V], c [V], d [V], e [V], and 4 more: 1 samples" in repr(many)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"values": [[0.0, np.nan]]}, ValueError, "sample 0 of 'a' is nan"),
+        ({"values": [1j, 2.0]}, TypeError, "dtype complex128, expected real"),
+        ({"values": [[1.0], [1.0, 2.0]]}, ValueError, "rows of different lengths"),
+        ({"values": [1.0, 2.0]}, ValueError, r"shape \(2, 1\), expected \(n_samples, 2\)"),
+        ({"values": np.zeros((0, 2))}, ValueError, r"shape \(0, 2\)"),
+        ({"channels": ["a", "a"]}, ValueError, "names that differ"),
+        ({"channels": "ab"}, TypeError, "channels is 'ab', expected a list"),
+        ({"units": ["N"]}, ValueError, "there are 1 units for 2 channels"),
+        ({"units": ["N", 3]}, TypeError, "units holds 3"),
+        ({"sample_rate_hz": 0.0}, ValueError, "sample_rate_hz is 0"),
+        ({"start_s": "x"}, TypeError, "start_s is 'x'"),
+        ({"notes": "note"}, TypeError, "notes is 'note'"),
+        ({"values": [[1.0, 1e308]], "units": ["N", "g"]}, ValueError, "too large a number in SI"),
+    ],
+)
+def test_time_series_that_are_none(changes: dict[str, Any], error: type[Exception], message: str) -> None:
+    good: dict[str, Any] = {
+        "values": [[0.0, 1.0]],
+        "channels": ["f", "a"],
+        "units": ["N", "g"],
+        "sample_rate_hz": 100.0,
+    }
+    with pytest.raises(error, match=message), np.errstate(over="ignore"):
+        TimeSeries(**(good | changes))
+
+
+def test_coherences() -> None:
+    assert Coherence(frequency_hz=[0.0, 1.0], values=[1.00005, -0.00005]).values.ravel().tolist() == [1.0, 0.0]
+    for changes, message in (
+        ({"values": [0.5, 1.001]}, "the coherence is 1.001 at 2 Hz"),
+        ({"values": [0.5, np.nan]}, "the coherence is nan at 2 Hz"),
+        ({"values": [0.5]}, r"expected \(n,\) and \(n,\)"),
+        ({"frequency_hz": [2.0, 1.0]}, "must be finite, ascending and not negative"),
+        ({"labels": (["a", "b"], ["c"])}, "there are 2 and 1 labels"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Coherence(**({"frequency_hz": [1.0, 2.0], "values": [0.5, 0.5]} | changes))
+
+
+def test_importing_loads_numpy_and_scipy_only() -> None:
+    script = (
+        "import sys, receptance.io; found = {n.partition('.')[0] for n in sys.modules};"
+        "print(sorted(found & {'pint', 'h5py', 'pyuff', 'pandas', 'matplotlib', 'xarray'}), 'scipy.io' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", "False"]

@@ -1,0 +1,290 @@
+"""Tables with a header, CutPro's .frf and Data Physics' text: as people and other programs write them."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+
+EXPECTED = [1e-3 - 2e-3j, 3e-3 + 4e-3j]
+
+
+def text_file(tmp_path: Path, text: str, name: str = "made.csv", encoding: str = "utf-8") -> Path:
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "frequency [Hz],accelerance real [mm/s^2/N],accelerance imaginary [mm/s^2/N]\n10,1,-2\n20,3,4\n",
+        "Frequency (Hz);Inertance Re (mm/s²/N);Inertance Im (mm/s²/N)\r\n10,0;1,0;-2,0\r\n20,0;3,0;4,0\r\n",
+        "freq [kHz]\treal [mm/s^2/N]\timag [mm/s^2/N]\n1D-2\t1\t-2\n2E-2\t3.0\t4\n",
+        "# from the analyser\nfrequency,real accelerance,imag accelerance\nHz,mm/s^2/N,mm/s^2/N\n10,1,-2\n20,3,4\n\n",
+        '"frequency [Hz]","H real [mm/s^2/N]","H imaginary part [mm/s^2/N]"\n"10","1","-2"\n20,3,4\n',
+        "frequency [Hz],real [mm/s^2/N],imag [mm/s^2/N],\n10,1,-2,\n20,3,4,\n",
+        "frequency [Hz],real [mm/s^2/N],imag [mm/s^2/N],remark\n10,1,-2,0\n20,3,4,0\n",
+    ],
+    ids=["plain", "German", "tabs", "row of units", "quoted", "comma at the end", "other column"],
+)
+def test_tables_as_people_write_them(text: str, tmp_path: Path) -> None:
+    for encoding in ("utf-8", "utf-8-sig", "latin-1"):
+        frf = read_frf(text_file(tmp_path, text, encoding=encoding))
+        assert frf.frequency_hz.tolist() == [10.0, 20.0]
+        assert frf.form == "accelerance"
+        assert np.allclose(frf.values[:, 0, 0], EXPECTED, rtol=1e-15)
+        assert frf.notes == (("column 'remark' was not read",) if "remark" in text else ())
+
+
+def test_magnitude_and_phase_and_coherence_in_percent(tmp_path: Path) -> None:
+    text = "frequency [Hz],mobility magnitude [m/s/N],mobility phase [deg],coherence [%]\n10,2,90,99\n20,1,-180,98\n"
+    frf = read_frf(text_file(tmp_path, text))
+    assert np.allclose(frf.values[:, 0, 0], [2j, -1.0], atol=1e-15)
+    assert frf.coherence is not None
+    assert frf.coherence.ravel() == pytest.approx([0.99, 0.98])
+    alone = read(text_file(tmp_path, "f [Hz],coherence\n1,0.5\n2,0.75\n"))
+    assert isinstance(alone, Coherence)
+    assert alone.values.ravel().tolist() == [0.5, 0.75]
+
+
+def test_several_responses(tmp_path: Path) -> None:
+    names = [f"receptance {part} {point} [um/N]" for point in ("tip", "nose") for part in ("real", "imag")]
+    text = ",".join(["frequency [Hz]", *names]) + "\n10,1,2,3,4\n20,5,6,7,8\n"
+    frf = read_frf(text_file(tmp_path, text), responses=[Coordinate("tool", 0.0), Coordinate("holder", 0.0)])
+    assert frf.labels == (("tip", "nose"), ("",))
+    assert frf.select(responses="nose").values.ravel() == pytest.approx([3e-6 + 4e-6j, 7e-6 + 8e-6j])
+    with pytest.raises(FileFormatError, match="1 responses were given, the file has 2"):
+        read_frf(text_file(tmp_path, text), responses=Coordinate("tool", 0.0))
+    with pytest.raises(FileFormatError, match="what the file has there is a translation"):
+        read_frf(text_file(tmp_path, text), responses=[Coordinate("tool"), Coordinate("holder", 0.0, "theta")])
+
+
+def test_time_records(tmp_path: Path) -> None:
+    text = "time [ms],hammer [lbf],tip (g),count\n0,1,2,3\n0.5,4,5,6\n1,7,8,9\n"
+    series = read_time_series(text_file(tmp_path, text), unit={"count": "V"})
+    assert series.channels == ("hammer", "tip", "count")
+    assert series.units == ("N", "m/s^2", "V")
+    assert series.quantities == ("force", "acceleration", "")
+    assert series.sample_rate_hz == pytest.approx(2000.0)
+    assert series.values[0] == pytest.approx([4.4482216152605, 2 * 9.80665, 3.0])
+    with pytest.raises(FileFormatError, match=r"line 1: column 'count' says no unit; write count \[N\], say, or give"):
+        read(text_file(tmp_path, text))
+    replaced = read_time_series(text_file(tmp_path, text), unit={"count": "V", "tip": "m/s^2"})
+    assert replaced.channel("tip").tolist() == [2.0, 5.0, 8.0]
+    assert "tip: the unit in the file, 'g', was overruled by 'm/s^2'" in replaced.notes
+
+
+def test_f_and_t_behind_the_first_column_are_channels(tmp_path: Path) -> None:
+    series = read_time_series(text_file(tmp_path, "t [s],f [N],T [V]\n0,1,2\n1,3,4\n"))
+    assert (series.channels, series.quantities) == (("f", "T"), ("force", ""))
+
+
+WRONG = [
+    ("", "the file is empty"),
+    ("10,1,2\n20,3,4\n", r"line 1: this line holds numbers, expected a header .* columns=\[\.\.\.\]"),
+    ("a,b\n1,2\n", "line 1: the columns are 'a', 'b'; expected one named frequency or time"),
+    ("words only\n", "line 1: found 'words only', expected columns between"),
+    ("frequency [Hz],real [m/N],imag [m/N]\n", "line 1: there are no rows of numbers"),
+    ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,x,3\n", "line 3: column 'real' is 'x', expected a number"),
+    (
+        "frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,nan,3\n",
+        "line 3: column 'real' is nan, expected a finite number",
+    ),
+    ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n\n2,3\n", "line 4: there are 2 columns, the header has 3"),
+    ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n1,2,3\n", "line 3: the frequency is 1 Hz after 1 Hz"),
+    ("frequency [Hz],real [m/N],imag [m/N]\n-1,2,3\n", "line 2: the frequency is -1 Hz"),
+    ("frequency,real [m/N],imag [m/N]\n1,2,3\n", "line 1: column 'frequency' says no unit"),
+    ("frequency [s],real [m/N],imag [m/N]\n1,2,3\n", "column 'frequency' is in 's', expected Hz"),
+    (
+        "frequency [Hz],real,imag\n1,2,3\n",
+        r"line 1: column 'real' says no unit, such as real \[m/s\^2/N\]; give it: unit=",
+    ),
+    ("frequency [Hz],real [m/N],imag [mm/N]\n1,2,3\n", "the real part is in 'm/N', the imaginary part in 'mm/N'"),
+    (
+        "frequency [Hz],mobility real [m/N],mobility imag [m/N]\n1,2,3\n",
+        "the file contradicts itself: it is said to be a mobility",
+    ),
+    ("frequency [Hz],real [m/N]\n1,2\n", "found 'real', expected a real and an imaginary part"),
+    (
+        "frequency [Hz],real [m/N],phase [deg]\n1,2,3\n",
+        "expected a real and an imaginary part, or a magnitude and a phase",
+    ),
+    ("frequency [Hz],real [m/N],real [m/N]\n1,2,3\n", "there are two columns 'real'; add which response they are"),
+    ("frequency [Hz],magnitude [dB],phase [deg]\n1,2,3\n", "a level in dB"),
+    ("frequency [Hz],magnitude [m/N],phase\n1,2,3\n", r"column 'phase' says no unit, expected phase \[rad\]"),
+    ("frequency [Hz],remark\n1,2\n", "no column is an FRF or a coherence"),
+    ("frequency [Hz],coherence\n1,1.3\n", "the coherence is 1.3 at 1 Hz"),
+    (
+        "time [s],a [N]\n0,1\n1,2\n3,4\n",
+        "the samples are not evenly spaced in time: sample 2 is at 1 s, expected 1.5 s",
+    ),
+    ("time [s],a [N]\n0,1\n", "there is one sample and no sample rate"),
+    ("time [s]\t\n0\t\n", "there is a time column and no other"),
+    ('frequency [Hz],real [m/N],imag [m/N]\n1,"2,3\n', "line 2: this row cannot be split into columns"),
+    ('# receptance: {"receptance": 1}\nfrequency [Hz],coherence\n1,1\n', "line 1: 'about' says it is 1"),
+    (
+        '# receptance: {"receptance": "frf", "version": 9}\nfrequency [Hz],coherence\n1,1\n',
+        "a later receptance wrote it",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), WRONG, ids=range(len(WRONG)))
+def test_mistakes_are_named(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=message) as caught:
+        read(text_file(tmp_path, text), format="csv")
+    assert str(caught.value).startswith("made.csv")
+
+
+def test_the_header_may_be_given(tmp_path: Path) -> None:
+    columns = ["frequency [Hz]", "mobility real [m/s/N]", "mobility imag [m/s/N]"]
+    frf = read_frf(text_file(tmp_path, "10,1,2\n20,3,4\n"), columns=columns)
+    assert (frf.form, frf.values.ravel().tolist()) == ("mobility", [1 + 2j, 3 + 4j])
+    replaced = read_frf(text_file(tmp_path, "F,X,Y\n10,1,2\n20,3,4\n"), columns=columns)
+    assert replaced.values.ravel().tolist() == [1 + 2j, 3 + 4j]
+
+
+def test_a_changed_header_of_this_library_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    write(path, FRF(frequency_hz=[1.0], values=[1.0], form="mobility"))
+    path.write_text(path.read_text().replace("[m/s/N]", "[mm/s/N]"))
+    with pytest.raises(FileFormatError, match="leave out that line if the header is right"):
+        read(path)
+    path.write_text("\n".join(path.read_text().splitlines()[1:]))
+    assert read_frf(path).values.ravel().tolist() == [1e-3]
+
+
+# CutPro ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "10\t1e-3\t-2e-3\ttip of the tool\n20\t3e-3\t4e-3\n",
+        "  10.0   1.0D-3 -2.0E-03   tip of the tool\r\n\r\n  20.0   3.0D-3  4.0E-03\r\n",
+    ],
+)
+def test_cutpro(text: str, tmp_path: Path) -> None:
+    frf = read_frf(text_file(tmp_path, text, "a.frf"))
+    assert np.allclose(frf.values[:, 0, 0], EXPECTED, rtol=1e-15)
+    assert (frf.unit, frf.label) == ("m/N", "tip of the tool")
+    with pytest.raises(FileFormatError, match="in the file the unit is 'm/N', that of a receptance; to overrule"):
+        read(text_file(tmp_path, text, "a.frf"), unit="m/s^2/N")
+    other = read_frf(text_file(tmp_path, text, "a.frf"), unit="mm/N")
+    assert np.allclose(other.values[:, 0, 0], np.array(EXPECTED) * 1e-3, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("10 1\n", "line 1: there are 2 columns, expected frequency, real part, imaginary part"),
+        ("10 1 2 label\n20 1 2 3\n", "line 2: there are 4 columns"),
+        ("10 1 2\n20 1 x\n", "line 2: the imaginary part is 'x', expected a number"),
+        ("10 1 2\n20 inf 1\n", "line 2: the numbers are not all finite"),
+        ("10 1 2\n\n5 1 2\n", "line 3: the frequency is 5 Hz after 10 Hz"),
+        ("f re im\n10 1 2\n", "line 1: the frequency is 'f', expected a number"),
+        ("\n \n", "there are no rows"),
+    ],
+)
+def test_mistakes_in_cutpro(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=message):
+        read(text_file(tmp_path, text, "a.frf"))
+
+
+def test_cutpro_holds_receptances(tmp_path: Path) -> None:
+    frf = FRF(frequency_hz=[0.0, 10.0, 20.0], values=[0.0, 1.0, 2.0 - 1j], form="accelerance", label="a\tb")
+    with pytest.warns(ReceptanceWarning, match="it is written as a receptance"):
+        write(tmp_path / "a.frf", frf)
+    back = read_frf(tmp_path / "a.frf")
+    assert np.array_equal(back.values, frf.to("receptance").values)
+    assert back.label == "a b"
+    wide = FRF(frequency_hz=[1.0], values=np.ones((1, 2, 1)))
+    with pytest.raises(ValueError, match="has 2 and 1; select one"):
+        write(tmp_path / "b.frf", wide)
+    with pytest.raises(ValueError, match="this FRF is in rad/N"):
+        write(tmp_path / "b.frf", FRF(frequency_hz=[1.0], values=[1.0], responses="theta"))
+    with pytest.warns(ReceptanceWarning, match="decay_rate"):
+        write(tmp_path / "b.frf", FRF(frequency_hz=[1.0], values=[1.0], decay_rate=3.0))
+    series = TimeSeries(values=[1.0, 2.0], channels=["a"], units=["N"], sample_rate_hz=1.0)
+    with pytest.raises(ValueError, match="holds an FRF, this is TimeSeries"):
+        write(tmp_path / "b.frf", series)
+
+
+# Data Physics ----------------------------------------------------------------------------------------------------
+
+
+def export(tmp_path: Path, changes: dict[int, str] | None = None) -> Path:
+    lines = ["Units: Ratio", "Ref Chan:Resp Chan\t1-Z:2-X", "Channel Name\t : ", "Channel Comment\t : ", ""]
+    lines += ["Frequency\t Real\t Imaginary", "", "Units:", "Hz\t(g²)(lbf)\t ".replace("g²", "m/s²")]
+    lines += ["0.0000000000000e+000\t      -0.1504349\t               0", "1.9531250000000e-002\t 0.5\t 1.5e-001"]
+    for number, text in (changes or {}).items():
+        lines[number - 1] = text
+    path = tmp_path / "export.txt"
+    path.write_bytes("\r\n".join([*lines, ""]).encode("latin-1"))
+    return path
+
+
+def test_data_physics(tmp_path: Path) -> None:
+    path = export(tmp_path)
+    frf = read_frf(path)
+    assert frf.frequency_hz.tolist() == [0.0, 0.01953125]
+    assert frf.values.ravel() == pytest.approx(np.array([-0.1504349, 0.5 + 0.15j]) / 4.4482216152605)
+    assert (frf.unit, frf.labels) == ("m/s^2/N", (("2-X",), ("1-Z",)))
+    packed = tmp_path / "export.txt.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    assert np.array_equal(read_frf(packed).values, frf.values)
+    packed.write_bytes(gzip.compress(path.read_bytes())[:-20])
+    with pytest.raises(FileFormatError, match="the gzip compression cannot be undone: it is cut off"):
+        read(packed)
+    packed.write_bytes(packed.read_bytes()[:40] + b"\xff" * 30)
+    with pytest.raises(FileFormatError, match="the gzip compression"):
+        read(packed)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({1: "Units: Mag dB"}, "line 1: the units are 'Mag dB'; only a ratio"),
+        ({6: "Frequency\t Magnitude\t Phase"}, "line 6: the columns are Frequency, Magnitude, Phase, expected"),
+        ({9: "rpm\t(g)(N)"}, "line 9: the frequency is in 'rpm', expected Hz"),
+        ({9: "Hz\t"}, "line 9: the file does not say in which unit its FRF is"),
+        ({9: "Hz\t(apples)(N)"}, "line 9: '\\(apples\\)/\\(N\\)' is not understood"),
+        ({9: "Hz\t(N)(N)"}, "line 9: '\\(N\\)/\\(N\\)' is not the unit of a receptance"),
+        ({11: "1.9531250000000e-002\t 0.5"}, "line 11: there are 2 columns"),
+        ({11: "1.9531250000000e-002\t 0.5\t zero"}, "line 11: the imaginary part is 'zero'"),
+        ({11: "0\t 0.5\t 1"}, "line 11: the frequency is 0 Hz after 0 Hz"),
+    ],
+)
+def test_mistakes_in_data_physics(changes: dict[int, str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=message):
+        read(export(tmp_path, changes))
+
+
+def test_data_physics_unit_may_be_given(tmp_path: Path) -> None:
+    frf = read_frf(export(tmp_path, {9: "Hz\t(apples)(N)"}), unit="g/N")
+    assert frf.values[1, 0, 0] == pytest.approx((0.5 + 0.15j) * 9.80665)
+
+
+def test_data_physics_written(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    for response, excitation, form in (
+        ("y", "y", "accelerance"),
+        ("theta", "theta", "mobility"),
+        ("theta", "y", "receptance"),
+    ):
+        numbers: Any = rng.normal(size=5) + 1j * rng.normal(size=5)
+        frf = FRF(frequency_hz=np.arange(5) / 3, values=numbers, form=form, responses=response, excitations=excitation)
+        frf = frf.with_(labels=(["2-X"], ["1-Z"]), label="nose")
+        write(tmp_path / "a.txt", frf, format="dataphysics")
+        (back,) = read_all(tmp_path / "a.txt")
+        assert isinstance(back, FRF)
+        assert np.array_equal(back.values, frf.values)
+        assert np.array_equal(back.frequency_hz, frf.frequency_hz)
+        assert (back.unit, back.labels, back.label) == (frf.unit, frf.labels, "nose")

@@ -1,0 +1,493 @@
+"""Universal files made up for the purpose: what others write, what is damaged, and where the error says it is."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance.frf import Unplaced
+from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+from receptance.io.uff.sets import Function, data_sets
+
+SI = ["    -1", "   164", f"         1{'SI':<20}         2", f"{1.0:25.17E}" * 3, f"{0.0:25.17E}", "    -1"]
+MM = [
+    "    -1",
+    "   164",
+    f"         5{'mm':<20}         2",
+    f"{1e3:25.17E}{1.0:25.17E}{1.0:25.17E}",
+    f"{0.0:25.17E}",
+    "    -1",
+]
+BODY = ["  1.00000E+00 -1.00000E+00  2.00000E+00 -2.00000E+00"]
+
+
+def data_set(
+    body: list[str] | bytes = BODY,
+    *,
+    function: int = 4,
+    response: tuple[int, int] = (1, 2),
+    reference: tuple[int, int] = (2, 2),
+    ordinate: int = 5,
+    count: int = 2,
+    even: int = 1,
+    axes: tuple[tuple[int, str, str], ...] = ((18, "", ""), (12, "", ""), (13, "", "")),
+    identity: str = "    58",
+    texts: tuple[str, ...] = ("NONE",) * 5,
+    step: str = "1.00000E+00",
+) -> bytes:
+    """Return one data set 58; by default a complex single-precision accelerance on two lines."""
+    ends = "".join(f" {'NONE':<10}{node:10d}{direction:4d}" for node, direction in (response, reference))
+    lines = [
+        "    -1",
+        identity,
+        *texts,
+        f"{function:5d}{0:10d}{0:5d}{0:10d}{ends}",
+        f"{ordinate:10d}{count:10d}{even:10d}  1.00000E+00{step:>13}  0.00000E+00",
+        *(f"{kind:10d}    0    0    0 {label or 'NONE':<20} {unit or 'NONE':<20}" for kind, label, unit in axes),
+        "         0    0    0    0 NONE                 NONE",
+    ]
+    data = body if isinstance(body, bytes) else ("\n".join(body) + "\n").encode()
+    return "\n".join(lines).encode() + b"\n" + data + b"    -1\n"
+
+
+def file(tmp_path: Path, *parts: bytes | list[str], name: str = "made.uff") -> Path:
+    path = tmp_path / name
+    path.write_bytes(b"".join(part if isinstance(part, bytes) else ("\n".join(part) + "\n").encode() for part in parts))
+    return path
+
+
+def values(thing: Any) -> list[complex]:
+    assert isinstance(thing, FRF)
+    found: list[complex] = thing.values[:, 0, 0].tolist()
+    return found
+
+
+def test_plain(tmp_path: Path) -> None:
+    frf = read_frf(file(tmp_path, SI, data_set(texts=("hit 3", "NONE", "NONE", "NONE", "NONE"))))
+    assert values(frf) == [1 - 1j, 2 - 2j]
+    assert frf.frequency_hz.tolist() == [1.0, 2.0]
+    assert (frf.unit, frf.label, frf.labels) == ("m/s^2/N", "hit 3", (("1:+2",), ("2:+2",)))
+    assert frf.source == "made.uff (universal file (data set 58))"
+    assert frf.responses == (Unplaced("y"),)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        ["  1.00000D+00 -1.00000D+00  2.00000d+00 -2.00000E+00"],
+        [" 1.00000E+000-1.00000E+000 2.00000E+000-2.00000E+000"],
+        ["  1.00000E+00 -1.00000E+00", "  2.00000E+00 -2.00000E+00"],
+        ["  1.00000E+00 -1.00000E+00  2.00000E+00 -2.00000E+00  0.00000E+00  0.00000E+00"],
+        ["            1           -1            2           -2" + " " * 28],
+        ["  1.00000E+00\t-1.0", "2.0 -2.0"],
+    ],
+    ids=["D exponents", "no blanks", "short lines", "padded", "integers", "separated"],
+)
+def test_numbers_as_others_write_them(body: list[str], tmp_path: Path) -> None:
+    assert values(read(file(tmp_path, SI, data_set(body)))) == [1 - 1j, 2 - 2j]
+
+
+def test_numbers_in_other_columns_are_noted(tmp_path: Path) -> None:
+    frf = read_frf(file(tmp_path, SI, data_set(["1.0 -1.0", "2.0 -2.0"])))
+    assert values(frf) == [1 - 1j, 2 - 2j]
+    assert "not in the columns of the format" in frf.notes[0]
+
+
+def test_values_that_look_like_the_end(tmp_path: Path) -> None:
+    """The number of values is known, so that nothing in between ends the data set."""
+    body = [
+        "-1.00000E+00 -1.00000E+00 -1.00000E+00 -1.00000E+00 -1.00000E+00 -1.00000E+00",
+        "           -1            5",
+    ]
+    assert values(read(file(tmp_path, SI, data_set(body, count=4)))) == [-1 - 1j, -1 - 1j, -1 - 1j, -1 + 5j]
+    binary = struct.pack("<2d", struct.unpack("<d", b"\n    -1\n")[0], 1.5)
+    identity = f"    58b     1     2          11{len(binary):12d}     0     0           0           0"
+    found = read(file(tmp_path, SI, data_set(binary, ordinate=6, count=1, identity=identity)))
+    assert values(found) == [complex(*struct.unpack("<2d", binary))]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_line_ends_and_padding(end: str, tmp_path: Path) -> None:
+    text = file(tmp_path, SI, data_set()).read_text()
+    padded = end.join(f"{line:<80}" for line in text.splitlines()) + end
+    assert values(read(file(tmp_path, padded.encode()))) == [1 - 1j, 2 - 2j]
+
+
+def test_last_delimiter_may_be_missing(tmp_path: Path) -> None:
+    frf = read_frf(file(tmp_path, SI, data_set().removesuffix(b"    -1\n")))
+    assert values(frf) == [1 - 1j, 2 - 2j]
+    assert frf.notes == ("the file ends without the -1 that closes the data set",)
+
+
+@pytest.mark.parametrize(
+    ("layout", "ordinate", "even", "note"),
+    [
+        ("<ff", 5, 1, ""),
+        (">ff", 5, 1, ""),
+        ("<fff", 5, 0, ""),
+        ("<dd", 6, 1, ""),
+        (">fdd", 6, 0, ""),
+        ("<ddd", 6, 0, ""),
+        ("<fd", 4, 0, "real"),
+        ("<d", 4, 1, "real"),
+    ],
+)
+@pytest.mark.parametrize("after", [b"", b"\r\n"])
+def test_binary_layouts(layout: str, ordinate: int, even: int, note: str, after: bytes, tmp_path: Path) -> None:
+    """By the standard an uneven abscissa is single precision; pyuff writes doubles, which the length shows."""
+    numbers = {2: (0.5, 1.0), 3: (4.0, 0.5, 1.0), 1: (0.5,)}[len(layout) - 1]
+    body = b"".join(struct.pack(layout, *(k + n for n in numbers)) for k in (0, 1))
+    identity = (
+        f"    58b{1 if layout[0] == '<' else 2:6d}     2          11{len(body):12d}     0     0           0           0"
+    )
+    path = file(tmp_path, SI, data_set(body + after, ordinate=ordinate, even=even, identity=identity))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore" if note else "error", ReceptanceWarning)
+        frf = read_frf(path)
+    assert frf.frequency_hz.tolist() == (
+        [1.0, 2.0] if even else [4.0 if len(numbers) == 3 else 0.5, 5.0 if len(numbers) == 3 else 1.5]
+    )
+    assert frf.values.real.ravel().tolist() == ([0.5, 1.5] if len(numbers) != 2 or ordinate > 4 else [1.0, 2.0])
+    assert bool(frf.notes) == bool(note)
+
+
+def test_a_wrong_number_of_bytes_is_noted(tmp_path: Path) -> None:
+    """Such as pyuff 2.5.8 declares for complex data."""
+    body = struct.pack("<4f", 1.0, -1.0, 2.0, -2.0)
+    frf = read_frf(file(tmp_path, SI, data_set(body, identity="    58b     1     2          11           8")))
+    assert values(frf) == [1 - 1j, 2 - 2j]
+    assert frf.notes == (
+        "8 binary bytes are declared, 2 complex single-precision values with even spacing take 16; these were read",
+    )
+
+
+def test_units_by_labels_by_164_and_given(tmp_path: Path) -> None:
+    labelled = ((18, "", "Hz"), (12, "", "g"), (13, "", "lbf"))
+    g_per_lbf = 9.80665 / 4.4482216152605
+    assert values(read(file(tmp_path, data_set(axes=labelled)))) == pytest.approx(
+        [(1 - 1j) * g_per_lbf, (2 - 2j) * g_per_lbf]
+    )
+    assert values(read(file(tmp_path, MM, data_set()))) == pytest.approx([(1 - 1j) * 1e-3, (2 - 2j) * 1e-3])
+    rotation = {"response": (1, 6), "reference": (2, -5)}
+    assert read_frf(file(tmp_path, MM, data_set(**rotation))).unit == "rad/s^2/(N m)"
+    assert values(read(file(tmp_path, MM, data_set(**rotation))))[0] == pytest.approx((1 - 1j) * 1e3), "per N mm"
+    theta = Coordinate("tool", 0.0, "theta")
+    turned = read_frf(
+        file(tmp_path, data_set()), unit="rad/s^2/(N m)", quantity="accelerance", responses=theta, excitations=theta
+    )
+    assert "the directions are those of a translation per force" in turned.notes[0]
+    overruled = read_frf(file(tmp_path, MM, data_set()), unit="m/s^2/N")
+    assert values(overruled) == [1 - 1j, 2 - 2j]
+    assert "was overruled" in overruled.notes[0]
+    for abscissa in ((18, "", "cycles per second"), (0, "", "Hertz")):
+        assert read_frf(file(tmp_path, data_set(axes=(abscissa, *labelled[1:])))).shape == (2, 1, 1)
+    whole = ((18, "", "Hz"), (0, "Inertance", "(m/s²)/N"), (0, "", ""))
+    assert read_frf(file(tmp_path, data_set(axes=whole))).form == "accelerance"
+
+
+@pytest.mark.parametrize(
+    ("axes", "system", "options", "message"),
+    [
+        (((18, "", ""), (12, "", ""), (13, "", "")), [], {}, "neither a data set 164 nor axis labels"),
+        (((18, "", ""), (12, "", "g"), (13, "", "")), [], {}, "neither a data set 164 nor axis labels"),
+        (((18, "", ""), (12, "", "m/s"), (13, "", "N")), [], {}, "the file contradicts itself"),
+        (((18, "", ""), (12, "", "g"), (13, "", "N")), SI, {}, "by its labels .* by data set 164"),
+        (((18, "", ""), (0, "", ""), (13, "", "")), SI, {}, "give quantity= and unit="),
+        (((18, "", ""), (12, "", "bananas"), (13, "", "N")), [], {}, r"what is 'bananas'\?"),
+        (((18, "", ""), (12, "", "dB"), (13, "", "N")), [], {}, "a level in dB"),
+        (((18, "", ""), (15, "", "Pa"), (13, "", "N")), [], {}, "'\\(Pa\\)/\\(N\\)' is not the unit of a receptance"),
+        (((18, "", ""), (13, "", "N"), (12, "", "g")), [], {}, "numerator of the FRF is a force"),
+        (((18, "", ""), (12, "", "g"), (12, "", "g")), [], {}, "denominator of the FRF is a acceleration|transmissib"),
+        (((17, "", ""), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's specific data type is 17, expected 18"),
+        (((0, "", "rpm"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's unit"),
+        (((0, "", ""), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's specific data type is 0, expected 18"),
+        (((18, "", "kHz"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa is in 'kHz', expected Hz"),
+        (((18, "", ""), (12, "", ""), (13, "", "")), [], {"unit": "m/N"}, "to overrule the file give quantity="),
+        (
+            ((18, "", ""), (12, "", ""), (13, "", "")),
+            [],
+            {"unit": "rad/s^2/N", "quantity": "accelerance"},
+            "directions are those of a translation per force; give unit='SI' where all of the file is in SI",
+        ),
+        (((18, "", ""), (12, "", ""), (13, "", "")), [], {"unit": "m/N", "quantity": "mobility"}, "belong together"),
+    ],
+)
+def test_units_that_are_missing_or_contradict(
+    axes: Any, system: list[str], options: Any, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(FileFormatError, match=message) as caught:
+        read(file(tmp_path, system, data_set(axes=axes)) if system else file(tmp_path, data_set(axes=axes)), **options)
+    assert caught.value.line == (8 if system else 2)
+    assert str(caught.value).startswith("made.uff, line ")
+
+
+REPLACED = [
+    (2, "   5x", "made.uff, line 2: the number of the data set is '5x'"),
+    (2, "    -1", "line 2: found -1, expected the number of a data set"),
+    (2, "    58c", "line 2: found '    58c', expected 58, or 58b"),
+    (8, "   x4" + " " * 70, "line 8: the function type is 'x4'"),
+    (
+        8,
+        f"    4{0:10d}{0:5d}{0:10d} NONE      {1:10d}   9 NONE      {1:10d}   2",
+        "line 8: the response's direction is 9",
+    ),
+    (9, f"{3:10d}{2:10d}{1:10d}", "line 9: the ordinate data type is 3"),
+    (9, f"{5:10d}{0:10d}{1:10d}", "line 9: the number of values is 0"),
+    (9, f"{5:10d}{-4:10d}{1:10d}", "line 9: the number of values is -4"),
+    (9, f"{5:10d}{2:10d}{7:10d}", "line 9: the abscissa spacing is 7"),
+    (9, f"{5:10d}{2:10d}{1:10d}  1.00000E+00  0.00000E+00", "line 9: the abscissa increment is 0"),
+    (9, f"{5:10d}{2:10d}{1:10d}        1e999  1.00000E+00", "line 9: the abscissa minimum is '1e999'"),
+    (
+        9,
+        f"{5:10d}{3:10d}{1:10d}  1.00000E+00  1.00000E+00",
+        "line 15: the data set ends after 4 of the 6 numbers .* line 9",
+    ),
+    (9, f"{5:10d}{1:10d}{1:10d}  1.00000E+00  1.00000E+00", None),
+    (10, "        18    x", "line 10: the abscissa's length exponent is 'x'"),
+    (14, "  1.00000E+00 -1.00000E+00  2.0000xE+00 -2.00000E+00", "line 14: number 3 of 4 is '2.0000xE\\+00'"),
+    (14, "  1.00000E+00          NaN  2.00000E+00 -2.00000E+00", "line 14: number 2 of 4 is 'NaN'"),
+    (14, "  1.00000E+00 -1.0E+00 3    2.00000E+00 -2.00000E+00", "line 14: number 2 of 4 is '-1.0E\\+00 3'"),
+    (15, "something", "line 15: found 'something' after 2 complex single-precision values"),
+    (5, "    -1", "line 5: the data set ends here, expected record 3 of the 11 before the data"),
+]
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "message"), REPLACED, ids=[f"{line}-{k}" for k, (line, _, _) in enumerate(REPLACED)]
+)
+def test_damaged_lines_are_named(line: int, text: str, message: str | None, tmp_path: Path) -> None:
+    lines = data_set(axes=((18, "", ""), (12, "", "g"), (13, "", "N"))).decode().splitlines()
+    lines[line - 1] = text
+    path = file(tmp_path, lines)
+    if message is None:
+        assert len(values(read(path))) == 1, "what is behind the values on the last line is padding"
+        return
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("identity", "body", "message"),
+    [
+        ("    58b     3     2          11          16", b"\0" * 16, "line 8: the byte order is 3"),
+        (
+            "    58b     1     1          11          16",
+            b"\0" * 16,
+            "line 8: the floating-point format is 1 \\(DEC VMS\\)",
+        ),
+        ("    58b     1     3          11          16", b"\0" * 16, "\\(IBM 370\\)"),
+        ("    58b     1     2          12          16", b"\0" * 16, "line 8: the number of header lines is 12"),
+        (
+            "    58b     1     2          11          16",
+            b"\0" * 20,
+            "byte \\d+: binary data begin here; 2 complex .* take 16 bytes",
+        ),
+        (
+            "    58b     1     2          11          16",
+            struct.pack("<4f", 1, np.nan, 1, 1),
+            "byte \\d+: value 1 of 2 is",
+        ),
+    ],
+)
+def test_damaged_binary_data(identity: str, body: bytes, message: str, tmp_path: Path) -> None:
+    path = file(tmp_path, SI, data_set(body, identity=identity))
+    with pytest.raises(FileFormatError, match=message) as caught:
+        read(path)
+    if caught.value.byte is not None:
+        assert path.read_bytes()[caught.value.byte :].startswith(body[:1])
+
+
+def test_damaged_data_set_164(tmp_path: Path) -> None:
+    for number, line, message in (
+        (3, f"{'x':>25}", "line 4: factor 1 of the units is 'x'"),
+        (3, f"{0.0:25.17E}" * 3, "line 3: the factors of length and force are 0 and 0"),
+        (4, "    -1", None),
+        (3, "    -1", "line 4: data set 164 ends after 0 factors"),
+    ):
+        lines = list(SI)
+        lines[number] = line
+        if message is None:
+            assert values(read(file(tmp_path, lines[:5], data_set())))
+            continue
+        with pytest.raises(FileFormatError, match=message):
+            read(file(tmp_path, lines, data_set()))
+
+
+def test_labels_with_signs_beyond_ascii(tmp_path: Path) -> None:
+    """Columns counted in characters (Python) or in bytes (others); Latin-1 or UTF-8."""
+    axes = ((18, "", ""), (0, "Größe", "(m/s²)/N"), (0, "", ""))
+    for data in (data_set(axes=axes), data_set(axes=axes).decode().encode("latin-1")):
+        assert read_frf(file(tmp_path, data)).form == "accelerance"
+    in_bytes = data_set(axes=axes).decode().replace("Größe" + " " * 16, "Größe" + " " * 14).encode()
+    assert read_frf(file(tmp_path, in_bytes)).form == "accelerance"
+
+
+def test_matrices_coherences_and_what_is_left_over(tmp_path: Path) -> None:
+    coherence = {"function": 6, "ordinate": 2, "axes": ((18, "", ""), (0, "", ""), (0, "", ""))}
+    share = ["  9.00000E-01  8.00000E-01"]
+    parts = [data_set(response=(row, 2), reference=(column, 2)) for row in (1, 2) for column in (1, 3)]
+    parts += [
+        data_set(share, response=(row, 2), reference=(column, 2), **coherence) for row in (1, 2) for column in (1, 3)
+    ]
+    matrix = read_frf(file(tmp_path, SI, *parts))
+    assert matrix.shape == (2, 2, 2)
+    assert matrix.labels == (("1:+2", "2:+2"), ("1:+2", "3:+2"))
+    assert matrix.coherence is not None
+    assert np.all(matrix.coherence[:, 1, 1] == [0.9, 0.8])
+    without = read_frf(file(tmp_path, SI, *parts), ignore_coherence=True)
+    assert (without.coherence, without.notes) == (None, ("the coherence in the file was left out, as asked for",))
+    missing = read_all(file(tmp_path, SI, *parts[:-1]))
+    assert [type(thing) for thing in missing] == [FRF, Coherence, Coherence, Coherence], (
+        "nothing is lost where one is missing"
+    )
+    hole = read_all(file(tmp_path, SI, *parts[:3]))
+    assert [thing.values.shape for thing in hole] == [(2, 1, 1)] * 3
+    twice = read_all(file(tmp_path, SI, parts[0], parts[0], data_set(function=2)))
+    assert len(twice) == 2
+    assert twice[0].notes == ("not read: auto spectrum (1 in the file)",)
+    with pytest.raises(FileFormatError, match=r"the file holds 2 measurements .* read_all returns all"):
+        read(file(tmp_path, SI, parts[0], parts[0]))
+    both = [data_set(response=(1, 2)), data_set(response=(1, 6), axes=((18, "", ""), (8, "", ""), (13, "", "")))]
+    assert sorted(thing.form for thing in read_all(file(tmp_path, SI, *both))) == ["accelerance", "receptance"]
+
+
+def test_coherence_above_one_and_complex(tmp_path: Path) -> None:
+    share = {"function": 6, "axes": ((18, "", ""), (0, "", ""), (0, "", ""))}
+    bad = data_set(["  1.20000E+00  8.00000E-01"], ordinate=2, **share)
+    for path in (file(tmp_path, SI, data_set(), bad), file(tmp_path, bad)):
+        with pytest.raises(FileFormatError, match=r"the coherence is 1.2 at 1 Hz"):
+            read(path)
+    with pytest.raises(FileFormatError, match="line 2: the coherence is complex"):
+        read(file(tmp_path, data_set(**share)))
+
+
+def test_time_records_are_grouped_as_they_were_sampled(tmp_path: Path) -> None:
+    def record(node: int, kind: int, unit: str, count: int = 2) -> bytes:
+        axes = ((17, "", "s"), (kind, "", unit), (0, "", ""))
+        body = ["  1.00000E+00  2.00000E+00"] if count == 2 else ["  1.00000E+00"]
+        return data_set(body, function=1, ordinate=2, count=count, response=(node, 2), axes=axes, step="1.00000E-03")
+
+    two_hits = [record(1, 13, "N"), record(2, 12, "g")] * 2
+    first, second = read_all(file(tmp_path, *two_hits))
+    assert isinstance(first, TimeSeries)
+    assert first.channels == ("1:+2", "2:+2")
+    assert first.units == ("N", "m/s^2")
+    assert first.values[0].tolist() == [1.0, 9.80665]
+    assert first.sample_rate_hz == 1000.0
+    assert np.array_equal(first.values, second.values)
+    repeated = read_time_series(file(tmp_path, record(1, 12, "g"), record(2, 12, "g"), record(1, 12, "g")))
+    assert repeated.channels == ("1:+2", "2:+2", "1:+2 (2)")
+    assert len(read_all(file(tmp_path, record(1, 12, "g"), record(2, 12, "g", count=1)))) == 2
+    for unit, options, message in (
+        ("", {}, "in which unit channel '1:\\+2' is; give it: unit={'1:\\+2': 'N'}"),
+        ("m/s", {}, "said to be a acceleration|said to be an acceleration"),
+        ("g", {"unit": {"1:+2": "m/s^2/N"}}, "is the unit of an FRF, but channel"),
+        ("g", {"sample_rate_hz": 1234.0}, "sample_rate_hz is 1234, but the file has 1000"),
+        ("g", {"quantity": "mobility"}, "quantity was given, but there is no FRF in the file"),
+    ):
+        with pytest.raises(FileFormatError, match=message):
+            read(file(tmp_path, record(1, 12, unit)), **options)
+    with pytest.raises(FileFormatError, match="one unit, 'g', was given for 2 channels"):
+        read(file(tmp_path, record(1, 12, ""), record(2, 12, "")), unit="g")
+    assert read_time_series(file(tmp_path, MM, record(1, 12, ""))).values[0, 0] == pytest.approx(1e-3)
+    assert read_time_series(file(tmp_path, record(1, 12, "")), unit="SI").units == ("m/s^2",)
+
+
+def test_written_files_are_standard_and_pyuff_reads_them(tmp_path: Path) -> None:
+    pyuff = pytest.importorskip("pyuff")
+    rng = np.random.default_rng(3)
+    numbers = rng.normal(size=(30, 2, 1)) + 1j * rng.normal(size=(30, 2, 1))
+    frf = FRF(
+        frequency_hz=np.arange(30) * 0.01953125,
+        values=numbers,
+        form="accelerance",
+        responses=[Coordinate("tool", 0.0), Coordinate("tool", 0.0, "theta")],
+        excitations=Coordinate("tool", 0.0),
+    )
+    for name in ("text.uff", "binary.ufb"):
+        write(tmp_path / name, frf)
+        units, *sets = pyuff.UFF(str(tmp_path / name)).read_sets()
+        assert (units["type"], units["length"], units["force"]) == (164, 1.0, 1.0)
+        for row, one in enumerate(sets):
+            assert np.allclose(one["data"], numbers[:, row, 0], rtol=2e-12)
+            assert np.array_equal(one["x"], frf.frequency_hz)
+            assert (one["func_type"], one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (4, 12, 13)
+            assert one["rsp_dir"] == (2, 6)[row]
+            assert one["ordinate_axis_units_lab"] == ("m/s^2", "rad/s^2")[row]
+    assert all(len(line) <= 80 for line in (tmp_path / "text.uff").read_bytes().split(b"\n"))
+
+
+def test_nodes_stand_for_places(tmp_path: Path) -> None:
+    """Other programs take equal nodes for a drive point."""
+    tip, nose = Coordinate("tool", 0.0), Coordinate("holder", 0.0)
+    numbers = np.ones((2, 3, 2))
+    frf = FRF(
+        frequency_hz=[1.0, 2.0],
+        values=numbers,
+        responses=[tip, Coordinate("tool", 0.0, "theta"), nose],
+        excitations=[nose, "y"],
+    )
+    write(tmp_path / "a.uff", frf)
+    data = [item for item in data_sets((tmp_path / "a.uff").read_bytes()) if isinstance(item, Function)]
+    nodes = [(one.response.node, one.response.direction, one.reference.node, one.reference.direction) for one in data]
+    assert nodes == [(1, 2, 2, 2), (1, 2, 3, 2), (1, 6, 2, 2), (1, 6, 3, 2), (2, 2, 2, 2), (2, 2, 3, 2)]
+    back = read_frf(tmp_path / "a.uff")
+    assert (back.responses, back.excitations, back.labels) == (frf.responses, frf.excitations, None)
+
+
+def test_files_that_pyuff_writes(tmp_path: Path) -> None:
+    """Its binaries declare too few bytes, and with uneven spacing hold double-precision abscissae."""
+    pyuff = pytest.importorskip("pyuff")
+    rng = np.random.default_rng(4)
+    numbers = rng.normal(size=12) + 1j * rng.normal(size=12)
+    lines = np.cumsum(rng.uniform(0.5, 1.5, size=12))
+    for binary in (0, 1):
+        for even in (0, 1):
+            for data in (numbers, numbers.real):
+                x = np.arange(12) * 0.5 if even else lines
+                given = {
+                    "type": 58,
+                    "binary": binary,
+                    "func_type": 4,
+                    "rsp_node": 1,
+                    "rsp_dir": 3,
+                    "ref_node": 2,
+                    "ref_dir": 3,
+                }
+                given |= {"data": data.copy(), "x": x, "abscissa_spacing": even, "abscissa_spec_data_type": 18}
+                given |= {"ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13, "z_axis_spec_data_type": 0}
+                path = tmp_path / f"{binary}{even}{data.dtype}.uff"
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", ResourceWarning)
+                    pyuff.UFF(str(path)).write_sets([given])
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", ReceptanceWarning)
+                    frf = read_frf(path, unit="SI")
+                assert np.allclose(frf.values[:, 0, 0], data, rtol=0.0 if binary else 1e-11)
+                assert np.allclose(frf.frequency_hz, x, rtol=0.0 if binary else 6e-6)
+
+
+def test_what_a_universal_file_does_not_hold_is_said(tmp_path: Path) -> None:
+    full = FRF(
+        frequency_hz=[1.0, 2.3, 7.1234567890123],
+        values=[1.0, 2.0, 3.0],
+        log_variance=1e-4,
+        usable=[True, True, False],
+        notes=["a note"],
+        labels=(["a name longer than ten"], ["x"]),
+    )
+    with pytest.warns(ReceptanceWarning, match="labels .*; log_variance; usable; notes") as caught:
+        write(tmp_path / "a.uff", full)
+    assert caught[0].filename == __file__
+    with pytest.warns(ReceptanceWarning, match="frequency lines more exactly than 2e-07 Hz"):
+        write(tmp_path / "b.ufb", full)
+    series = TimeSeries(values=[1.0], channels=["c" * 30], units=["N"], sample_rate_hz=10.0, notes=["n"])
+    with pytest.warns(ReceptanceWarning, match="a channel's name of more than 20 characters"):
+        write(tmp_path / "c.uff", series)
+    assert read_time_series(tmp_path / "c.uff").channels == ("c" * 20,)

@@ -1,0 +1,224 @@
+"""Hits: each is found, and kept or dropped for a reason that is said."""
+
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+import hammer
+from receptance.errors import ReceptanceWarning
+from receptance.measurement import TimeRecords, find_hits
+
+RATE = 25600.0
+STRUCTURE = hammer.Structure((0.0, 900.0, 2500.0), (0.0, 0.01, 0.02), (2.0, 3.0, -1.0), RATE)
+N = 5120
+TIME = np.arange(N) / RATE
+
+
+def strike(hits=5, **options):
+    given = {"force_noise_db": -60.0, "response_noise_db": -60.0, "duration_s": N / RATE}
+    return hammer.strike(STRUCTURE, np.random.default_rng(3), hits=hits, **given | options)
+
+
+def records_of(force, response, **options):
+    return TimeRecords(force=force, response=response, sample_rate_hz=RATE, quantity="acceleration", **options)
+
+
+def test_clean_hits_are_all_kept_without_a_word():
+    made = strike()
+    hits = find_hits(records_of(made.force, made.response))
+    assert len(hits) == len(hits.kept) == 5
+    assert hits.notes == ()
+    assert hits.n_samples == N
+    force, response = hits.blocks()
+    np.testing.assert_array_equal(force, made.force)
+    np.testing.assert_array_equal(response[:, :, 0], made.response)
+    for hit, true in zip(hits.kept, made.true_force, strict=True):
+        begins = np.flatnonzero(true)[0]
+        assert abs(hit.onset - begins) <= 2
+        assert abs(hit.release - np.flatnonzero(true)[-1]) <= 3
+        assert hit.peak == pytest.approx(true.max(), rel=0.02)
+    np.testing.assert_allclose(hits.noise, 1e-3 * made.true_force.max(), rtol=0.1)
+
+
+def test_each_accident_is_dropped_with_its_reason():
+    made = strike(hits=7)
+    force, response = made.force.copy(), made.response.copy()
+    bounce = hammer.pulse(TIME, 0.02, 4e-4, 0.15 * force[1].max())
+    force[1] += bounce
+    response[1] += STRUCTURE.respond(bounce)
+    force[2] = np.minimum(force[2], 0.7 * force[2].max())
+    response[3] = np.clip(response[3], -0.5 * np.abs(response[3]).max(), None)
+    force[4] = force[4, ::-1][: N // 2].mean() + 0.0 * force[4]
+    force[5] = np.roll(force[5], -np.flatnonzero(made.true_force[5])[3])
+    force[6] *= 1.3 / force[6].max() * force.max()
+    with pytest.warns(ReceptanceWarning, match=r"blank: hit 2 dropped: double hit: .*hit 3 dropped: overload"):
+        hits = find_hits(records_of(force, response, label="blank", full_scale_force=0.99 * force[6].max()))
+    reasons = [hit.reason for hit in hits.hits]
+    assert reasons[0] == ""
+    assert "a contact with 15 % of the force" in reasons[1]
+    assert "ms later" in reasons[1]
+    assert "the force has a flat top of" in reasons[2]
+    assert "the response has a flat top of" in reasons[3]
+    assert reasons[4].startswith("no hit: the largest force is")
+    assert "the record begins inside the contact" in reasons[5]
+    assert "the force reaches" in reasons[6]
+    assert "full scale is" in reasons[6]
+    assert len(hits) == 1
+    assert [hit.number for hit in hits.dropped] == [2, 3, 4, 5, 6, 7]
+    assert str(hits).count("\n") == 7
+    assert "1 of 7 kept" in repr(hits)
+    assert all(f"hit {number} dropped: " in " ".join(hits.notes) for number in range(2, 8))
+
+
+@pytest.mark.parametrize("noise_db", [-300.0, -80.0, -60.0, -45.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_second_contact_well_above_the_noise_is_found_and_none_is_invented(noise_db, seed):
+    random = np.random.default_rng((seed, 5))
+    made = hammer.strike(STRUCTURE, random, hits=20, force_noise_db=noise_db, response_noise_db=-60.0, duration_s=0.2)
+    force = made.force.copy()
+    share = max(0.03, 12.0 * 10.0 ** (noise_db / 20.0))
+    for row in range(0, 20, 2):
+        peak = made.true_force[row].max()
+        largest = made.true_force.max()
+        force[row] += hammer.pulse(TIME, random.uniform(0.015, 0.19), 4e-4, max(share * largest, 0.03 * peak))
+    with pytest.warns(ReceptanceWarning, match="double hit"):
+        hits = find_hits(records_of(force, made.response))
+    assert [hit.number - 1 for hit in hits.dropped] == list(range(0, 20, 2))
+
+
+def test_a_double_hit_may_be_kept_and_then_counts_to_its_last_contact():
+    made = strike(hits=2)
+    force = made.force.copy()
+    force[1] += hammer.pulse(TIME, 0.03, 4e-4, 0.2 * force[1].max())
+    with pytest.warns(ReceptanceWarning, match="hit 2: double hit"):
+        hits = find_hits(records_of(force, made.response), double_hits="keep")
+    assert len(hits) == 2
+    assert "double hit" in hits.hits[1].remark
+    assert hits.hits[1].release == pytest.approx(0.0304 * RATE, abs=4)
+
+
+def long_record(gaps, seed=1, noise=0.02):
+    """Return one record with hits so many seconds apart, the last gap being what follows the last hit."""
+    starts = np.cumsum([0.05, *gaps[:-1]])
+    n = round((starts[-1] + gaps[-1]) * RATE)
+    time = np.arange(n) / RATE
+    force = sum(hammer.pulse(time, start, 4e-4, 100.0) for start in starts)
+    random = np.random.default_rng(seed)
+    response = STRUCTURE.respond(force)
+    return records_of(force + noise * random.standard_normal(n), response + 0.2 * random.standard_normal(n)), starts
+
+
+def test_one_long_record():
+    records, starts = long_record([0.4, 0.5, 0.45, 0.5])
+    hits = find_hits(records)
+    assert len(hits) == 4
+    np.testing.assert_allclose([hit.time_s for hit in hits.kept], starts, atol=2 / RATE)
+    assert hits.duration_s == pytest.approx(0.4, abs=1e-3)
+    assert {hit.onset - hit.start for hit in hits.kept} == {256}
+    assert find_hits(records, duration_s=0.3, pre_trigger_s=0.02).duration_s == pytest.approx(0.3)
+
+
+def test_an_early_hit_spoils_the_one_before_it_alone():
+    records, _ = long_record([0.4, 0.15, 0.4, 0.4])
+    with pytest.warns(ReceptanceWarning) as said:
+        hits = find_hits(records)
+    assert [bool(hit.reason) for hit in hits.hits] == [False, True, False, False]
+    assert "the next hit comes after 0.15 s, inside the block" in str(said[0].message)
+
+
+def test_the_last_hit_is_dropped_where_its_block_is_cut_off():
+    records, _ = long_record([0.4, 0.4, 0.1])
+    with pytest.warns(ReceptanceWarning, match=r"hit 3 dropped: cut off: the record ends 0\.\d+ s before the block"):
+        hits = find_hits(records)
+    assert len(hits) == 2
+
+
+def test_contacts_close_together_are_one_double_hit():
+    records, _ = long_record([0.4, 0.03, 0.4, 0.4])
+    with pytest.warns(ReceptanceWarning, match="hit 2 dropped: double hit: a contact with 1e.02 % of the force 30 ms"):
+        hits = find_hits(records)
+    assert len(hits.hits) == 3
+
+
+def test_a_hit_before_the_last_one_has_died_away_is_kept_with_a_remark():
+    slow = hammer.Structure((0.0, 900.0), (0.0, 0.001), (2.0, 30.0), RATE)
+    time = np.arange(round(3.2 * RATE)) / RATE
+    force = sum(hammer.pulse(time, start, 4e-4, 100.0) for start in (0.1, 1.1, 1.4))
+    response = slow.respond(force) + 0.05 * np.random.default_rng(1).standard_normal(time.size)
+    with pytest.warns(ReceptanceWarning, match=r"hit 3: before it the response is \d+ % of its largest: an earlier"):
+        hits = find_hits(records_of(force, response), duration_s=0.25)
+    assert len(hits) == 3
+
+
+def test_negative_pulses_are_said():
+    made = strike(hits=2)
+    with pytest.warns(ReceptanceWarning, match="the hammer's pulses are negative"):
+        hits = find_hits(records_of(-made.force, made.response))
+    assert all(hit.peak < 0.0 for hit in hits.kept)
+
+
+def test_trigger_and_records_of_different_length():
+    made = strike(hits=2)
+    both = [records_of(made.force[0], made.response[0]), records_of(made.force[1, :4000], made.response[1, :4000])]
+    assert find_hits(both).n_samples == 4000
+    with pytest.warns(ReceptanceWarning, match="no hit: the largest force is"):
+        assert len(find_hits(both, trigger=1e4)) == 0
+    with pytest.raises(ValueError, match=r"sample_rate_hz is 25600.0 in records\[0\] and 1000.0 in records\[1\]"):
+        find_hits([both[0], TimeRecords(force=TIME, response=TIME, sample_rate_hz=1000.0, quantity="acceleration")])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"trigger": 0.0}, "trigger is 0, expected more than zero"),
+        ({"duration_s": 5.0}, "duration_s is 5 s, 128000 samples, expected 16 samples to the 0.2 s"),
+        ({"double_hits": "ignore"}, "double_hits is 'ignore', expected one of drop, keep"),
+        ({"pre_trigger_s": -1.0}, "pre_trigger_s is -1"),
+    ],
+)
+def test_wrong_settings(options, message):
+    made = strike(hits=2)
+    with pytest.raises(ValueError, match=message):
+        find_hits(records_of(made.force, made.response), **options)
+
+
+def test_wrong_records():
+    with pytest.raises(ValueError, match="there are no records"):
+        find_hits([])
+    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected TimeRecords"):
+        find_hits([5])
+
+
+def test_dropping_by_hand():
+    made = strike(hits=3)
+    hits = find_hits(records_of(made.force, made.response))
+    fewer = hits.without(2, reason="the thread touched the holder")
+    assert [hit.number for hit in fewer.kept] == [1, 3]
+    assert fewer.notes == ("hit 2 dropped: the thread touched the holder",)
+    assert len(hits) == 3
+    with pytest.raises(ValueError, match="there is no hit 4"):
+        hits.without(4)
+    with pytest.raises(ValueError, match="say why"):
+        hits.without(1, reason="")
+
+
+def test_a_slow_wave_on_a_coarse_digitiser_is_not_taken_for_clipped():
+    made = strike(hits=2, force_noise_db=-300.0, response_noise_db=-300.0)
+    step = made.force.max() / 60.0
+    fine = np.repeat(made.force, 20, axis=1)
+    smooth = np.apply_along_axis(lambda row: np.convolve(row, np.ones(40) / 40.0, "same"), 1, fine)
+    response = np.random.default_rng(2).standard_normal(fine.shape)
+    records = TimeRecords(
+        force=step * np.round(smooth / step), response=response, sample_rate_hz=20 * RATE, quantity="acceleration"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(find_hits(records)) == 2
+
+
+def test_hits_pickle():
+    made = strike(hits=2)
+    again = pickle.loads(pickle.dumps(find_hits(records_of(made.force, made.response))))
+    assert len(again) == 2

@@ -1,0 +1,319 @@
+"""All modes of a band at once: close modes, several entries, complex lines, standard errors, and what is said."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from known_modes import FORMS, frf_of, values_of
+from receptance import CARBIDE, FRF, STEEL, Assembly, Part, PointJoint, ReceptanceWarning, Segment
+from receptance.modal import fit_modes
+
+SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "11"))
+REJECTED_AT = 1e-4
+"""Of an exact binomial test, so that the hundred such tests of modal estimates together are wrong once in a hundred."""
+F = np.arange(160.0, 240.0, 0.5)
+ZETA = np.array([0.01, 0.012])
+CONSTANTS = np.array([[1.0, 0.6], [-0.7, 0.9]])
+
+
+def quiet(*arguments, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        return fit_modes(*arguments, **options)
+
+
+@pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.parametrize("separation", [2.0, 0.5, 0.25])
+@pytest.mark.parametrize("runs", [40, pytest.param(400, marks=pytest.mark.slow)])
+def test_close_modes_and_their_intervals(runs, separation, stated):
+    """Modes as near as a quarter of their half-power band are told apart, and intervals hold the truth."""
+    print(f"seed {SEED}")
+    true = np.array([200.0, 200.0 + 4.0 * separation])
+    covered, scatter, stated_errors = [], [], []
+    for number in range(runs):
+        frf = frf_of(F, true, ZETA, CONSTANTS, form="accelerance", noise=0.01, seed=[SEED, number], stated=stated)
+        fit = quiet(frf, 2)
+        frequency, damping = fit.frequency_interval_hz(), fit.damping_interval()
+        covered.append(
+            np.concatenate(
+                [
+                    (frequency[:, 0] < true) & (true < frequency[:, 1]),
+                    (damping[:, 0] < ZETA) & (damping[:, 1] > ZETA),
+                ]
+            )
+        )
+        errors = (fit.modal_constant[:, :, 0] - CONSTANTS) / fit.modal_constant_standard_error.real[:, :, 0]
+        scatter.append(errors.real.ravel())
+        stated_errors.append(fit.damping_standard_error / ZETA)
+    found, size = np.sum(covered, axis=0), np.sqrt(np.mean(np.square(scatter), axis=0))
+    print(separation, stated, found, size, np.mean(stated_errors, axis=0))
+    for count in found:
+        assert binomtest(int(count), runs, 0.95).pvalue > REJECTED_AT, found
+    assert np.all(np.abs(size - 1.0) < 0.1 + 3.0 / np.sqrt(2.0 * runs)), size
+
+
+def test_scatter_is_that_of_the_noise():
+    frf = frf_of(F, [200.0, 202.0], ZETA, CONSTANTS, noise=0.02, seed=SEED)
+    fit = quiet(frf, 2)
+    largest = np.abs(values_of(F, [200.0, 202.0], ZETA, CONSTANTS)).max(axis=0)
+    np.testing.assert_allclose(fit.scatter[:, 0], 0.02 * largest, rtol=0.15)
+    assert not fit.known_scatter
+    rng = np.random.default_rng(SEED)
+    factor = 1.0 + 0.02 * (rng.normal(size=frf.shape) + 1j * rng.normal(size=frf.shape))
+    exact = frf_of(F, [200.0, 202.0], ZETA, CONSTANTS)
+    relative = quiet(exact.with_(values=exact.values * factor), 2, scatter="relative")
+    np.testing.assert_allclose(relative.scatter, 0.02, rtol=0.15)
+    np.testing.assert_allclose(relative.frequency_hz, [200.0, 202.0], atol=0.1)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("decay_rate", [0.0, 15.0])
+def test_complex_lines(form, decay_rate):
+    """What an exponential window adds to the damping is taken off exactly."""
+    constants = [[1.0 + 0.2j, 2.0], [-0.5, 1.0 - 0.1j], [3.0, 0.5]]
+    frf = frf_of(F, [190.0, 191.0, 220.0], [0.005, 0.004, 0.01], constants, form=form, decay_rate=decay_rate)
+    fit = quiet(frf, 3)
+    np.testing.assert_allclose(fit.frequency_hz, [190.0, 191.0, 220.0], rtol=1e-10)
+    np.testing.assert_allclose(fit.damping_ratio, [0.005, 0.004, 0.01], rtol=1e-7)
+    np.testing.assert_allclose(fit.modal_constant[:, :, 0], constants, rtol=1e-6)
+    np.testing.assert_allclose(fit.synthesised(), frf.values, rtol=1e-6)
+    apparent = 2.0 * fit.damping_ratio * fit.frequency_hz + decay_rate / np.pi
+    np.testing.assert_allclose(fit.lines_in_band, apparent / 0.5, rtol=1e-4)
+    # The poles are those of the structure: off the lines the fit is the structure's receptance.
+    other = values_of(F, [190.0, 191.0, 220.0], [0.005, 0.004, 0.01], constants)
+    np.testing.assert_allclose(fit.receptance(F)[:, :, 0], other, rtol=1e-6)
+
+
+def test_window_that_is_not_stated_shows_as_damping():
+    frf = frf_of(F, [200.0], [0.01], [[1.0]], decay_rate=15.0).with_(decay_rate=0.0)
+    assert fit_modes(frf, 1).damping_ratio[0] == pytest.approx(0.01 + 15.0 / (2.0 * np.pi * 200.0), rel=1e-3)
+
+
+def test_number_of_modes_is_found():
+    print(f"seed {SEED}")
+    for number in range(12):
+        frf = frf_of(
+            F,
+            [180.0, 200.0, 203.0],
+            [0.004, 0.01, 0.01],
+            [[0.1, 1.0], [1.0, 2.0], [-1.0, 1.0]],
+            noise=0.003,
+            seed=[SEED, number],
+        )
+        fit = fit_modes(frf)
+        assert len(fit.frequency_hz) == 3, fit.summary()
+        np.testing.assert_allclose(fit.frequency_hz, [180.0, 200.0, 203.0], atol=0.2)
+
+
+def test_matrix_of_responses_and_excitations():
+    """Residues of a jointed assembly are those of its receptance, reciprocal, and the poles are common."""
+    tool = Part([Segment(length=0.09, outer_diameter=0.02, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.12, outer_diameter=0.05, material=STEEL)], name="holder")
+    assembly = Assembly([tool, PointJoint(k_y=2e8, k_theta=6e4, c_y=300.0, c_theta=0.3), holder])
+    from receptance import Coordinate
+
+    places = [Coordinate("tool"), Coordinate("holder", 0.0)]
+    f = np.arange(1500.0, 3200.0, 4.0)
+    values = assembly.receptance(f, response=places, excitation=places)
+    frf = FRF(frequency_hz=f, values=values, responses=places, excitations=places)
+    fit = quiet(frf, background="wide")
+    undamped = assembly.natural_frequencies(3200.0)
+    inside = undamped[undamped > 1500.0]
+    np.testing.assert_allclose(fit.frequency_hz, inside, rtol=3e-4)
+    np.testing.assert_allclose(
+        fit.residue, fit.residue.transpose(0, 2, 1), rtol=1e-3, atol=1e-5 * np.abs(fit.residue).max()
+    )
+    np.testing.assert_allclose(fit.synthesised(), values, rtol=2e-3)
+    mode = fit.mode(0, 1, 0)
+    assert mode.modal_constant == fit.modal_constant[0, 1, 0]
+    assert mode.method == "global"
+
+
+def test_modes_near_given_frequencies():
+    frf = frf_of(F, [180.0, 200.0, 202.0], [0.01] * 3, [[1.0], [1.0], [-1.0]], noise=1e-3, seed=SEED)
+    with pytest.warns(ReceptanceWarning, match=r"no mode was found near 200.3 Hz, but one at 180\."):
+        fit_modes(frf, [200.3, 201.8])
+    two = fit_modes(frf, [200.3, 201.8], low_hz=190.0, background="wide")
+    np.testing.assert_allclose(two.frequency_hz, [200.0, 202.0], atol=0.2)
+    three = fit_modes(frf, [179.0, 199.5, 202.3])
+    np.testing.assert_allclose(three.frequency_hz, [180.0, 200.0, 202.0], atol=0.1)
+
+
+def test_wide_background_for_a_mode_just_outside():
+    frf = frf_of(F, [200.0, 300.0], [0.01, 0.01], [[1.0], [5.0]])
+    both, wide = quiet(frf, 1), quiet(frf, 1, background="wide")
+    assert abs(wide.damping_ratio[0] - 0.01) < 0.2 * abs(both.damping_ratio[0] - 0.01)
+    assert "correlated" in " ".join(both.notes)
+
+
+def test_residuals_that_are_too_large_enlarge_the_errors():
+    frf = frf_of(F, [200.0], [0.01], [[1.0]], noise=0.01, seed=SEED, stated=True)
+    honest, boasting = fit_modes(frf, 1), fit_modes(frf.with_(log_variance=frf.log_variance / 9.0), 1)
+    assert boasting.damping_standard_error[0] == pytest.approx(honest.damping_standard_error[0], rel=0.15)
+    assert any("times what the stated variance explains" in note for note in boasting.notes)
+    assert np.isinf(honest.degrees_of_freedom)
+    assert np.isfinite(boasting.degrees_of_freedom)
+    # Stated as larger than it is: kept, because a deliberate floor is not to be scaled away.
+    careful = fit_modes(frf.with_(log_variance=frf.log_variance * 9.0), 1)
+    assert careful.damping_standard_error[0] == pytest.approx(3.0 * honest.damping_standard_error[0], rel=0.1)
+
+
+def test_entries_that_disagree_enlarge_the_errors():
+    """A natural frequency that drifts from hit to hit, as with temperature, is the larger part of the uncertainty."""
+    rng = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    inside = 0
+    for _ in range(40):
+        drift = 200.0 + 0.05 * rng.normal(size=8)
+        entries = [values_of(F, [f], [0.01], [[1.0]])[:, 0] for f in drift]
+        values = np.stack(entries, axis=1)
+        values = values + 1e-4 * np.abs(values).max() * (
+            rng.normal(size=values.shape) + 1j * rng.normal(size=values.shape)
+        )
+        fit = fit_modes(FRF(frequency_hz=F, values=values[:, :, None]), 1)
+        assert any("disagree about the poles" in note for note in fit.notes)
+        assert fit.frequency_standard_error_hz[0] == pytest.approx(0.05 / np.sqrt(8.0), rel=0.9)
+        low, high = fit.frequency_interval_hz()[0]
+        inside += low < 200.0 < high
+    assert binomtest(inside, 40, 0.95).pvalue > REJECTED_AT, inside
+
+
+def test_correlated_residuals_enlarge_the_errors():
+    """Lines interpolated between those that were measured hold no more than these."""
+    rng = np.random.default_rng(SEED)
+    frf = frf_of(F, [200.0], [0.02], [[1.0]])
+    independent = rng.normal(size=(2, F.size))
+    smooth = np.stack([np.convolve(row, np.ones(4) / 2.0, mode="same") for row in independent])
+    size = 0.01 * np.abs(frf.values).max()
+    one = fit_modes(frf.with_(values=frf.values + size * (independent[0] + 1j * independent[1])[:, None, None]), 1)
+    four = fit_modes(frf.with_(values=frf.values + size * (smooth[0] + 1j * smooth[1])[:, None, None]), 1)
+    assert four.correlation > 0.5
+    assert 1.4 < four.damping_standard_error[0] / one.damping_standard_error[0] < 4.0
+
+
+@pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
+def test_noise_under_an_exponential_window(width, stated):
+    """Noise exp(-sigma t) correlates lines; intervals cover, be that over less or more than a half-power band."""
+    print(f"seed {SEED}")
+    f = np.arange(150.0, 250.0, 0.5)
+    decay_rate = width * 2.0 * np.pi * 2.0
+    exact = values_of(f, [200.0], [0.01], [[1.0, -0.5]], decay_rate=decay_rate)
+    n, period = 4096, 2.0
+    time = np.arange(n) * period / n
+    shared = decay_rate * period
+    covered, sizes = [], []
+    for number in range(100):
+        rng = np.random.default_rng([SEED, number])
+        noise = np.fft.fft(rng.normal(size=(n, 2)) * np.exp(-decay_rate * time)[:, None], axis=0)[300 : 300 + f.size]
+        deviation = 0.003 * np.abs(exact).max()
+        values = exact + deviation * noise / np.sqrt(np.sum(np.exp(-2.0 * decay_rate * time)) / 2.0)
+        frf = FRF(
+            frequency_hz=f,
+            values=values[:, :, None],
+            decay_rate=decay_rate,
+            log_variance=((deviation / np.abs(exact)) ** 2)[:, :, None] if stated else None,
+            correlated_lines=shared,
+        )
+        fit = quiet(frf, 1)
+        low, high = fit.damping_interval()[0]
+        first, last = fit.frequency_interval_hz()[0]
+        covered.append([low < 0.01 < high, first < 200.0 < last])
+        sizes.append(
+            [
+                (fit.damping_ratio[0] - 0.01) / fit.damping_standard_error[0],
+                (fit.modal_constant[0, 0, 0].real - 1.0) / fit.modal_constant_standard_error[0, 0, 0].real,
+            ]
+        )
+    size = np.sqrt(np.mean(np.square(sizes), axis=0))
+    print(width, stated, shared, np.sum(covered, axis=0), size)
+    for count in np.sum(covered, axis=0):
+        assert binomtest(int(count), 100, 0.95).pvalue > REJECTED_AT
+    assert np.all((size > 0.7) & (size < 1.35)), size
+
+
+def test_uneven_lines_and_gaps():
+    rng = np.random.default_rng(SEED)
+    f = np.sort(rng.uniform(160.0, 240.0, 150))
+    frf = frf_of(f, [195.0, 205.0], [0.01, 0.01], [[1.0], [2.0]]).with_(usable=(f < 197.0) | (f > 200.0))
+    fit = quiet(frf, 2)
+    np.testing.assert_allclose(fit.frequency_hz, [195.0, 205.0], rtol=1e-8)
+    assert fit.frf.frequency_hz.size == np.count_nonzero(frf.usable)
+
+
+def test_many_lines_are_thinned_only_to_look_for_modes():
+    f = np.arange(100.0, 400.0, 0.02)
+    frf = frf_of(f, [150.0, 300.0, 300.5], [2e-4, 1e-4, 2e-4], [[1.0], [0.5], [1.0]], noise=1e-3, seed=SEED)
+    fit = quiet(frf, 3)
+    np.testing.assert_allclose(fit.frequency_hz, [150.0, 300.0, 300.5], atol=1e-3)
+    assert fit.frf.frequency_hz.size == f.size
+
+
+def test_warnings_and_notes():
+    narrow = fit_modes(frf_of(np.arange(100.0, 300.0, 2.0), [201.0], [0.001], [[1.0]]), 1)
+    assert "of the distance of the lines" in narrow.notes[-1]
+    close = quiet(frf_of(F, [200.0, 201.0], [0.01, 0.01], [[1.0], [2.0]], noise=1e-4, seed=1), 2)
+    assert any("two close modes, or one that moved" in note for note in close.notes)
+    rng = np.random.default_rng(SEED)
+    noise = FRF(frequency_hz=F, values=rng.normal(size=F.size) + 1j * rng.normal(size=F.size))
+    with pytest.raises(ValueError, match=r"no mode between 160 and 239\.5 Hz stands out"):
+        fit_modes(noise)
+    window = frf_of(F, [200.0], [0.001], [[1.0]], decay_rate=5.0).with_(decay_rate=8.0)
+    with pytest.warns(ReceptanceWarning, match="is -0.*, not above zero"):
+        fit_modes(window, 1)
+
+
+def test_mistakes():
+    frf = frf_of(F, [200.0], [0.01], [[1.0]])
+    for wrong, message in (
+        (0, "modes is 0"),
+        ([], "modes is empty"),
+        ([200.0, 199.0], "expected ascending"),
+        ([500.0], r"modes\[0\] is 500 Hz, outside"),
+        (100, "there are lines for at most"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            fit_modes(frf, wrong)
+    for wrong in (True, "two", 2.0):
+        with pytest.raises(TypeError, match="expected how many or a list"):
+            fit_modes(frf, wrong)
+    with pytest.raises(ValueError, match="background is 'all'"):
+        fit_modes(frf, 1, background="all")
+    with pytest.raises(ValueError, match="scatter is 'none'"):
+        fit_modes(frf, 1, scatter="none")
+    with pytest.raises(ValueError, match="order is 0"):
+        fit_modes(frf, 1, order=0)
+
+
+def test_result_pickles_and_speaks():
+    fit = fit_modes(frf_of(F, [200.0], [0.01], [[1.0, 2.0]], noise=1e-3, seed=1), 1)
+    again = pickle.loads(pickle.dumps(fit))
+    np.testing.assert_array_equal(again.residue, fit.residue)
+    np.testing.assert_allclose(again.poles, fit.poles)
+    assert repr(fit).startswith("ModalFit(1 mode between 160 and 239.5 Hz: ")
+    assert fit.summary().splitlines()[0].split("  ")[0] == "frequency (Hz)"
+
+
+def test_an_entry_of_zeros_changes_nothing():
+    """A point at a node of every mode, or a channel that was not connected."""
+    one = frf_of(F, [200.0, 210.0], [0.01, 0.01], [[1.0], [2.0]], noise=1e-3, seed=SEED)
+    values = np.concatenate([one.values, np.zeros_like(one.values)], axis=1)
+    for scatter in ("absolute", "relative"):
+        alone = fit_modes(one, 2, scatter=scatter)
+        both = fit_modes(FRF(frequency_hz=F, values=values), 2, scatter=scatter)
+        np.testing.assert_allclose(both.frequency_hz, alone.frequency_hz, rtol=1e-6)
+        np.testing.assert_allclose(both.modal_constant[:, 1], 0.0, atol=1e-12)
+
+
+def test_few_lines():
+    f = np.arange(190.0, 210.0, 2.0)
+    frf = frf_of(f, [200.5], [0.01], [[1.0]])
+    np.testing.assert_allclose(quiet(frf, 1).damping_ratio, 0.01, rtol=1e-6)
+    with pytest.raises(ValueError, match="3 lines of FRF"):
+        fit_modes(frf, 1, low_hz=195.0, high_hz=201.0)

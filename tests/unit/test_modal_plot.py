@@ -1,0 +1,45 @@
+"""Figures of modal estimates: what is in them, and that any result can be drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from known_modes import FORMS, frf_of
+from receptance.modal import fit_modes, ring_down
+
+F = np.arange(160.0, 240.0, 0.5)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_modal_fit(form):
+    frf = frf_of(F, [180.0, 200.0], [0.01, 0.004], [[1.0, 2.0], [0.5, -1.0]], form=form, noise=1e-3, decay_rate=3.0)
+    fit = fit_modes(frf, 2)
+    figure = fit.plot(response=1)
+    panels = figure.axes
+    assert panels[0].get_title(loc="left") == "Measured and fitted"
+    assert form in panels[0].get_ylabel()
+    curves = {line.get_label(): line for line in panels[0].get_lines()}
+    np.testing.assert_allclose(curves["measured"].get_ydata(), np.abs(frf.values[:, 1, 0]))
+    # The drawn fit runs through the measured points, between lines as well.
+    x, y = curves["fitted"].get_data()
+    np.testing.assert_allclose(np.interp(F, x, y), np.abs(fit.synthesised()[:, 1, 0]), rtol=2e-2)
+    assert x.size > 3 * F.size
+    poles = next(group for group in panels[2].containers)
+    np.testing.assert_allclose(poles.lines[0].get_ydata(), 100.0 * fit.damping_ratio)
+    assert "2 modes between 160 and 239.5 Hz" in figure.get_suptitle()
+
+
+def test_fit_without_noise_and_without_damping_can_be_drawn():
+    exact = fit_modes(frf_of(F, [200.0], [0.01], [[1.0]]), 1)
+    assert exact.plot().axes[0].get_ylim()[0] > 0.0
+
+
+def test_ring_down():
+    t = np.arange(4096) / 1024.0
+    x = np.exp(-2.0 * t) * np.cos(2.0 * np.pi * 80.0 * t)
+    found = ring_down(x, 1024.0, low_hz=60.0, high_hz=100.0)
+    left, right = found.plot().axes
+    np.testing.assert_allclose(left.containers[0].lines[0].get_ydata(), found.frequency_hz)
+    np.testing.assert_allclose(right.containers[0].lines[0].get_ydata(), 100.0 * found.damping_ratio)
+    assert left.get_xscale() == "log"

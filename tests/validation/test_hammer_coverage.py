@@ -1,0 +1,42 @@
+"""The stated variance of FRFs from simulated hits covers the truth; see `hammer_coverage.py` for the runs."""
+
+import os
+
+import numpy as np
+import pytest
+
+from validation import hammer_coverage as coverage
+
+SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20"))
+RUNS = 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", coverage.CASES, ids=[case.name for case in coverage.CASES])
+def test_intervals_cover_the_truth(case, summarise):
+    """An exact binomial test at the 1 % level does not reject 95 %, for magnitude, phase and both together."""
+    report = coverage.measure(case, SEED, RUNS)
+    summarise(f"coverage: {case.name}", report.text(), report.as_json())
+    assert len(report.outcomes) == RUNS
+    for part, share in report.shares().items():
+        assert share.p_value >= coverage.REJECTED_AT, f"{part}: {report.text()}"
+    # The test has the power to see a variance that is wrong by a factor of two.
+    for factor in (0.5**0.5, 2.0**0.5):
+        assert report.shares(factor)["both"].p_value < coverage.REJECTED_AT
+
+
+def test_a_few_runs_are_sane():
+    case = coverage.CASES[0]
+    found = [coverage.run_once(case, (SEED, 0, number)) for number in range(6)]
+    good = [outcome for outcome in found if outcome is not None]
+    assert len(good) >= 5
+    assert np.sqrt(np.mean([abs(outcome.deviation) ** 2 for outcome in good])) < 4.0
+    assert all(outcome.freedom >= 9.0 for outcome in good)
+
+
+def test_the_binomial_test_is_exact():
+    assert coverage.Share(190, 200).p_value == pytest.approx(1.0)
+    assert coverage.Share(180, 200).p_value < 0.01 < coverage.Share(182, 200).p_value
+    assert coverage.Share(199, 200).p_value < 0.01
+    low, high = coverage.Share(190, 200).interval
+    assert low < 0.95 < high
