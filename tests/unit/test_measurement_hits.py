@@ -163,6 +163,11 @@ def test_trigger_and_records_of_different_length():
     made = strike(hits=2)
     both = [records_of(made.force[0], made.response[0]), records_of(made.force[1, :4000], made.response[1, :4000])]
     assert find_hits(both).n_samples == 4000
+    late = records_of(np.roll(made.force[1], 4500), made.response[1])
+    with pytest.warns(
+        ReceptanceWarning, match=r"hit 1 dropped: cut off: the contact is not over when the block of 0\.1"
+    ):
+        assert len(find_hits([late, both[1]])) == 1
     with pytest.warns(ReceptanceWarning, match="no hit: the largest force is"):
         assert len(find_hits(both, trigger=1e4)) == 0
     with pytest.raises(ValueError, match=r"sample_rate_hz is 25600.0 in records\[0\] and 1000.0 in records\[1\]"):
@@ -176,6 +181,7 @@ def test_trigger_and_records_of_different_length():
         ({"duration_s": 5.0}, "duration_s is 5 s, 128000 samples, expected 16 samples to the 0.2 s"),
         ({"double_hits": "ignore"}, "double_hits is 'ignore', expected one of drop, keep"),
         ({"pre_trigger_s": -1.0}, "pre_trigger_s is -1"),
+        ({"pre_trigger_s": 0.1, "duration_s": 0.1}, "pre_trigger_s is 0.1 s, expected less than duration_s, 0.1 s"),
     ],
 )
 def test_wrong_settings(options, message):

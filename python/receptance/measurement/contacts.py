@@ -18,6 +18,8 @@ _EDGE_NOISE = 3.0
 """A contact lasts until the force is below this many standard deviations of the noise, or below `_EDGE_SHARE`."""
 _EDGE_SHARE = 0.1
 """Of the trigger."""
+_EDGE_MOST = 0.5
+"""Of the trigger, however noisy the force is."""
 _SECOND_NOISE = 6.0
 """Standard deviations above which a second contact is not taken for noise: once in 1e9 samples."""
 _FLAT_SAMPLES = 4
@@ -46,7 +48,8 @@ def noise_level(force: NDArray[np.float64]) -> tuple[float, float]:
 def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
     """Return the contacts in a force `(n,)` without offset, pulses positive, in order of time."""
     above = np.flatnonzero(force > trigger)
-    low = np.flatnonzero(force <= max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger))
+    edge = min(max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger), _EDGE_MOST * trigger)
+    low = np.flatnonzero(force <= edge)
     found: list[Contact] = []
     while above.size:
         first = int(above[0])

@@ -128,6 +128,11 @@ class Settings:
             if getattr(self, name) is not None:
                 _checks.positive("find_hits", name, getattr(self, name))
         _checks.not_negative("find_hits", "pre_trigger_s", self.pre_trigger_s, unit="s")
+        if self.duration_s is not None and self.pre_trigger_s >= self.duration_s:
+            raise ValueError(
+                f"find_hits: pre_trigger_s is {self.pre_trigger_s:g} s, expected less than duration_s, "
+                f"{self.duration_s:g} s"
+            )
         if self.double_hits not in get_args(DoubleHits):
             raise ValueError(f"find_hits: double_hits is {self.double_hits!r}, expected one of drop, keep")
 
@@ -261,6 +266,8 @@ class _Search:
     def _cut_off(self, row: int, hit: Hit, stop: int) -> str:
         if hit.onset == 0:
             return "cut off: the record begins inside the contact"
+        if hit.release > stop:
+            return f"cut off: the contact is not over when the block of {self.n_samples / self.rate:.3g} s ends"
         missing = stop - self.forces[row].size
         return f"cut off: the record ends {missing / self.rate:.3g} s before the block" if missing > 0 else ""
 
@@ -314,6 +321,8 @@ class _Search:
         worst = int(np.argmax(level / np.maximum(self._quietest, 1e-300)))
         if level[worst] <= _RINGING * self._quietest[worst] or level[worst] <= _RINGING_SHARE * largest[worst]:
             return ""
+        if largest[worst] == 0.0:
+            return "the response is zero after it"
         share = 100.0 * level[worst] / largest[worst]
         return f"before it the response is {share:.2g} % of its largest: an earlier hit rings on"
 

@@ -129,6 +129,7 @@ class Spectra:
         motion = np.sum(np.abs(x) ** 2, axis=0)
         self._check_alive(motion, f"response channel {index}")
         first = cross / self.power
+        self._check_alive(np.abs(first) ** 2, f"the FRF of response channel {index}")
         refused = self.outside(limits)
         if hits == 1:
             alike = self.windows.alike_lines(np.zeros(x.shape[1]))
