@@ -31,7 +31,7 @@ def test_some_damaged_files() -> None:
 
 @pytest.mark.slow
 def test_many_damaged_files() -> None:
-    """In a process of its own, with a limit of memory: a crash would be seen as one. A hundred thousand take minutes."""
+    """In a process of its own, with a limit of memory: a crash would be seen as one."""
     command = f"ulimit -v 8000000 && exec {sys.executable} {SCRIPT} --count {COUNT} --seed {SEED}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     print(done.stdout)
