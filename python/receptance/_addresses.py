@@ -67,6 +67,8 @@ def edges_of(part: Any) -> list[float]:
 
 
 def named(element: Any, name: str) -> Any:
+    if element.name == name:
+        return element
     return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
 
 

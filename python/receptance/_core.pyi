@@ -65,7 +65,8 @@ def reduce_joint(
     threads: int,
 ) -> NDArray[np.float64]: ...
 def joint_normal_matrix(
-    planes: NDArray[np.float64],
+    reduction: NDArray[np.float64],
+    angular_frequency: NDArray[np.complex128],
     measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
@@ -75,7 +76,8 @@ def joint_normal_matrix(
     threads: int,
 ) -> NDArray[np.float64]: ...
 def joint_residual(
-    planes: NDArray[np.float64],
+    reduction: NDArray[np.float64],
+    angular_frequency: NDArray[np.complex128],
     measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
@@ -83,7 +85,8 @@ def joint_residual(
     threads: int,
 ) -> NDArray[np.float64]: ...
 def fit_joint(
-    planes: list[NDArray[np.float64]],
+    reductions: list[NDArray[np.float64]],
+    angular_frequency: list[NDArray[np.complex128]],
     measured: list[NDArray[np.complex128]],
     weights: list[NDArray[np.float64]],
     references: NDArray[np.float64],
@@ -95,5 +98,5 @@ def fit_joint(
     tolerance: float,
     evaluations: int,
     threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]: ...
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]: ...
 def instruction_set() -> str: ...

@@ -261,17 +261,16 @@ class Assembly:
         *,
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
+        at: PointJoint | None = None,
         threads: int | None = None,
-    ) -> NDArray[np.float64]:
-        """Everything but one joint, evaluated once, for fits of that joint.
-
-        With H_0 the receptance as it stands, F the force in the joint under a unit load, Y the force per gap imposed
-        in the joint and D the compliance that another joint has more, H = H_0 + F_r^T D (1 + Y D)^-1 F_e.
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Everything but one joint (`at` in its place if given), evaluated once, for fits of that joint.
 
         Returns
         -------
-        ndarray
-            `(18, n)` real: w, H_0, F_r (2), F_e (2), Y (3), real and imaginary parts each, as the core takes them.
+        reduction, angular_frequency : ndarray
+            As the core takes them: `(29, n_terms)`, the series of (T7a) in the theory after the reference frequency,
+            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`.
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
@@ -280,9 +279,11 @@ class Assembly:
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = [self._points(flat, side) for side in sides]
-        count = _checks.thread_count(threads)
+        tables, count = flat.tables(), _checks.thread_count(threads)
+        if at is not None:
+            tables[1][row, 2:] = at.columns()
         with interfaces_by_name(self._elements, flat):
-            return _core.reduce_joint(w, *flat.tables(), row, points[0], points[1], count)
+            return _core.reduce_joint(w, *tables, row, points[0], points[1], count), w
 
     def _evaluate(
         self,

@@ -372,7 +372,8 @@ def normal_matrix() -> dict[str, Any]:
     arguments = reduction()
     spring = np.ascontiguousarray(arguments["joints"][0, 2:])
     return {
-        "planes": _core.reduce_joint(**arguments),
+        "reduction": _core.reduce_joint(**arguments),
+        "angular_frequency": arguments["angular_frequency"],
         "measured": np.full(11, 1e-7 - 1e-8j),
         "weights": np.ones(11),
         "reference": spring,
@@ -392,7 +393,8 @@ def fit() -> dict[str, Any]:
     """Arguments of a fit that works."""
     one = normal_matrix()
     return {
-        **{name: [one[name]] for name in ("planes", "measured", "weights")},
+        "reductions": [one["reduction"]],
+        **{name: [one[name]] for name in ("angular_frequency", "measured", "weights")},
         "references": one["reference"][None].copy(),
         "joints": one["joint"][None].copy(),
         "variables": np.array([[0.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0]]),

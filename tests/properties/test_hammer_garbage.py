@@ -17,7 +17,7 @@ def wave(random, n):
     time = np.arange(n)
     noise = random.standard_normal(n)
     spike = np.zeros(n)
-    spike[random.integers(0, n)] = random.normal() * 10.0 ** random.uniform(-150.0, 150.0)
+    spike[random.integers(0, n)] = random.normal() * 10.0 ** random.uniform(-28.0, 28.0)
     pulses = 1e-4 * noise
     for first in random.integers(0, n, random.integers(1, 6)):
         part = pulses[first : first + 8]

@@ -78,6 +78,38 @@ def test_the_reduction_is_taken_where_only_one_joint_is_unknown():
     assert only_joint(frf, Variables((diameter,))) is None
 
 
+def rows_of(frf, unknowns=STIFFNESSES):
+    """Rows of the reduction: 29 of power series for all lines, 16 planes where every line is swept."""
+    return JointResidual(frf, Variables(tuple(unknowns)), "logarithm", None, "joint", 1)._reduction.shape[0]
+
+
+def test_series_serve_at_the_tip_and_sweeps_elsewhere():
+    assembly = make_assembly()
+    assert rows_of(simulate(assembly)) == 29
+    assert rows_of(simulate(assembly), [*STIFFNESSES, COUPLING, *DASHPOTS, LOSS]) == 29
+    end = Coordinate("holder", "end", "theta")
+    assert rows_of(simulate(assembly, response=end, excitation=end)) == 29
+    assert rows_of(simulate(assembly, response=NOSE)) == 16
+    assert rows_of(simulate(assembly, response=NOSE, excitation=NOSE)) == 16
+    damped = type(assembly)(assembly.elements.values(), [GroundSpring(k_y=1e5, c_y=3.0, part="holder")])
+    assert rows_of(simulate(damped)) == 16
+    assert rows_of(simulate(assembly, LINES * 100.0)) == 16
+
+
+def test_the_curvature_at_the_best_end_is_the_one_evaluated_there():
+    frf = simulate(make_assembly())
+    rng = np.random.default_rng(7)
+    noisy = frf.receptance * np.exp(0.01 * rng.standard_normal(LINES.size))
+    frf = MeasuredFRF(assembly=frf.assembly, frequency_hz=LINES, receptance=noisy)
+    problem = reduced_problem([frf], [*STIFFNESSES, *DASHPOTS])
+    run = min(problem.fit_all(problem.variables.draw(3, 1), 200, 1e-8), key=lambda run: run.cost)
+    kept = problem.jacobian(run.variables)
+    assert problem.evaluations == 0
+    fresh = reduced_problem([frf], [*STIFFNESSES, *DASHPOTS]).jacobian(run.variables)
+    size = np.linalg.norm(fresh, axis=0)
+    assert np.all(np.abs(kept.T @ kept - fresh.T @ fresh) <= 1e-3 * np.outer(size, size))
+
+
 def test_the_fit_reaches_the_truth_from_soft_and_from_stiff():
     for start in (1e6, 1e11):
         unknowns = [
@@ -98,7 +130,7 @@ def reduced_problem(frfs, unknowns):
 
 def test_the_residuals_of_all_lines_are_those_of_the_whole_model():
     frf = simulate(make_assembly())
-    variables, whole, reduced = both(frf, STIFFNESSES)
+    _, whole, reduced = both(frf, STIFFNESSES)
     values = np.array([2e8, 4e4])
     assert reduced.value(values) == pytest.approx(whole.value(values), rel=1e-8, abs=1e-10)
     with pytest.raises(InfeasibleError, match="k_ytheta"):

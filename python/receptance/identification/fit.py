@@ -51,7 +51,7 @@ def identify(
     One least-squares problem over all observations: an unknown is shared by every observation whose assembly has
     its address. The fit runs from several starts on analytic derivatives, and the best end is kept: SciPy's
     trust-region reflective method, or, where all observations are receptances of which only one joint is unknown and
-    the objective is "log", Levenberg and Marquardt's method with projected steps, all starts in one call of the core.
+    the objective is "log", the same method in the core, all starts in one call.
 
     Parameters
     ----------

@@ -115,6 +115,11 @@ class Problem:
         if len(joints) < len(self.residuals):
             return [self.fit(x, None, most, tolerance, None) for x in starts]
         ends = JointResidual.fit_together(joints, self.variables, starts, most, tolerance)
+        best = min(ends, key=lambda end: end.cost)
+        if np.isfinite(best.cost):
+            # The curvature there was found on the way.
+            factor = best.factor
+            self._at, self._residual, self._jacobian = best.x.copy(), factor[:, -1], factor[:, :-1]
         return [
             Start(
                 start=self.named(x),

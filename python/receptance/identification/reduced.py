@@ -79,13 +79,14 @@ class JointResidual:
         self._columns = [i for i, name in enumerate(variables.addresses) if covered(name, frf.assembly)]
         fields = [variables.addresses[i].split(".", 1)[1] for i in self._columns]
         self._fields = np.array([PointJoint.columns_of.index(field) for field in fields], dtype=np.float64)
-        self._reference = np.array(self._stiff(frf, joint, fields, variables).columns())
-        assembly = frf.assembly.replace({f"{joint}.{f}": self._reference[int(i)] for f, i in self._pairs(fields)})
-        self._planes = assembly.reduced_to_joint(
+        stiff = self._stiff(frf, joint, fields, variables)
+        self._reference = np.array(stiff.columns())
+        self._reduction, self._w = frf.assembly.reduced_to_joint(
             joint,
             np.ascontiguousarray(frf.frequency_hz[select]),
             response=frf.response,
             excitation=frf.excitation,
+            at=stiff,
             threads=threads,
         )
         self._measured = np.ascontiguousarray(frf.receptance[select])
@@ -93,16 +94,13 @@ class JointResidual:
         if unit == "standard deviations" and frf.standard_deviation is not None:
             self._weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
 
-    def _pairs(self, fields: list[str]) -> list[tuple[str, float]]:
-        return list(zip(fields, self._fields.tolist(), strict=True))
-
     @staticmethod
     def _stiff(frf: MeasuredFRF, joint: str, fields: list[str], variables: Variables) -> PointJoint:
         """Return the joint at which the reduction starts: as stiff as the bounds allow.
 
         From a stiff joint every other one adds compliance in series, which costs no digits.
         """
-        values: dict[str, Any] = {name: frf.assembly.get(f"{joint}.{name}") for name in PointJoint.columns_of}
+        values: dict[str, Any] = {name: getattr(frf.assembly.elements[joint], name) for name in PointJoint.columns_of}
         unknowns = {unknown.address: unknown for unknown in variables.unknowns}
         for field in fields:
             unknown = unknowns[f"{joint}.{field}"]
@@ -122,7 +120,8 @@ class JointResidual:
         joint = self._joint(values)
         try:
             normal = _core.joint_normal_matrix(
-                self._planes,
+                self._reduction,
+                self._w,
                 self._measured,
                 self._weights,
                 self._reference,
@@ -141,7 +140,9 @@ class JointResidual:
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the residuals of all lines, not compressed, as `residuals.FRFResidual` does."""
         joint = self._joint(values)
-        found = _core.joint_residual(self._planes, self._measured, self._weights, self._reference, joint, self._threads)
+        found = _core.joint_residual(
+            self._reduction, self._w, self._measured, self._weights, self._reference, joint, self._threads
+        )
         return found.reshape(-1)
 
     def _joint(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,7 +168,8 @@ class JointResidual:
         for row, one in zip(numbers, residuals, strict=True):
             row[one._fields.astype(int)] = one._columns
         found = _core.fit_joint(
-            [one._planes for one in residuals],
+            [one._reduction for one in residuals],
+            [one._w for one in residuals],
             [one._measured for one in residuals],
             [one._weights for one in residuals],
             np.array([one._reference for one in residuals]),
@@ -180,16 +182,25 @@ class JointResidual:
             most,
             residuals[0]._threads,
         )
-        return [Ending(x, float(cost), int(n), int(status)) for x, cost, n, status in zip(*found, strict=True)]
+        return [
+            Ending(x, float(cost), int(n), int(status), normal)
+            for x, cost, n, status, normal in zip(*found, strict=True)
+        ]
 
 
 class Ending(NamedTuple):
-    """Where a fit in the core ended: the variables, half the sum of squares, evaluations, SciPy's status."""
+    """Where a fit in the core ended: the variables, half the sum of squares, evaluations, SciPy's status, A^T A."""
 
     x: NDArray[np.float64]
     cost: float
     evaluations: int
     status: int
+    normal: NDArray[np.float64]
+
+    @property
+    def factor(self) -> NDArray[np.float64]:
+        """As few numbers as there are variables, and one, as residuals (last column) and their derivatives."""
+        return _factor(self.normal)
 
     @property
     def message(self) -> str:

@@ -24,6 +24,8 @@ __all__ = ["Quantity", "TimeRecords"]
 Quantity = Literal["displacement", "velocity", "acceleration"]
 """What the response channels hold."""
 _ROTATIONS = {"displacement": "rotation", "velocity": "angular velocity", "acceleration": "angular acceleration"}
+_SMALLEST = 1e-30
+"""What squares and quotients of two channels can still be taken of."""
 _LEAST_SAMPLES = 16
 """Shorter than any pulse with something after it."""
 
@@ -184,6 +186,17 @@ class TimeRecords:
         ------
         ValueError
             A channel that is not there, or is not of the quantity it is taken for.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance.io import TimeSeries
+        >>> from receptance.measurement import TimeRecords
+        >>> read = TimeSeries(
+        ...     values=np.ones((64, 2)), channels=["hammer", "tip"], units=["N", "g"], sample_rate_hz=51200.0
+        ... )
+        >>> TimeRecords.from_series(read, force="hammer", responses="tip").quantity
+        'acceleration'
         """
         owner = f"TimeRecords from {series.source or series.label or 'a time series'}"
         wanted = [responses] if isinstance(responses, (str, int)) else list(responses)
@@ -275,6 +288,9 @@ def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
     if bad.size:
         where = ", ".join(str(index) for index in bad[0])
         raise ValueError(f"{owner}: {name}[{where}] is {array[tuple(bad[0])]}, expected a finite number")
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest != 0.0 and not _SMALLEST < largest < 1.0 / _SMALLEST:
+        raise ValueError(f"{owner}: the largest value of {name} is {largest:g}, which no sensor gives in any unit")
     return array
 
 

@@ -318,7 +318,7 @@ class _Search:
             return ""
         largest = np.abs(self.responses[row][contact.onset : stop]).max(axis=0, initial=0.0)
         level = np.std(before, axis=0)
-        worst = int(np.argmax(level / np.maximum(self._quietest, 1e-300)))
+        worst = int(np.argmax(level / np.maximum(self._quietest, 1e-60)))
         if level[worst] <= _RINGING * self._quietest[worst] or level[worst] <= _RINGING_SHARE * largest[worst]:
             return ""
         if largest[worst] == 0.0:

@@ -9,29 +9,20 @@
 
 use crate::kernel::Segment;
 use crate::lane::C;
+use crate::minors::{MOST_TERMS, Minors, TV, VM, YM, YT, YV, carried, through, trim, yielding};
 use crate::model::{Model, Spring, Step};
 use crate::plane::Plane;
 use num_complex::Complex64;
 use pulp::Simd;
 
 /// Largest sum of |lambda| L over a branch: the terms outgrow the value by e^(0.41 span).
-const MOST_SPAN: f64 = 12.0;
+pub const MOST_SPAN: f64 = 12.0;
 
 /// What a segment above its cut-off counts, both pairs of waves propagating and the value not growing at all.
 const ABOVE_CUT_OFF: f64 = 3.0;
 
 /// Lines from which on the series, which costs some microseconds a segment, is worth making.
 const FEWEST_LINES: usize = 256;
-
-/// Most terms of a series; MOST_SPAN needs about thirty.
-const MOST_TERMS: usize = 64;
-
-/// Positions of the five minors.
-const YT: usize = 0;
-const YV: usize = 1;
-const YM: usize = 2;
-const TV: usize = 3;
-const VM: usize = 4;
 
 /// Five minors as power series in (w / reference)^2.
 pub struct Branch<const D: usize> {
@@ -42,9 +33,6 @@ pub struct Branch<const D: usize> {
     /// The segment at the near end, whose impedances steer the choice of the chart.
     near: Segment<D>,
 }
-
-/// Series of the five minors, the lowest power first.
-type Series = Vec<[Complex64; 5]>;
 
 /// Replaces the beginning of each branch of a plan by its series where that serves.
 ///
@@ -89,19 +77,14 @@ fn reach<const D: usize>(
     needed: &impl Fn(&Step) -> bool,
 ) -> usize {
     let mut span = 0.0;
-    let plain = |spring: &Spring| !spring.couples() && spring.c == [0.0; 3];
     for (count, step) in plan.iter().enumerate().skip(1) {
         let serves = match *step {
             Step::Segment { row, .. } => {
-                let segment = &segments[row];
-                let weight = if segment.cut_off_share(highest) > 0.5 { ABOVE_CUT_OFF } else { 1.0 };
-                span += weight * segment.wave_number_square(highest * highest).sqrt() * segment.length;
+                span += segments[row].span(highest);
                 span <= MOST_SPAN
             }
-            Step::Joint { row, .. } => plain(&model.joints[row].1),
-            Step::Point { node } => {
-                model.grounds.iter().all(|(ground, spring)| *ground != node || plain(spring))
-            }
+            Step::Joint { row, .. } => model.joints[row].1.is_plain(),
+            Step::Point { node } => model.has_plain_point(node),
             Step::Leaf { .. } | Step::Join | Step::Branch { .. } => false,
         };
         if !serves || needed(step) {
@@ -111,40 +94,87 @@ fn reach<const D: usize>(
     plan.len()
 }
 
+/// Carries series of minors past one step of a sweep towards its root; nothing where it does not converge.
+pub fn past<const D: usize>(
+    model: &Model,
+    segments: &[Segment<D>],
+    minors: &mut Minors,
+    step: &Step,
+    square: f64,
+) -> Option<()> {
+    match *step {
+        Step::Segment { row, forward, .. } => {
+            *minors = through(minors, &segments[row], forward, square)?;
+        }
+        Step::Joint { row, .. } => {
+            yielding(minors, model.joints[row].1.plain_compliance());
+        }
+        Step::Point { node } => {
+            for impedance in model.plain_impedances(node, square) {
+                carried(minors, impedance);
+            }
+        }
+        _ => {}
+    }
+    trim(minors);
+    Some(())
+}
+
+impl Spring {
+    /// Whether it is a function of w^2 and leaves translation and rotation apart.
+    pub fn is_plain(&self) -> bool {
+        !self.couples() && self.c == [0.0; 3]
+    }
+
+    /// The two stiffnesses of a plain spring.
+    fn plain_stiffness(&self) -> [Complex64; 2] {
+        let loss = Complex64::new(1.0, self.loss_factor);
+        [loss * self.k[0], loss * self.k[1]]
+    }
+
+    /// The two compliances of a plain spring.
+    pub fn plain_compliance(&self) -> [Complex64; 2] {
+        self.plain_stiffness().map(|stiffness| stiffness.inv())
+    }
+}
+
+impl<const D: usize> Segment<D> {
+    /// What the segment counts in the span of a series up to |w| = `highest`.
+    pub fn span(&self, highest: f64) -> f64 {
+        let weight = if self.cut_off_share(highest) > 0.5 { ABOVE_CUT_OFF } else { 1.0 };
+        weight * self.wave_number_square(highest * highest).sqrt() * self.length
+    }
+}
+
+impl Model {
+    /// Whether the point elements of a node are functions of w^2 that leave translation and rotation apart.
+    pub fn has_plain_point(&self, node: usize) -> bool {
+        self.grounds.iter().all(|(ground, spring)| *ground != node || spring.is_plain())
+    }
+
+    /// What each mass and plain spring of a node adds to f per u, `[constant, by (w / reference)^2]`.
+    pub fn plain_impedances(&self, node: usize, square: f64) -> Vec<[[Complex64; 2]; 2]> {
+        let masses = self.masses.iter().filter(|mass| mass.0 == node);
+        let grounds = self.grounds.iter().filter(|ground| ground.0 == node);
+        let inert =
+            masses.map(|(_, inertia)| inertia.map(|value| [Complex64::ZERO, (-value * square).into()]));
+        let held = grounds.map(|(_, spring)| spring.plain_stiffness().map(|k| [k, Complex64::ZERO]));
+        inert.chain(held).collect()
+    }
+}
+
 impl<const D: usize> Branch<D> {
     /// The series of the steps from a leaf on, or nothing where it does not converge within bounds.
     fn new(model: &Model, segments: &[Segment<D>], plan: &[Step], highest: f64) -> Option<Self> {
-        let mut minors: Series = vec![[Complex64::ZERO; 5]; 1];
+        let mut minors: Minors = vec![[Complex64::ZERO; 5]; 1];
         minors[0][YT] = Complex64::ONE;
         let square = highest * highest;
         let mut near = None;
         for step in plan {
-            match *step {
-                Step::Segment { row, forward, .. } => {
-                    minors = through(&minors, &segments[row], forward, square)?;
-                    near = Some(segments[row]);
-                }
-                Step::Joint { row, .. } => {
-                    let spring = &model.joints[row].1;
-                    let loss = Complex64::new(1.0, spring.loss_factor);
-                    yielding(&mut minors, [(loss * spring.k[0]).inv(), (loss * spring.k[1]).inv()]);
-                }
-                Step::Point { node } => {
-                    for (_, inertia) in model.masses.iter().filter(|mass| mass.0 == node) {
-                        carried(
-                            &mut minors,
-                            inertia.map(|value| [Complex64::ZERO, (-value * square).into()]),
-                        );
-                    }
-                    for (_, spring) in model.grounds.iter().filter(|ground| ground.0 == node) {
-                        let loss = Complex64::new(1.0, spring.loss_factor);
-                        let held = [spring.k[0], spring.k[1]].map(|k| [loss * k, Complex64::ZERO]);
-                        carried(&mut minors, held);
-                    }
-                }
-                _ => {}
+            past(model, segments, &mut minors, step, square)?;
+            if let Step::Segment { row, .. } = *step {
+                near = Some(segments[row]);
             }
-            trim(&mut minors);
         }
         minors.reverse();
         let finite = minors.iter().flatten().all(|value| value.is_finite());
@@ -174,119 +204,5 @@ impl<const D: usize> Branch<D> {
         let minus_tv = -sums[TV];
         let minors = [sums[YT], sums[YV], sums[YM], minus_tv, sums[VM]];
         (Plane::from_minors(minors, &weights), weights)
-    }
-}
-
-/// Drops the last powers that add less than rounding to every minor.
-fn trim(minors: &mut Series) {
-    let mut size = [0.0_f64; 5];
-    for term in minors.iter() {
-        for k in 0..5 {
-            size[k] = size[k].max(term[k].l1_norm());
-        }
-    }
-    while let Some(last) = minors.last() {
-        if minors.len() > 1 && (0..5).all(|k| last[k].l1_norm() <= 1e-19 * size[k]) {
-            minors.pop();
-        } else {
-            break;
-        }
-    }
-}
-
-/// f + z u on both degrees of freedom, z = `[constant, by w^2]`.
-fn carried(minors: &mut Series, z: [[Complex64; 2]; 2]) {
-    let before = minors.clone();
-    let [zy, zt] = z;
-    minors.resize(before.len() + 2, [Complex64::ZERO; 5]);
-    for (k, term) in before.iter().enumerate() {
-        for power in 0..2 {
-            let into = &mut minors[k + power];
-            into[YM] += zt[power] * term[YT];
-            into[TV] -= zy[power] * term[YT];
-            into[VM] += zy[power] * term[YM] - zt[power] * term[TV];
-            for other in 0..2 {
-                minors[k + power + other][VM] += zy[power] * zt[other] * term[YT];
-            }
-        }
-    }
-}
-
-/// u + c f on both degrees of freedom.
-fn yielding(minors: &mut Series, [cy, ct]: [Complex64; 2]) {
-    for term in minors.iter_mut() {
-        term[YT] += ct * term[YM] - cy * term[TV] + cy * ct * term[VM];
-        term[YM] += cy * term[VM];
-        term[TV] -= ct * term[VM];
-    }
-}
-
-/// Along a segment: a Taylor series in the length of the linear equation that the minors obey,
-///     p_yt' = beta p_yM - alpha p_tV,   p_yV' = -d p_tV,   p_yM' = 2 d p_yV + alpha p_VM - nu p_yt,
-///     p_tV' = mu p_yt - beta p_VM,      p_VM' = nu p_tV - mu p_yM,
-/// with d = 1 towards smaller x and -1 towards larger, mu and nu proportional to w^2.
-fn through<const D: usize>(
-    start: &Series,
-    segment: &Segment<D>,
-    forward: bool,
-    square: f64,
-) -> Option<Series> {
-    let length = segment.length;
-    let (compliance, kinetic) = (segment.per_length.compliance, segment.per_length.kinetic);
-    let (alpha, beta) = (compliance[0] * length, compliance[D - 1] * length);
-    let (mu, nu) = (kinetic[0] * square * length, kinetic[D - 1] * square * length);
-    let d = if forward { length } else { -length };
-    let mut sum = start.clone();
-    let mut term = start.clone();
-    for order in 1..400 {
-        let share = 1.0 / f64::from(order);
-        let mut next = vec![[Complex64::ZERO; 5]; term.len() + 1];
-        for (k, p) in term.iter().enumerate() {
-            let same = &mut next[k];
-            same[YT] += (beta * p[YM] - alpha * p[TV]) * share;
-            same[YV] -= p[TV] * (d * share);
-            same[YM] += (p[YV] * (2.0 * d) + alpha * p[VM]) * share;
-            same[TV] -= beta * p[VM] * share;
-            let above = &mut next[k + 1];
-            above[YM] -= p[YT] * (nu * share);
-            above[TV] += p[YT] * (mu * share);
-            above[VM] += (p[TV] * nu - p[YM] * mu) * share;
-        }
-        // Powers beyond what any line can see are dropped at once, or their number would grow with the order.
-        next.truncate(MOST_TERMS);
-        if sum.len() < next.len() {
-            sum.resize(next.len(), [Complex64::ZERO; 5]);
-        }
-        let mut settled = true;
-        let mut size = [0.0_f64; 5];
-        for total in &sum {
-            for k in 0..5 {
-                size[k] = size[k].max(total[k].l1_norm());
-            }
-        }
-        for (total, term) in sum.iter_mut().zip(&next) {
-            for k in 0..5 {
-                settled &= term[k].l1_norm() <= 1e-18 * total[k].l1_norm().max(1e-4 * size[k]);
-                total[k] += term[k];
-            }
-        }
-        term = next;
-        // Some minors start at zero and wake up only after a few orders.
-        if settled && order > 4 {
-            return Some(sum);
-        }
-        trim_against(&mut term, &size);
-    }
-    None
-}
-
-/// Drops the last powers of a Taylor term that cannot matter beside the sums' sizes.
-fn trim_against(term: &mut Series, size: &[f64; 5]) {
-    while let Some(last) = term.last() {
-        if term.len() > 1 && (0..5).all(|k| last[k].l1_norm() <= 1e-22 * size[k]) {
-            term.pop();
-        } else {
-            break;
-        }
     }
 }

@@ -4,11 +4,11 @@
 
 use crate::error::{Error, Result};
 use crate::gradient::spring_derivative;
+use crate::joint_change::{Change, Planes, REDUCTION_PLANES, Update};
+use crate::joint_series::{AtJoint, SERIES_ROWS};
 use crate::lane::{C, MAX_LANES, R};
 use crate::model::Spring;
-use crate::reduction::REDUCTION_PLANES;
 use crate::response::LINES_PER_TASK;
-use crate::small::{self, Mat};
 use crate::threads::on_threads;
 use core::ops::Range;
 use num_complex::Complex64;
@@ -20,11 +20,21 @@ pub(crate) const SPRING_COLUMNS: usize = 7;
 /// Entries of the upper triangle over the columns and the residual.
 const TRIANGLE: usize = (SPRING_COLUMNS + 1) * (SPRING_COLUMNS + 2) / 2;
 
+/// Everything of a model but one joint, see `reduce_joint`.
+#[derive(Copy, Clone)]
+pub(crate) enum Reduction<'a> {
+    /// Planes by line, one after the other.
+    Planes(&'a [f64]),
+    /// A table of power series for all lines.
+    Series(&'a [f64]),
+}
+
 /// A measured receptance beside the model reduced to one joint.
 #[derive(Copy, Clone)]
 pub struct Reduced<'a> {
-    /// The planes of `reduce_joint`, one after the other.
-    planes: &'a [f64],
+    reduction: Reduction<'a>,
+    /// Angular frequency of each line.
+    w: &'a [Complex64],
     measured: &'a [Complex64],
     weights: &'a [f64],
     /// The seven columns of the joint at which the model was reduced.
@@ -32,39 +42,62 @@ pub struct Reduced<'a> {
 }
 
 impl<'a> Reduced<'a> {
-    /// Planes, measured receptance and a weight for each line.
+    /// What `reduce_joint` returned, of so many rows, and for each line w, what was measured and a weight.
     ///
     /// # Errors
     /// Arrays of different lengths.
     pub fn new(
-        planes: &'a [f64],
+        rows: usize,
+        reduction: &'a [f64],
+        w: &'a [Complex64],
         measured: &'a [Complex64],
         weights: &'a [f64],
         reference: [f64; SPRING_COLUMNS],
     ) -> Result<Self> {
         let lines = measured.len();
-        for (index, length) in [planes.len() / REDUCTION_PLANES, weights.len()].into_iter().enumerate() {
-            if length != lines || !planes.len().is_multiple_of(REDUCTION_PLANES) {
+        for (index, length) in [w.len(), weights.len()].into_iter().enumerate() {
+            if length != lines {
                 let expected = format!("{lines} lines");
                 return Err(Error::Index { what: "reduction array", index, value: length as f64, expected });
             }
         }
-        Ok(Self { planes, measured, weights, reference })
+        let reduction = match rows {
+            REDUCTION_PLANES if reduction.len() == rows * lines => Reduction::Planes(reduction),
+            SERIES_ROWS if !reduction.is_empty() && reduction.len().is_multiple_of(rows) => {
+                Reduction::Series(reduction)
+            }
+            _ => {
+                let expected = format!("{REDUCTION_PLANES} rows of {lines} lines, or {SERIES_ROWS}");
+                return Err(Error::Index { what: "reduction", index: 0, value: rows as f64, expected });
+            }
+        };
+        Ok(Self { reduction, w, measured, weights, reference })
     }
 
-    /// Planes, measured receptance and weights.
-    pub(crate) fn parts(&self) -> (&'a [f64], &'a [Complex64], &'a [f64]) {
-        (self.planes, self.measured, self.weights)
+    /// Every so many of the lines: the planes if there are any, w, measured receptance and weights.
+    pub(crate) fn thinned(&self, stride: usize) -> Lines {
+        let every = |values: &[Complex64]| values.iter().step_by(stride).copied().collect();
+        let planes = match self.reduction {
+            Reduction::Planes(planes) => {
+                planes.chunks(self.lines()).flat_map(|plane| plane.iter().step_by(stride).copied()).collect()
+            }
+            Reduction::Series(_) => Vec::new(),
+        };
+        let weights = self.weights.iter().step_by(stride).copied().collect();
+        Lines { planes, w: every(self.w), measured: every(self.measured), weights }
     }
 
     /// Other lines of the same receptance.
-    pub(crate) fn of<'b>(
-        &self,
-        planes: &'b [f64],
-        measured: &'b [Complex64],
-        weights: &'b [f64],
-    ) -> Reduced<'b> {
-        Reduced { planes, measured, weights, reference: self.reference }
+    pub(crate) fn of<'b>(&self, lines: &'b Lines) -> Reduced<'b>
+    where
+        'a: 'b,
+    {
+        let reduction = match self.reduction {
+            Reduction::Planes(_) => Reduction::Planes(&lines.planes),
+            Reduction::Series(_) => self.reduction,
+        };
+        let Lines { w, measured, weights, .. } = lines;
+        Reduced { reduction, w, measured, weights, reference: self.reference }
     }
 
     /// Number of lines.
@@ -92,10 +125,11 @@ impl<'a> Reduced<'a> {
                 return Err(Error::Index { what: "joint column", index, value: column.0 as f64, expected });
             }
         }
-        let arch = Arch::new();
-        let sums: Vec<[f64; TRIANGLE]> = on_threads(threads, tasks(self.lines()), |range| {
-            arch.dispatch(Normal { reduced: *self, joint, columns, range })
-        })?;
+        let spring = Spring::new(joint);
+        let sums = match self.reduction {
+            Reduction::Planes(values) => self.sums(&self.planes(values, spring), &spring, columns, threads),
+            Reduction::Series(rows) => self.sums(&AtJoint::new(rows, &spring), &spring, columns, threads),
+        }?;
         let size = columns.len() + 1;
         let mut matrix = vec![0.0; size * size];
         // Summed in the order of the lines, whichever thread was first.
@@ -123,24 +157,49 @@ impl<'a> Reduced<'a> {
     pub fn residual(&self, joint: &[f64; SPRING_COLUMNS], threads: usize) -> Result<Vec<f64>> {
         let mut out = vec![0.0; 2 * self.lines()];
         let (re, im) = out.split_at_mut(self.lines());
+        let spring = Spring::new(joint);
+        match self.reduction {
+            Reduction::Planes(values) => self.logarithms(&self.planes(values, spring), threads, re, im),
+            Reduction::Series(rows) => self.logarithms(&AtJoint::new(rows, &spring), threads, re, im),
+        }?;
+        Ok(out)
+    }
+
+    fn planes(&self, values: &'a [f64], joint: Spring) -> Planes<'a> {
+        Planes { values, reference: Spring::new(&self.reference), joint }
+    }
+
+    /// The upper triangle of each task.
+    fn sums(
+        &self,
+        change: &impl Change,
+        joint: &Spring,
+        columns: &[(usize, f64)],
+        threads: usize,
+    ) -> Result<Vec<[f64; TRIANGLE]>> {
+        let arch = Arch::new();
+        on_threads(threads, tasks(self.lines()), |range| {
+            arch.dispatch(Normal { reduced: *self, change, joint, columns, range })
+        })
+    }
+
+    fn logarithms(&self, change: &impl Change, threads: usize, re: &mut [f64], im: &mut [f64]) -> Result<()> {
         let parts = re.chunks_mut(LINES_PER_TASK).zip(im.chunks_mut(LINES_PER_TASK));
         let tasks = tasks(self.lines()).into_iter().zip(parts).collect();
         let arch = Arch::new();
         on_threads(threads, tasks, |(range, (re, im))| {
-            arch.dispatch(Logarithms { reduced: *self, joint, range, re, im });
+            arch.dispatch(Logarithms { reduced: *self, change, range, re, im });
         })?;
-        Ok(out)
+        Ok(())
     }
+}
 
-    /// The complex numbers of a pair of planes.
-    #[inline(always)]
-    fn load<S: Simd>(&self, simd: S, pair: usize, lines: Range<usize>) -> C<S> {
-        let n = self.lines();
-        let (re, im) = (2 * pair * n, (2 * pair + 1) * n);
-        let re = &self.planes[re + lines.start..re + lines.end];
-        let im = &self.planes[im + lines.start..im + lines.end];
-        C { simd, re: simd.partial_load_f64s(re), im: simd.partial_load_f64s(im) }
-    }
+/// Some of the lines of a receptance.
+pub(crate) struct Lines {
+    planes: Vec<f64>,
+    w: Vec<Complex64>,
+    measured: Vec<Complex64>,
+    weights: Vec<f64>,
 }
 
 /// The lines of each task.
@@ -150,19 +209,19 @@ fn tasks(lines: usize) -> Vec<Range<usize>> {
 }
 
 /// The normal matrix of the lines of one task.
-struct Normal<'a> {
+struct Normal<'a, T> {
     reduced: Reduced<'a>,
-    joint: &'a [f64; SPRING_COLUMNS],
+    change: &'a T,
+    joint: &'a Spring,
     columns: &'a [(usize, f64)],
     range: Range<usize>,
 }
 
-impl WithSimd for Normal<'_> {
+impl<T: Change> WithSimd for Normal<'_, T> {
     type Output = [f64; TRIANGLE];
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> [f64; TRIANGLE] {
-        let joint = Spring::new(self.joint);
         let size = self.columns.len() + 1;
         let mut sums = [simd.splat_f64s(0.0); TRIANGLE];
         let mut start = self.range.start;
@@ -170,11 +229,11 @@ impl WithSimd for Normal<'_> {
             let end = self.range.end.min(start + S::F64_LANES);
             let lines = start..end;
             let mut rows = [C::zero(simd); SPRING_COLUMNS + 1];
-            let (inverse, left, right, iw) = self.reduced.update(simd, &joint, lines.clone());
+            let Update { inverse, left, right, iw } = self.change.update(simd, self.reduced.w, lines.clone());
             let weight = simd.partial_load_f64s(&self.reduced.weights[lines.clone()]);
             for (row, (column, slope)) in rows.iter_mut().zip(self.columns) {
-                let change = spring_derivative(&joint, *column, iw, &left, &right);
-                *row = (change * inverse).scale(-slope);
+                let change = spring_derivative(self.joint, *column, iw, &left, &right);
+                *row = change.scale(-slope);
             }
             rows[size - 1] = (C::load(simd, &self.reduced.measured[lines]) * inverse).ln();
             for row in &mut rows[..size] {
@@ -202,25 +261,24 @@ impl WithSimd for Normal<'_> {
 }
 
 /// The residuals of the lines of one task.
-struct Logarithms<'a> {
+struct Logarithms<'a, T> {
     reduced: Reduced<'a>,
-    joint: &'a [f64; SPRING_COLUMNS],
+    change: &'a T,
     range: Range<usize>,
     re: &'a mut [f64],
     im: &'a mut [f64],
 }
 
-impl WithSimd for Logarithms<'_> {
+impl<T: Change> WithSimd for Logarithms<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let joint = Spring::new(self.joint);
         let first = self.range.start;
         let mut start = first;
         while start < self.range.end {
             let end = self.range.end.min(start + S::F64_LANES);
-            let (inverse, ..) = self.reduced.update(simd, &joint, start..end);
+            let Update { inverse, .. } = self.change.update(simd, self.reduced.w, start..end);
             let weight = simd.partial_load_f64s(&self.reduced.weights[start..end]);
             let found = (C::load(simd, &self.reduced.measured[start..end]) * inverse).ln();
             simd.partial_store_f64s(
@@ -234,53 +292,4 @@ impl WithSimd for Logarithms<'_> {
             start = end;
         }
     }
-}
-
-impl Reduced<'_> {
-    /// 1/H and the joint's relative motions under both loads, and i w.
-    #[inline(always)]
-    #[allow(clippy::type_complexity)]
-    fn update<S: Simd>(
-        &self,
-        simd: S,
-        joint: &Spring,
-        lines: Range<usize>,
-    ) -> (C<S>, [C<S>; 2], [C<S>; 2], C<S>) {
-        let mut values = [C::zero(simd); REDUCTION_PLANES / 2];
-        for (pair, value) in values.iter_mut().enumerate() {
-            *value = self.load(simd, pair, lines.clone());
-        }
-        let short = lines.end - lines.start < S::F64_LANES;
-        let w = if short { fill(values[0], lines.end - lines.start) } else { values[0] };
-        let iw = w.times_i();
-        let compliance: Mat<S, 2> = small::inverse(&joint.stiffness(simd, iw));
-        let before: Mat<S, 2> = small::inverse(&Spring::new(&self.reference).stiffness(simd, iw));
-        let mut more = compliance;
-        for i in 0..2 {
-            for j in 0..2 {
-                more[i][j] = compliance[i][j] - before[i][j];
-            }
-        }
-        let (left, right) = ([values[2], values[3]], [values[4], values[5]]);
-        let y = [[values[6], values[7]], [values[7], values[8]]];
-        let one = small::identity::<S, 2>(simd);
-        let share = small::inverse(&small::mul_add(&y, &more, &one));
-        let (force_left, force_right) = (small::apply(&share, &left), small::apply(&share, &right));
-        let gap = small::apply(&more, &force_right);
-        let h = left[1].mul_add(gap[1], left[0].mul_add(gap[0], values[1]));
-        // Lanes without a line would divide by zero.
-        let h = if short { fill(h, lines.end - lines.start) } else { h };
-        (h.recip(), small::apply(&compliance, &force_left), small::apply(&compliance, &force_right), iw)
-    }
-}
-
-/// Ones in the lanes from `count` on.
-#[inline(always)]
-fn fill<S: Simd>(value: C<S>, count: usize) -> C<S> {
-    let mut lanes = [Complex64::ONE; MAX_LANES];
-    value.store(&mut lanes);
-    for lane in lanes.iter_mut().take(S::F64_LANES).skip(count) {
-        *lane = Complex64::ONE;
-    }
-    C::load(value.simd, &lanes[..S::F64_LANES])
 }

@@ -1,11 +1,10 @@
 //! Fits of one joint to reduced receptances, from many starts, whole in the core.
 
 use crate::error::{Error, Result};
-use crate::joint_fit::{Reduced, SPRING_COLUMNS};
+use crate::joint_fit::{Lines, Reduced, SPRING_COLUMNS};
 use crate::least_squares::{End, Stop, minimise};
 use crate::model::Spring;
 use crate::threads::on_threads;
-use num_complex::Complex64;
 
 /// Lines that are left of each receptance for the way to the optimum; the end is found on all of them.
 const COARSE_LINES: usize = 1500;
@@ -67,8 +66,8 @@ pub fn fit_joint(
         let expected = format!("rows of {count} variables");
         return Err(Error::Index { what: "starts", index: 0, value: starts.len() as f64, expected });
     }
-    let fewer: Vec<Option<Coarse>> = observed.iter().map(|one| Coarse::new(&one.reduced)).collect();
-    let coarse: Option<Vec<Observed>> = fewer
+    let fewer: Vec<Option<Lines>> = observed.iter().map(|one| coarse(&one.reduced)).collect();
+    let few: Option<Vec<Observed>> = fewer
         .iter()
         .any(Option::is_some)
         .then(|| observed.iter().zip(&fewer).map(|(one, fewer)| thinned(one, fewer.as_ref())).collect());
@@ -78,9 +77,9 @@ pub fn fit_joint(
     on_threads(threads, rows, |start| {
         let mut start = start.to_vec();
         let mut before = 0;
-        if let Some(coarse) = &coarse {
+        if let Some(few) = &few {
             let stop = Stop { tolerance: COARSE_TOLERANCE.max(stop.tolerance), ..stop };
-            let problem = Problem { observed: coarse, variables, threads: inside };
+            let problem = Problem { observed: few, variables, threads: inside };
             let end = problem.fit(&start, stop);
             before = end.evaluations;
             if end.cost.is_finite() {
@@ -104,7 +103,32 @@ struct Problem<'a> {
 impl Problem<'_> {
     fn fit(&self, start: &[f64], stop: Stop) -> End {
         let bounds = [self.variables.lower, self.variables.upper];
-        minimise(start, bounds, stop, |x| self.normal_matrix(x))
+        minimise(start, bounds, stop, |x| self.normal_matrix(x), |x| self.allows(x))
+    }
+
+    /// Value of a variable, and its derivative by the variable.
+    fn value(&self, x: &[f64], variable: usize) -> [f64; 2] {
+        if !self.variables.logarithmic[variable] {
+            return [x[variable], 1.0];
+        }
+        let value = 10.0_f64.powf(x[variable]);
+        [value, value * core::f64::consts::LN_10]
+    }
+
+    /// The joint of a receptance; nothing where it is indefinite or holds nothing.
+    fn joint(&self, one: &Observed, x: &[f64]) -> Option<[f64; SPRING_COLUMNS]> {
+        let mut joint = one.joint;
+        for (column, variable) in one.variables.iter().enumerate() {
+            if let Some(variable) = *variable {
+                joint[column] = self.value(x, variable)[0];
+            }
+        }
+        Spring::new(&joint).check("joint", 0).ok()?;
+        Some(joint)
+    }
+
+    fn allows(&self, x: &[f64]) -> bool {
+        self.observed.iter().all(|one| self.joint(one, x).is_some())
     }
 
     /// A^T A over all variables and the residual; nothing where a joint is indefinite or holds nothing.
@@ -112,19 +136,16 @@ impl Problem<'_> {
         let size = x.len() + 1;
         let mut sum = vec![0.0; size * size];
         for one in self.observed {
-            let mut joint = one.joint;
+            let joint = self.joint(one, x)?;
             let mut columns = Vec::with_capacity(SPRING_COLUMNS);
             let mut place = Vec::with_capacity(SPRING_COLUMNS + 1);
             for (column, variable) in one.variables.iter().enumerate() {
-                let Some(variable) = *variable else { continue };
-                let logarithmic = self.variables.logarithmic[variable];
-                let value = if logarithmic { 10.0_f64.powf(x[variable]) } else { x[variable] };
-                joint[column] = value;
-                columns.push((column, if logarithmic { value * core::f64::consts::LN_10 } else { 1.0 }));
-                place.push(variable);
+                if let Some(variable) = *variable {
+                    columns.push((column, self.value(x, variable)[1]));
+                    place.push(variable);
+                }
             }
             place.push(x.len());
-            Spring::new(&joint).check("joint", 0).ok()?;
             let part = one.reduced.normal_matrix(&joint, &columns, self.threads).ok()?;
             for (i, &row) in place.iter().enumerate() {
                 for (j, &column) in place.iter().enumerate() {
@@ -136,35 +157,13 @@ impl Problem<'_> {
     }
 }
 
-/// Every so many of the lines of a receptance.
-struct Coarse {
-    planes: Vec<f64>,
-    measured: Vec<Complex64>,
-    weights: Vec<f64>,
-}
-
-impl Coarse {
-    /// Fewer lines, where there are many.
-    fn new(reduced: &Reduced) -> Option<Self> {
-        let stride = reduced.lines() / COARSE_LINES;
-        if stride < 2 {
-            return None;
-        }
-        let (planes, measured, weights) = reduced.parts();
-        let planes = planes.chunks(reduced.lines()).flat_map(|plane| plane.iter().step_by(stride).copied());
-        Some(Self {
-            planes: planes.collect(),
-            measured: measured.iter().step_by(stride).copied().collect(),
-            weights: weights.iter().step_by(stride).copied().collect(),
-        })
-    }
+/// Fewer lines, where there are many.
+fn coarse(reduced: &Reduced) -> Option<Lines> {
+    let stride = reduced.lines() / COARSE_LINES;
+    (stride >= 2).then(|| reduced.thinned(stride))
 }
 
 /// The same observation on fewer lines.
-fn thinned<'a>(whole: &Observed<'a>, fewer: Option<&'a Coarse>) -> Observed<'a> {
-    let reduced = match fewer {
-        Some(coarse) => whole.reduced.of(&coarse.planes, &coarse.measured, &coarse.weights),
-        None => whole.reduced,
-    };
-    Observed { reduced, ..*whole }
+fn thinned<'a>(whole: &Observed<'a>, fewer: Option<&'a Lines>) -> Observed<'a> {
+    Observed { reduced: fewer.map_or(whole.reduced, |fewer| whole.reduced.of(fewer)), ..*whole }
 }

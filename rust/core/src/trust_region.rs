@@ -12,6 +12,16 @@ const LEAST_DAMPING: f64 = 1e-14;
 /// Most trials of a damping.
 const MOST_TRIALS: usize = 80;
 
+/// A step in scaled variables.
+pub struct Step {
+    /// The step.
+    pub scaled: Vec<f64>,
+    /// The decrease of the cost that it promises.
+    pub promised: f64,
+    /// Whether neither the region nor a bound holds it back.
+    pub free: bool,
+}
+
 /// The problem about one point, in variables scaled by their columns and by the distance to the bounds.
 pub struct Local<'a> {
     bounds: [&'a [f64]; 2],
@@ -21,7 +31,8 @@ pub struct Local<'a> {
     curvature: Vec<f64>,
     /// Slopes in scaled variables.
     slope: Vec<f64>,
-    /// The largest slope times the distance to the bound that it leads to.
+    /// The largest cosine between a column and the residual, times the room to the bound that the slope leads to as
+    /// a share of the range.
     pub steepest: f64,
 }
 
@@ -32,12 +43,17 @@ impl<'a> Local<'a> {
         let size = n + 1;
         let (mut scale, mut more, mut slope) = (vec![1.0; n], vec![0.0; n], vec![0.0; n]);
         let mut steepest = 0.0_f64;
+        let size_of_residual = normal[size * size - 1].sqrt();
         for i in 0..n {
             norms[i] = norms[i].max(normal[i * size + i].sqrt());
             let column = if norms[i] > 0.0 { 1.0 / norms[i] } else { 1.0 };
             let g = normal[i * size + n];
             let distance = if g < 0.0 { bounds[1][i] - x[i] } else { x[i] - bounds[0][i] };
-            steepest = steepest.max((g * distance.min(1.0)).abs());
+            // The cosine between column and residual, small where a bound is near that the slope leads to.
+            let room = if distance.is_finite() { distance / (bounds[1][i] - bounds[0][i]) } else { 1.0 };
+            if size_of_residual > 0.0 {
+                steepest = steepest.max((g * column).abs() / size_of_residual * room);
+            }
             scale[i] = column;
             if g != 0.0 && distance.is_finite() {
                 scale[i] = (distance / column).sqrt() * column;
@@ -66,13 +82,13 @@ impl<'a> Local<'a> {
         step.iter().zip(&self.scale).map(|(step, scale)| step * scale).collect()
     }
 
-    /// The best scaled step within the region and the bounds, and the decrease that it promises.
-    pub fn step(&self, x: &[f64], radius: f64) -> Option<(Vec<f64>, f64)> {
+    /// The best scaled step within the region and the bounds.
+    pub fn step(&self, x: &[f64], radius: f64) -> Option<Step> {
         let mut newton = self.within(radius)?;
         let (reach, hits) = self.reach(x, &newton);
         if reach >= 1.0 {
-            let promised = -self.change(&newton);
-            return Some((newton, promised));
+            let free = norm(&newton) < (1.0 - LOOSE) * radius;
+            return Some(Step { promised: -self.change(&newton), scaled: newton, free });
         }
         let back = ALMOST.max(1.0 - self.steepest);
         let mut reflected = newton.clone();
@@ -98,10 +114,7 @@ impl<'a> Local<'a> {
                 best = Some(candidate);
             }
         }
-        best.map(|best| {
-            let promised = -self.change(&best);
-            (best, promised)
-        })
+        best.map(|best| Step { promised: -self.change(&best), scaled: best, free: false })
     }
 
     /// The step to the bound and on along its reflection.
@@ -179,7 +192,8 @@ impl<'a> Local<'a> {
                 found = self.damped(damping);
                 continue;
             };
-            let short_enough = length <= (1.0 + LOOSE) * radius && high.is_infinite();
+            // Without more damping than the system needs anyway, a step may be shorter than the region.
+            let short_enough = length <= radius && damping == low;
             if short_enough || (length / radius - 1.0).abs() <= LOOSE {
                 break;
             }

@@ -4,8 +4,8 @@ use crate::arrays::{c_contiguous, contiguous, indices};
 use crate::errors::CoreError;
 use crate::functions::shaped;
 use num_complex::Complex64;
-use numpy::ndarray::{Array1, Array2};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::ndarray::{Array1, Array2, Array3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{Observed, Reduced, Stop, Variables};
@@ -20,11 +20,12 @@ fn seven(name: &str, values: &[f64]) -> PyResult<[f64; COLUMNS]> {
 
 /// A^T A with A = [J | r] for the weighted complex log residual of a reduced model, (n + 1, n + 1).
 #[pyfunction]
-#[pyo3(signature = (planes, measured, weights, reference, joint, columns, slopes, threads))]
+#[pyo3(signature = (reduction, angular_frequency, measured, weights, reference, joint, columns, slopes, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn joint_normal_matrix<'py>(
     py: Python<'py>,
-    planes: PyReadonlyArray2<'py, f64>,
+    reduction: PyReadonlyArray2<'py, f64>,
+    angular_frequency: PyReadonlyArray1<'py, Complex64>,
     measured: PyReadonlyArray1<'py, Complex64>,
     weights: PyReadonlyArray1<'py, f64>,
     reference: PyReadonlyArray1<'py, f64>,
@@ -42,7 +43,9 @@ pub fn joint_normal_matrix<'py>(
     let columns: Vec<(usize, f64)> = columns.into_iter().zip(slopes.iter().copied()).collect();
     let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
     let reduced = Reduced::new(
-        c_contiguous("planes", &planes)?,
+        reduction.as_array().nrows(),
+        c_contiguous("reduction", &reduction)?,
+        contiguous("angular_frequency", angular_frequency.as_slice())?,
         contiguous("measured", measured.as_slice())?,
         contiguous("weights", weights.as_slice())?,
         seven("reference", contiguous("reference", reference.as_slice())?)?,
@@ -55,10 +58,12 @@ pub fn joint_normal_matrix<'py>(
 
 /// The weighted complex log residual of a reduced model, (2, n_freq): real and imaginary part.
 #[pyfunction]
-#[pyo3(signature = (planes, measured, weights, reference, joint, threads))]
+#[pyo3(signature = (reduction, angular_frequency, measured, weights, reference, joint, threads))]
+#[allow(clippy::too_many_arguments)]
 pub fn joint_residual<'py>(
     py: Python<'py>,
-    planes: PyReadonlyArray2<'py, f64>,
+    reduction: PyReadonlyArray2<'py, f64>,
+    angular_frequency: PyReadonlyArray1<'py, Complex64>,
     measured: PyReadonlyArray1<'py, Complex64>,
     weights: PyReadonlyArray1<'py, f64>,
     reference: PyReadonlyArray1<'py, f64>,
@@ -67,7 +72,9 @@ pub fn joint_residual<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
     let reduced = Reduced::new(
-        c_contiguous("planes", &planes)?,
+        reduction.as_array().nrows(),
+        c_contiguous("reduction", &reduction)?,
+        contiguous("angular_frequency", angular_frequency.as_slice())?,
         contiguous("measured", measured.as_slice())?,
         contiguous("weights", weights.as_slice())?,
         seven("reference", contiguous("reference", reference.as_slice())?)?,
@@ -81,14 +88,16 @@ pub fn joint_residual<'py>(
 ///
 /// Lists have an entry a receptance. `references` and `joints` are (n, 7), `variables` too: the number of the
 /// variable that a column of the joint is, or -1. `bounds` is (2, n_variables), `starts` (n_starts,
-/// n_variables). Returns the variables at the ends, their cost, the evaluations, and why they ended.
+/// n_variables). Returns the variables at the ends, their cost, the evaluations, why they ended,
+/// and the normal matrices over all variables and the residual, NaN where there is none.
 #[pyfunction]
-#[pyo3(signature = (planes, measured, weights, references, joints, variables, logarithmic, bounds, starts,
+#[pyo3(signature = (reductions, angular_frequency, measured, weights, references, joints, variables, logarithmic, bounds, starts,
                     tolerance, evaluations, threads))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn fit_joint<'py>(
     py: Python<'py>,
-    planes: Vec<PyReadonlyArray2<'py, f64>>,
+    reductions: Vec<PyReadonlyArray2<'py, f64>>,
+    angular_frequency: Vec<PyReadonlyArray1<'py, Complex64>>,
     measured: Vec<PyReadonlyArray1<'py, Complex64>>,
     weights: Vec<PyReadonlyArray1<'py, f64>>,
     references: PyReadonlyArray2<'py, f64>,
@@ -105,10 +114,11 @@ pub fn fit_joint<'py>(
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray3<f64>>,
 )> {
     let rows = |name: &'static str, array: &'_ PyReadonlyArray2<'py, f64>| -> PyResult<Vec<[f64; COLUMNS]>> {
         let values = c_contiguous(name, array)?;
-        if values.len() != COLUMNS * planes.len() {
+        if values.len() != COLUMNS * reductions.len() {
             let message = format!("{name}: {} values, expected {COLUMNS} a receptance", values.len());
             return Err(PyValueError::new_err(message));
         }
@@ -116,13 +126,17 @@ pub fn fit_joint<'py>(
     };
     let (references, joints) = (rows("references", &references)?, rows("joints", &joints)?);
     let numbers = rows("variables", &variables)?;
-    if measured.len() != planes.len() || weights.len() != planes.len() {
-        return Err(PyValueError::new_err("planes, measured and weights: expected lists of one length"));
+    let count = reductions.len();
+    if [angular_frequency.len(), measured.len(), weights.len()] != [count; 3] {
+        let message = "reductions, angular_frequency, measured and weights: expected lists of one length";
+        return Err(PyValueError::new_err(message));
     }
-    let mut observed = Vec::with_capacity(planes.len());
-    for i in 0..planes.len() {
+    let mut observed = Vec::with_capacity(count);
+    for i in 0..count {
         let reduced = Reduced::new(
-            c_contiguous("planes", &planes[i])?,
+            reductions[i].as_array().nrows(),
+            c_contiguous("reductions", &reductions[i])?,
+            contiguous("angular_frequency", angular_frequency[i].as_slice())?,
             contiguous("measured", measured[i].as_slice())?,
             contiguous("weights", weights[i].as_slice())?,
             references[i],
@@ -152,11 +166,18 @@ pub fn fit_joint<'py>(
         .detach(|| receptance_core::fit_joint(&observed, variables, starts, stop, threads))
         .map_err(CoreError::from)?;
     let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
+    let mut normal = vec![f64::NAN; ends.len() * (count + 1) * (count + 1)];
+    for (into, end) in normal.chunks_mut((count + 1) * (count + 1)).zip(&ends) {
+        if end.normal.len() == into.len() {
+            into.copy_from_slice(&end.normal);
+        }
+    }
     let integers = |each: fn(&receptance_core::End) -> i64| -> Vec<i64> { ends.iter().map(each).collect() };
     Ok((
         shaped(Array2::from_shape_vec((ends.len(), count), x))?.into_pyarray(py),
         ends.iter().map(|end| end.cost).collect::<Array1<f64>>().into_pyarray(py),
         Array1::from_vec(integers(|end| end.evaluations as i64)).into_pyarray(py),
         Array1::from_vec(integers(|end| end.status as i64)).into_pyarray(py),
+        shaped(Array3::from_shape_vec((ends.len(), count + 1, count + 1), normal))?.into_pyarray(py),
     ))
 }

@@ -79,7 +79,8 @@ pub fn instruction_set() -> String {
     receptance_core::instruction_set()
 }
 
-/// Reduction of a model to one joint: real planes (18, n_freq), see `joint_normal_matrix`.
+/// Reduction of a model to one joint, for `joint_normal_matrix`: real planes (16, n_freq), or where they serve
+/// power series in w^2, (29, n_terms).
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, segments, joints, masses, grounds, joint, response, excitation, threads))]
 #[allow(clippy::too_many_arguments)]
@@ -105,9 +106,9 @@ pub fn reduce_joint<'py>(
         }
     };
     let (response, excitation) = (one("response", &response)?, one("excitation", &excitation)?);
-    let planes = py
+    let found = py
         .detach(|| receptance_core::reduce_joint(&model, joint, w, response, excitation, threads))
         .map_err(CoreError::from)?;
-    let shape = (receptance_core::REDUCTION_PLANES, w.len());
-    Ok(shaped(Array2::from_shape_vec(shape, planes))?.into_pyarray(py))
+    let shape = (found.rows, found.values.len() / found.rows);
+    Ok(shaped(Array2::from_shape_vec(shape, found.values))?.into_pyarray(py))
 }

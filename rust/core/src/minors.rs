@@ -1,0 +1,212 @@
+//! Planes and states of a branch as power series in (w / reference)^2.
+//!
+//! With d = 1 where a sweep goes towards smaller x and -1 towards larger, alpha and beta the compliances and mu and
+//! nu the inertias (proportional to w^2) of a segment, the state (y, theta, V, M) obeys along the sweep
+//!     y' = -d theta + alpha V,   theta' = beta M,   V' = -mu y,   M' = d V - nu theta,
+//! V and M being loads. The 2 x 2 minors of a plane of such states obey the second compound of that equation,
+//!     p_yt' = beta p_yM - alpha p_tV,   p_yV' = -d p_tV,   p_yM' = 2 d p_yV + alpha p_VM - nu p_yt,
+//!     p_tV' = mu p_yt - beta p_VM,      p_VM' = nu p_tV - mu p_yM,
+//! where p_yV + p_tM = 0 (reciprocity) leaves five of the six.
+
+use crate::kernel::Segment;
+use num_complex::Complex64;
+
+/// Most terms of a series; MOST_SPAN needs about thirty.
+pub const MOST_TERMS: usize = 64;
+
+/// Most orders of the Taylor series in the length.
+const MOST_ORDERS: u32 = 400;
+
+/// Positions of the five minors.
+pub const YT: usize = 0;
+/// y and V.
+pub const YV: usize = 1;
+/// y and M.
+pub const YM: usize = 2;
+/// theta and V.
+pub const TV: usize = 3;
+/// V and M.
+pub const VM: usize = 4;
+
+/// Power series of several functions, the lowest power first.
+pub type Terms<const M: usize> = Vec<[Complex64; M]>;
+
+/// Series of the five minors.
+pub type Minors = Terms<5>;
+
+/// Series of one state y, theta, V, M.
+pub type State = Terms<4>;
+
+/// A segment's coefficients times its length.
+struct Whole {
+    alpha: Complex64,
+    beta: Complex64,
+    mu: f64,
+    nu: f64,
+    d: f64,
+}
+
+impl Whole {
+    fn new<const D: usize>(segment: &Segment<D>, forward: bool, square: f64) -> Self {
+        let length = segment.length;
+        let (compliance, kinetic) = (segment.per_length.compliance, segment.per_length.kinetic);
+        Self {
+            alpha: compliance[0] * length,
+            beta: compliance[D - 1] * length,
+            mu: kinetic[0] * square * length,
+            nu: kinetic[D - 1] * square * length,
+            d: if forward { length } else { -length },
+        }
+    }
+}
+
+/// Drops the last powers that add less than rounding to every function.
+pub fn trim<const M: usize>(series: &mut Terms<M>) {
+    let size = sizes(series);
+    drop_below(series, &size, 1e-19);
+}
+
+/// The largest coefficient of each function.
+fn sizes<const M: usize>(series: &Terms<M>) -> [f64; M] {
+    let mut size = [0.0_f64; M];
+    for term in series {
+        for k in 0..M {
+            size[k] = size[k].max(term[k].l1_norm());
+        }
+    }
+    size
+}
+
+/// Drops the last powers that are below a share of the sizes.
+fn drop_below<const M: usize>(series: &mut Terms<M>, size: &[f64; M], share: f64) {
+    while let Some(last) = series.last() {
+        if series.len() > 1 && (0..M).all(|k| last[k].l1_norm() <= share * size[k]) {
+            series.pop();
+        } else {
+            break;
+        }
+    }
+}
+
+/// f + z u on both degrees of freedom, z = `[constant, by w^2]`.
+pub fn carried(minors: &mut Minors, z: [[Complex64; 2]; 2]) {
+    let before = minors.clone();
+    let [zy, zt] = z;
+    minors.resize(before.len() + 2, [Complex64::ZERO; 5]);
+    for (k, term) in before.iter().enumerate() {
+        for power in 0..2 {
+            let into = &mut minors[k + power];
+            into[YM] += zt[power] * term[YT];
+            into[TV] -= zy[power] * term[YT];
+            into[VM] += zy[power] * term[YM] - zt[power] * term[TV];
+            for other in 0..2 {
+                minors[k + power + other][VM] += zy[power] * zt[other] * term[YT];
+            }
+        }
+    }
+}
+
+/// u + c f on both degrees of freedom.
+pub fn yielding(minors: &mut Minors, [cy, ct]: [Complex64; 2]) {
+    for term in minors.iter_mut() {
+        term[YT] += ct * term[YM] - cy * term[TV] + cy * ct * term[VM];
+        term[YM] += cy * term[VM];
+        term[TV] -= ct * term[VM];
+    }
+}
+
+/// f + z u of a state.
+pub fn state_carried(state: &mut State, z: [[Complex64; 2]; 2]) {
+    let before = state.clone();
+    state.resize(before.len() + 1, [Complex64::ZERO; 4]);
+    for (k, term) in before.iter().enumerate() {
+        for power in 0..2 {
+            state[k + power][2] += z[0][power] * term[0];
+            state[k + power][3] += z[1][power] * term[1];
+        }
+    }
+}
+
+/// u + c f of a state.
+pub fn state_yielding(state: &mut State, [cy, ct]: [Complex64; 2]) {
+    for term in state.iter_mut() {
+        term[0] += cy * term[2];
+        term[1] += ct * term[3];
+    }
+}
+
+/// Minors along a segment.
+pub fn through<const D: usize>(
+    start: &Minors,
+    segment: &Segment<D>,
+    forward: bool,
+    square: f64,
+) -> Option<Minors> {
+    let Whole { alpha, beta, mu, nu, d } = Whole::new(segment, forward, square);
+    along(start, |p, share, same, above| {
+        same[YT] += (beta * p[YM] - alpha * p[TV]) * share;
+        same[YV] -= p[TV] * (d * share);
+        same[YM] += (p[YV] * (2.0 * d) + alpha * p[VM]) * share;
+        same[TV] -= beta * p[VM] * share;
+        above[YM] -= p[YT] * (nu * share);
+        above[TV] += p[YT] * (mu * share);
+        above[VM] += (p[TV] * nu - p[YM] * mu) * share;
+    })
+}
+
+/// A state along a segment.
+pub fn state_through<const D: usize>(
+    start: &State,
+    segment: &Segment<D>,
+    forward: bool,
+    square: f64,
+) -> Option<State> {
+    let Whole { alpha, beta, mu, nu, d } = Whole::new(segment, forward, square);
+    along(start, |p, share, same, above| {
+        same[0] += (alpha * p[2] - p[1] * d) * share;
+        same[1] += beta * p[3] * share;
+        same[3] += p[2] * (d * share);
+        above[2] -= p[0] * (mu * share);
+        above[3] -= p[1] * (nu * share);
+    })
+}
+
+/// A Taylor series in the length of a linear equation.
+///
+/// `derivative` adds a share of the derivative at a term to the same power and to the next one.
+#[inline(always)]
+fn along<const M: usize>(
+    start: &Terms<M>,
+    derivative: impl Fn(&[Complex64; M], f64, &mut [Complex64; M], &mut [Complex64; M]),
+) -> Option<Terms<M>> {
+    let mut sum = start.clone();
+    let mut term = start.clone();
+    for order in 1..MOST_ORDERS {
+        let share = 1.0 / f64::from(order);
+        let mut next = vec![[Complex64::ZERO; M]; term.len() + 1];
+        for (k, p) in term.iter().enumerate() {
+            let (same, above) = next.split_at_mut(k + 1);
+            derivative(p, share, &mut same[k], &mut above[0]);
+        }
+        // Powers beyond what any line can see are dropped at once, or their number would grow with the order.
+        next.truncate(MOST_TERMS);
+        if sum.len() < next.len() {
+            sum.resize(next.len(), [Complex64::ZERO; M]);
+        }
+        let size = sizes(&sum);
+        let mut settled = true;
+        for (total, term) in sum.iter_mut().zip(&next) {
+            for k in 0..M {
+                settled &= term[k].l1_norm() <= 1e-18 * total[k].l1_norm().max(1e-4 * size[k]);
+                total[k] += term[k];
+            }
+        }
+        term = next;
+        // Some functions start at zero and wake up only after a few orders.
+        if settled && order > 4 {
+            return Some(sum);
+        }
+        drop_below(&mut term, &size, 1e-22);
+    }
+    None
+}
