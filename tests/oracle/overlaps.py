@@ -31,6 +31,9 @@ LAYER = 25
 FIXED = (0, 1, 13, 24, 30)
 """Columns that are no physical quantities."""
 
+FIRST_DIGITS = 160
+"""A stiff layer's exponential grows by tens of orders, which the elimination has to carry."""
+
 Matrix = list[list[Scalar]]
 
 
@@ -55,7 +58,7 @@ def receptance_complex128(
     lines = []
     for one in np.atleast_1d(w):
         line = _Line(tables, overlaps, complex(one), excitations, responses, DEFAULT)
-        flat, _ = exact._converged(line.receptance, exact.FIRST_DIGITS, DEFAULT)
+        flat, _ = exact._converged(line.receptance, FIRST_DIGITS, DEFAULT)
         lines.append(exact._nest([DEFAULT.to_mpc(value) for value in flat], line.shape))
     return exact._rounded(lines)
 
@@ -72,7 +75,7 @@ def derivative_complex128(
     lines = []
     for one in np.atleast_1d(w):
         line = _Line(tables, overlaps, complex(one), excitations, responses, DEFAULT)
-        flat, _ = exact._converged(lambda d, line=line: line.by_overlap(d, columns), 120, DEFAULT)
+        flat, _ = exact._converged(lambda d, line=line: line.by_overlap(d, columns), FIRST_DIGITS, DEFAULT)
         lines.append(exact._nest([DEFAULT.to_mpc(value) for value in flat], (*line.shape, len(columns))))
     return exact._rounded(lines)
 

@@ -23,17 +23,18 @@ Beam = Sequence[float]
 
 
 def chain(
-    tool: Sequence[Beam], overlap: Sequence[float], holder: Sequence[Beam], cells: int = 4
+    tool: Sequence[Beam], overlap: Sequence[float], holder: Sequence[Beam], cells: int = 4, layer_cells: int = 8
 ) -> tuple[FloatArray, FloatArray]:
-    """Return stiffness and mass of a chain without losses; unknowns 0, 1 are y and theta at the tip.
+    """Return the factors of stiffness and mass of a chain without losses; unknowns 0, 1 are y and theta at the tip.
 
-    Unknowns 2 and 3 are those at the far end. `overlap` is a row of `overlaps`; a layer is cut into `cells` elements.
+    Unknowns 2 and 3 are those at the far end. `overlap` is a row of `overlaps`; a layer is cut into
+    `layer_cells` elements, each stretch between two points into two, each other beam into `cells`.
     """
     length, points = overlap[2], int(overlap[30])
     k = [overlap[25], overlap[26]]
-    lengths = [length / cells] * cells
-    if points:
-        lengths = [length / (2 * points), *[length / points] * (points - 1), length / (2 * points)]
+    tool = [(beam[0] / cells, *beam[1:]) for beam in tool for _ in range(cells)]
+    holder = [(beam[0] / cells, *beam[1:]) for beam in holder for _ in range(cells)]
+    lengths = [length / (2 * points)] * (2 * points) if points else [length / layer_cells] * layer_cells
     shank = [[each, *overlap[3:5], *overlap[5:8]] for each in lengths]
     bore = [[each, *overlap[14:16], *overlap[16:19]] for each in lengths]
     inner, outer = [*tool, *shank], [*bore, *holder]
@@ -58,17 +59,16 @@ def chain(
             inertias.append((index, inertia))
     if points:
         for number in range(points):
-            a, b = 2 * inner_nodes[len(tool) + 1 + number], 2 * outer_nodes[number + 1]
+            a, b = 2 * inner_nodes[len(tool) + 1 + 2 * number], 2 * outer_nodes[2 * number + 1]
             for direction in (0, 1):
                 spring = math.sqrt(k[direction] / points) * np.array([[1.0, -1.0]])
                 strains.append((np.array([a + direction, b + direction]), spring))
     else:
-        for cell in range(cells):
+        for cell in range(layer_cells):
             shapes = _layer(lengths[cell], [value / length for value in k])
             index = np.concatenate([unknowns[0, len(tool) + cell], unknowns[1, cell]])
             strains.append((index, np.hstack([shapes, -shapes])))
-    strain, inertia = elements._stack(strains, n_unknowns), elements._stack(inertias, n_unknowns)
-    return strain.T @ strain, inertia.T @ inertia
+    return elements._stack(strains, n_unknowns), elements._stack(inertias, n_unknowns)
 
 
 def _layer(length: float, k: Sequence[float]) -> FloatArray:
@@ -84,8 +84,9 @@ def _layer(length: float, k: Sequence[float]) -> FloatArray:
     return out
 
 
-def receptance(stiffness: FloatArray, mass: FloatArray, w: float) -> FloatArray:
+def receptance(strain: FloatArray, inertia: FloatArray, w: float) -> FloatArray:
     """Return the 4x4 receptance over (tip y, theta, far end y, theta)."""
+    stiffness, mass = strain.T @ strain, inertia.T @ inertia
     matrix = stiffness - w * w * mass
     size = np.sqrt(np.abs(np.diag(stiffness)) + w * w * np.diag(mass))
     loads = np.zeros((len(matrix), 4))
@@ -94,8 +95,10 @@ def receptance(stiffness: FloatArray, mass: FloatArray, w: float) -> FloatArray:
     return (solution / size[:, None])[:4]
 
 
-def natural_frequencies(stiffness: FloatArray, mass: FloatArray, limit_hz: float) -> FloatArray:
+def natural_frequencies(strain: FloatArray, inertia: FloatArray, limit_hz: float) -> FloatArray:
     """Return the elastic natural frequencies of the free chain below a limit, the two rigid-body modes left out."""
-    values = linalg.eigh(stiffness, mass, eigvals_only=True)
-    hz = np.sqrt(np.abs(values[2:])) / (2.0 * np.pi)
+    scale = np.linalg.norm(inertia, axis=0)
+    triangular = np.linalg.qr(inertia / scale, mode="r")
+    dynamic = linalg.solve_triangular(triangular, (strain / scale).T, trans="T").T
+    hz = np.sort(elements._singular_values(dynamic))[2:] / (2.0 * np.pi)
     return hz[hz < limit_hz]

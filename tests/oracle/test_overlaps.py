@@ -30,11 +30,11 @@ def model(row_length: float, layer: tuple[float, ...], points: int = 0):
 @pytest.mark.parametrize("k_y", [1e6, 1e9, 1e12])
 def test_exponential_and_finite_elements_agree(points: int, k_y: float) -> None:
     tables, rows = model(0.04, (k_y, 1e-4 * k_y, 0.0, 0.0, 0.0), points)
-    stiffness, mass = side_by_side.chain(TOOL, rows[0], HOLDER, cells=8)
+    strain, inertia = side_by_side.chain(TOOL, rows[0], HOLDER, cells=8)
     for hz in (200.0, 1700.0, 9000.0):
         w = 2 * np.pi * hz
         expected = overlaps.receptance_complex128(tables, rows, [w], TIP_AND_FAR, TIP_AND_FAR)[0]
-        found = side_by_side.receptance(stiffness, mass, w)
+        found = side_by_side.receptance(strain, inertia, w)
         assert np.abs(found - expected).max() <= 1e-5 * np.abs(expected).max()
         np.testing.assert_allclose(found[0, 0], expected[0, 0], rtol=1e-5)
 

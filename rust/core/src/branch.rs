@@ -102,7 +102,7 @@ fn reach<const D: usize>(
             Step::Point { node } => {
                 model.grounds.iter().all(|(ground, spring)| *ground != node || plain(spring))
             }
-            Step::Leaf { .. } | Step::Join | Step::Branch { .. } => false,
+            Step::Leaf { .. } | Step::Overlap { .. } | Step::Join | Step::Branch { .. } => false,
         };
         if !serves || needed(step) {
             return count;
