@@ -75,7 +75,7 @@ def count_alarms(cases, seed):
 def test_false_alarms_are_rare():
     print(f"seed {SEED}")
     alarms, clear = count_alarms(150, SEED)
-    # Three readings of one record fail together: at most one record in 150 (measured: 1 in 9000 readings).
+    # Three readings of one record fail together: at most one record in 150 (measured: none in 9000 readings).
     assert alarms <= 3
     assert clear > 0.85 * 450
 
@@ -85,7 +85,8 @@ def test_false_alarms_are_rare_in_many(summarise):
     alarms, clear = count_alarms(3000, SEED)
     text = f"seed {SEED}: {alarms} false alarms and {clear} clear verdicts in 9000 noisy drive points as declared"
     summarise("drive points as declared", text, {"seed": SEED, "alarms": alarms, "clear": clear})
-    assert alarms <= 18
+    # One record fails in all its forms at once. Measured: none; 7 where a pole may lie beside its peak.
+    assert alarms <= 3
     assert clear > 0.9 * 9000
 
 
@@ -133,6 +134,32 @@ def test_a_peak_between_two_lines_tells_form_and_sign():
     assert judge(f, receptance * (1j * w), "receptance").contradicted
 
 
+def test_without_damping_the_time_convention_is_left_open():
+    # A lossless receptance is real: it is its own conjugate, and rounding must not decide.
+    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    rng = np.random.default_rng(SEED)
+    for noise in (0.0, 1e-12, 1e-3):
+        f = np.linspace(20.0, 14e3, 1400)
+        values = bar.receptance(f) * (1.0 + noise * (rng.normal(size=1400) + 1j * rng.normal(size=1400)))
+        verdict = judge(f, values, "receptance")
+        assert verdict.peaks >= 2
+        assert not verdict.contradicted
+        assert Reading("receptance", conjugated=True) in verdict.readings
+        assert judge(f, -values, "receptance").contradicted
+
+
+def test_peaks_that_disagree_are_not_held_against_a_declaration():
+    # No drive point has residues of both signs: four of five against the declaration are not clear enough.
+    f = np.linspace(5.0, 1000.0, 4000)
+    signs = (-1.0, -1.0, 1.0, -1.0, -1.0)
+    values = sum(
+        a / (k**2 - f**2 + 0.02j * k * f) for a, k in zip(signs, (150.0, 300.0, 450.0, 600.0, 750.0), strict=True)
+    )
+    verdict = judge(f, values, "receptance")
+    assert verdict.peaks == 5
+    assert verdict.readings == ()
+
+
 @pytest.mark.parametrize("what", ["noise", "mass", "spring", "one line", "hum", "zeros", "constant"])
 def test_without_peaks_nothing_is_said(what):
     rng = np.random.default_rng(3)
@@ -151,6 +178,25 @@ def test_without_peaks_nothing_is_said(what):
         verdict = judge(f[: values.size], values.astype(complex), form)
         assert not verdict.contradicted
         assert verdict.readings == ()
+
+
+def test_noise_and_hum_alone_are_hardly_ever_held_against_a_declaration():
+    """Rigid masses and springs with noise, and lines of hum up to a hundred times as high: there is no peak in it."""
+    print(f"seed {SEED}")
+    rng = np.random.default_rng(SEED)
+    alarms = 0
+    for _ in range(100):
+        n = int(rng.choice([100, 400, 1600]))
+        f = np.linspace(5.0, rng.choice([500.0, 5000.0]), n)
+        s = 2j * np.pi * f
+        noise = rng.normal(size=n) + 1j * rng.normal(size=n)
+        level = 10.0 ** rng.uniform(-2.5, -0.3)
+        hum = 10.0 ** rng.uniform(0.0, 2.0) * (rng.random(n) < 0.02) * noise
+        for accelerance in (1.0 + level * noise, s**2 * (1.0 + level * noise), 1.0 + 0.01 * noise + hum, noise):
+            for form in FORMS:
+                alarms += judge(f, as_read(f, accelerance, Reading(form)), form).contradicted
+    # Measured: 1 of 9600.
+    assert alarms <= 2
 
 
 def test_nonproportional_damping_and_close_modes():

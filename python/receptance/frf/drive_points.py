@@ -24,20 +24,12 @@ __all__ = ["Reading", "Verdict", "judge"]
 _PROMINENCE = float(np.log(3.0))
 """Of a peak in the logarithm of the magnitude; what stands out less is bent by its neighbours."""
 _MOST_PEAKS = 24
-_LEAST_LINES = 7
+_LEAST_LINES = 11
 """A peak has three unknowns; fewer lines say little of how well they fit."""
 _DEPTH = 0.25
 """Lines count down to this share of the peak."""
-_MISFIT = 0.25
-"""Relative misfit of the lines around a peak above which it is not one mode."""
 _CHANCE = 1e-6
-"""Of noise around a constant that a mode fits it so much better; there are thousands of lines to find a peak in."""
-_FALLS = 0.7
-"""Of its top: what a peak must have fallen to at both ends of its lines, a slope has not."""
-_ROUNDS = 4
-"""Of the fit of one peak with the weights of the last round."""
-_NEAREST = 0.1
-"""Of the spacing: a pole nearer to a line weighs it no more."""
+"""Of noise around a straight line that a mode fits it so much better; it has thousands of lines to find a peak in."""
 _SURE = 3.0
 """Standard deviations by which a pole must lie on one side."""
 _FITS = 0.5
@@ -167,34 +159,27 @@ def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) ->
 
 
 def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_hz: float) -> _Peak | None:
-    """Fit c + R / (f - p), linear as f d = p d + c f + e, in rounds of weights that make its errors those of d."""
+    """Fit c + R / (f - p) to the lines around a peak, linear as f d = p d + c f + e with e = R - c p."""
     from scipy.special import fdtrc  # slow to import
 
     if values.size < _LEAST_LINES:
         return None
     x = (frequency_hz - top_hz) / np.ptp(frequency_hz)
-    scale = np.abs(values).max()
-    d = values / scale
-    matrix = np.stack([d, x.astype(np.complex128), np.ones_like(d)], axis=1)
-    weight = np.ones_like(x)
-    for _ in range(_ROUNDS):
-        rows = matrix * weight[:, None]
-        (p, c, e), *_ = np.linalg.lstsq(rows, weight * x * d, rcond=None)
-        weight = 1.0 / np.maximum(np.abs(x - p), _NEAREST * np.abs(np.diff(x)).min())
-    model = c + (e + c * p) / (x - p)
-    error = np.abs(d - model) ** 2
-    misfit, freedom = float(error.sum()), d.size - 3
-    # Without the top: a pole on it fits a single line of hum or noise whatever the others are.
-    beside = np.abs(d) < 1.0
-    level = float(np.sum(np.abs(d[beside] - d[beside].mean()) ** 2))
-    left = max(float(error[beside].sum()), np.finfo(float).tiny)
-    chance = fdtrc(4, 2 * (freedom - 1), (level - left) / 2.0 / left * (freedom - 1))
+    d = values / np.abs(values).max()
+    rows = np.stack([d, x.astype(np.complex128), np.ones_like(d)], axis=1)
+    (p, c, e), *_ = np.linalg.lstsq(rows, x * d, rcond=None)
+    residue = e + c * p
+    # Without the top and its neighbours: hum on a line or two is fitted by a pole between them, its flanks are not.
+    beside = np.abs(np.arange(d.size) - int(np.abs(d).argmax())) > 1
+    slope = np.stack([x[beside], np.ones(int(beside.sum()))], axis=1).astype(np.complex128)
+    straight = d[beside] - slope @ np.linalg.lstsq(slope, d[beside], rcond=None)[0]
+    level = float(np.sum(np.abs(straight) ** 2))
+    left = float(np.sum(np.abs(d - c - residue / (x - p))[beside] ** 2)) + np.finfo(float).tiny
+    freedom = int(beside.sum()) - 3
+    chance = fdtrc(4, 2 * freedom, (level - left) / 2.0 / left * freedom)
     near = max(abs(p.imag), 1.5 * float(np.abs(np.diff(x)).max()))
-    falls = np.abs(model[[0, -1]]).max() <= _FALLS * np.abs(model).max()
-    one_mode = misfit <= _MISFIT**2 * np.sum(np.abs(d) ** 2) and chance <= _CHANCE
-    if not (one_mode and abs(p.real) <= near and falls):
+    if not (chance <= _CHANCE and abs(p.real) <= near):
         return None
-    rows = matrix * weight[:, None]
-    covariance = np.linalg.pinv(rows.conj().T @ rows) * misfit / freedom
-    sure = abs(p.imag) > _SURE * np.sqrt(0.5 * abs(covariance[0, 0]))
-    return _Peak(complex(e + c * p), int(np.sign(p.imag)) if sure else 0)
+    misfit = float(np.sum(np.abs(rows @ np.array([p, c, e]) - x * d) ** 2)) / (d.size - 3)
+    error = np.sqrt(0.5 * misfit * abs(np.linalg.pinv(rows.conj().T @ rows)[0, 0]))
+    return _Peak(complex(residue), int(np.sign(p.imag)) if abs(p.imag) > _SURE * error else 0)

@@ -186,6 +186,17 @@ class TimeRecords:
         ------
         ValueError
             A channel that is not there, or is not of the quantity it is taken for.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance.io import TimeSeries
+        >>> from receptance.measurement import TimeRecords
+        >>> read = TimeSeries(
+        ...     values=np.ones((64, 2)), channels=["hammer", "tip"], units=["N", "g"], sample_rate_hz=51200.0
+        ... )
+        >>> TimeRecords.from_series(read, force="hammer", responses="tip").quantity
+        'acceleration'
         """
         owner = f"TimeRecords from {series.source or series.label or 'a time series'}"
         wanted = [responses] if isinstance(responses, (str, int)) else list(responses)

@@ -217,6 +217,7 @@ class PoleProblem:
         left = list(range(self.values.shape[1]))
         while left:
             sizes = self.weights[:, left].max(axis=0)
+            sizes = np.where(sizes > 0.0, sizes, 1.0)
             shapes = self.weights[:, left] / sizes
             same = np.all(np.abs(shapes - shapes[:, :1]) <= 1e-12 * shapes[:, :1], axis=0)
             chosen = [entry for entry, alike in zip(left, same, strict=True) if alike]

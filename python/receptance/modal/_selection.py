@@ -96,7 +96,8 @@ class Search:
             variance = after.chi_square / max(after.degrees_of_freedom, 1)
             if self.lines.relative is not None:
                 variance = max(variance, 1.0)
-            if before.chi_square - after.chi_square <= price * variance:
+            # Noise that lines share can look like a mode of that width.
+            if before.chi_square - after.chi_square <= price * variance * self.lines.shared:
                 break
             fit = after
             if after.chi_square <= _EXACT * problem.square:

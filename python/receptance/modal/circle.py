@@ -103,6 +103,11 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     moved = mobility(lines)
     peak = highest(owner, lines, np.abs(moved))
     part = around(np.abs(moved), peak)
+    if lines.relative is not None and np.count_nonzero(np.isfinite(lines.relative[part])) < _LEAST:
+        raise ValueError(
+            f"{owner}: the variance of fewer than {_LEAST} lines around the peak at {lines.frequency_hz[peak]:g} Hz is "
+            "finite: too little is known there"
+        )
     centre, _ = _taubin(moved[part])
     start = _first_pole(lines.frequency_hz[part], moved[part], centre) + frf.decay_rate
     single = single_mode(lines, part, start)

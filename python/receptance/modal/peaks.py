@@ -47,7 +47,7 @@ def find_peaks(
     -------
     tuple of ModeEstimate
         In ascending frequency; empty if nothing stands out. The damping is NaN where the lines are too few for the
-        width, with a note.
+        width, with a note. Peaks of whose lines the stated variance says nothing are left out.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def find_peaks(
     moved = mobility(lines)
     size = np.maximum(np.abs(moved), np.finfo(np.float64).tiny)
     found, _ = peaks_of(20.0 * np.log10(size), prominence=least)
-    return tuple(_estimate(lines, moved, int(peak)) for peak in found)
+    return tuple(_estimate(lines, moved, int(peak)) for peak in found if _known(lines, np.abs(moved), int(peak)))
 
 
 def _estimate(lines: Lines, moved: NDArray[np.complex128], peak: int) -> ModeEstimate:
@@ -106,6 +106,11 @@ def _estimate(lines: Lines, moved: NDArray[np.complex128], peak: int) -> ModeEst
         degrees_of_freedom=parabola.degrees_of_freedom,
         notes=tuple(notes),
     )
+
+
+def _known(lines: Lines, size: NDArray[np.float64], peak: int) -> bool:
+    """Whether the variance of enough lines is finite for a parabola."""
+    return lines.relative is None or bool(np.count_nonzero(np.isfinite(lines.relative[_part(size, peak)])) >= 4)
 
 
 def _part(size: NDArray[np.float64], peak: int) -> slice:

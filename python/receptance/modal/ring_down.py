@@ -81,11 +81,9 @@ class RingDown:
                 f"ring-down: amplitude is {np.atleast_1d(wanted)[np.atleast_1d(outside)][0]:g}, expected between "
                 f"{low:g} and {high:g}, the amplitudes in the middle of the last and of the first block"
             )
-        place, known = np.log(wanted), np.log(self.amplitude[::-1])
-        return (
-            np.interp(place, known, self.frequency_hz[::-1]),
-            np.interp(place, known, self.damping_ratio[::-1]),
-        )
+        order = np.argsort(self.amplitude)
+        place, known = np.log(wanted), np.log(self.amplitude[order])
+        return np.interp(place, known, self.frequency_hz[order]), np.interp(place, known, self.damping_ratio[order])
 
     def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
         """`(k, 2)` intervals that hold the natural frequencies, each with this probability."""
@@ -222,11 +220,11 @@ def _band(owner: str, low_hz: float, high_hz: float, rate: float) -> tuple[float
     high = _checks.positive(owner, "high_hz", high_hz, unit="Hz")
     if low >= high:
         raise ValueError(f"{owner}: low_hz is {low:g} and high_hz {high:g}, expected low_hz below high_hz")
-    # Its own mirror image at negative frequencies is then outside what the filter passes.
-    if low < 0.1 * high or high > 0.5 * rate:
+    # The mirror image of the band at negative frequencies, and that at the sample rate, are then where nothing passes.
+    if low < 0.25 * high or high > 0.4 * rate:
         raise ValueError(
-            f"{owner}: the band reaches from {low:g} to {high:g} Hz, expected it above {0.1 * high:g} Hz and below "
-            f"half of the {rate:g} samples per second"
+            f"{owner}: the band reaches from {low:g} to {high:g} Hz, expected low_hz to be at least a quarter of "
+            f"high_hz, and high_hz at most 0.4 times the {rate:g} samples per second, {0.4 * rate:g} Hz"
         )
     return low, high
 
@@ -235,7 +233,8 @@ def _part(
     owner: str, record: NDArray[np.float64], rate: float, start_s: float | None, end_s: float | None
 ) -> tuple[int, int]:
     length = (record.size - 1) / rate
-    first, last = int(np.argmax(np.abs(record))), record.size - 1
+    # An offset of the sensor is no motion.
+    first, last = int(np.argmax(np.abs(record - np.median(record)))), record.size - 1
     if start_s is not None:
         first = round(_checks.not_negative(owner, "start_s", start_s, unit="s") * rate)
     if end_s is not None:
