@@ -1,7 +1,7 @@
 """Joint parameters of spindle-holder-tool assemblies from measured vibration."""
 
 from receptance.assembly import Assembly
-from receptance.beams import Part, Segment
+from receptance.beams import Part, Section, Segment
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceError, ReceptanceWarning, ResonanceError, SingularInterfaceError
 from receptance.frf import FRF
@@ -15,6 +15,7 @@ from receptance.identification import (
 )
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import CARBIDE, STEEL, Material
+from receptance.spread import SpreadJoint
 
 __all__ = [
     "CARBIDE",
@@ -33,8 +34,10 @@ __all__ = [
     "ReceptanceError",
     "ReceptanceWarning",
     "ResonanceError",
+    "Section",
     "Segment",
     "SingularInterfaceError",
+    "SpreadJoint",
     "Unknown",
     "find_bands",
     "identify",

@@ -8,13 +8,32 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from receptance._flatten import MATERIAL_FIELDS, Flat
+from receptance._flatten import BEAM_COLUMN, MATERIAL_FIELDS, Flat
 from receptance.beams import Part
 from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.spread import SpreadJoint
 
-_KIND = {Part: "part", PointJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
+_KIND = {Part: "part", PointJoint: "joint", SpreadJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
+
+
+def check_chain(elements: Sequence[Any], points: Sequence[Any]) -> None:
+    """Raise where elements do not make a chain from the tip on, or points are none."""
+    for index, element in enumerate(elements):
+        if not isinstance(element, (Part, PointJoint, SpreadJoint)):
+            raise TypeError(f"Assembly: chain[{index}] is {element!r}, expected a Part, a PointJoint or a SpreadJoint")
+    for index, point in enumerate(points):
+        if not isinstance(point, (PointMass, GroundSpring)):
+            raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
+    if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], Part):
+        raise ValueError("Assembly: the chain must begin and end with a Part")
+    for index in range(1, len(elements)):
+        if not isinstance(elements[index - 1], Part) and not isinstance(elements[index], Part):
+            raise ValueError(
+                f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
+                "springs in series are one PointJoint"
+            )
 
 
 def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]:
@@ -91,6 +110,28 @@ def replace_in_segment(segment: Any, fields: dict[str, float]) -> Any:
     return replace(segment, **changes)
 
 
+def value_in(owner: Any, rest: str) -> float:
+    """Return a value of a joint or a point element."""
+    beam, dot, field = rest.partition(".")
+    return value_in_segment(getattr(owner, beam), field) if dot else float(getattr(owner, rest))
+
+
+def replace_in(owner: Any, fields: Mapping[str, float]) -> Any:
+    """Return the joint or point element with other values of some fields."""
+    changes: dict[str, Any] = {name: value for name, value in fields.items() if "." not in name}
+    for beam in BEAM_COLUMN:
+        own = {name.removeprefix(f"{beam}."): value for name, value in fields.items() if name.startswith(f"{beam}.")}
+        if own:
+            changes[beam] = replace_in_segment(getattr(owner, beam), own)
+    return replace(owner, **changes)
+
+
+def names_in(owner: Any) -> str:
+    """Return what a joint or a point element has, for a message."""
+    beams = " and shank. or sleeve. with a section's" if isinstance(owner, SpreadJoint) else ""
+    return ", ".join(owner.columns_of) + beams
+
+
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
     """Return addresses as a tuple; one address alone is a list of one."""
     return (addresses,) if isinstance(addresses, str) else tuple(addresses)
@@ -102,7 +143,8 @@ def interfaces_by_name(elements: Mapping[str, Any], flat: Flat) -> Iterator[None
     try:
         yield
     except SingularInterfaceError as error:
-        joints = [name for name, element in elements.items() if isinstance(element, PointJoint)]
-        rows = {flat.entries[f"{name}.k_y"][0][1]: name for name in joints}
-        text = re.sub(r"^joint (\d+)", lambda found: f"joint {rows[int(found[1])]!r}", str(error))
+        kinds = {"joint": PointJoint, "overlap": SpreadJoint}
+        joints = {kind: [name for name, of in elements.items() if isinstance(of, kinds[kind])] for kind in kinds}
+        rows = {(kind, flat.entries[f"{name}.k_y"][0][1]): name for kind in kinds for name in joints[kind]}
+        text = re.sub(r"^(joint|overlap) (\d+)", lambda found: f"joint {rows[found[1], int(found[2])]!r}", str(error))
         raise SingularInterfaceError(text) from None

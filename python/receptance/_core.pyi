@@ -5,10 +5,13 @@ segments (n, 14): node a, node b (x larger), length, outer diameter, inner diame
     poisson_ratio, loss_factor, the same four of the core (density 0: none), shear model (0 Cowper, 1 Hutchinson);
 joints (n, 9): node a, node b, k_y, k_theta, k_ytheta, c_y, c_theta, c_ytheta, loss_factor;
 masses (n, 3): node, mass, inertia; grounds (n, 8): node, then as a joint.
+overlaps (n, 31), optional: node where the shank goes on, node where the sleeve does (x larger), length, the shank's
+    section as in a segment from the outer diameter to the shear model (11), the sleeve's, k_y, k_theta, c_y, c_theta,
+    loss_factor of the whole layer, number of points (0: a layer). Motion 0 only.
 For motion 1 (axial) and 2 (torsion) a node has one degree of freedom; then k_y, c_y, loss_factor and the first
 inertia column act along it.
 excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
-parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds), row, column.
+parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
 """
 
 import numpy as np
@@ -42,6 +45,7 @@ def receptance(
     responses: NDArray[np.float64],
     parameters: NDArray[np.float64],
     threads: int,
+    overlaps: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
 def natural_frequencies(
     upper: float,
@@ -52,6 +56,7 @@ def natural_frequencies(
     masses: NDArray[np.float64],
     grounds: NDArray[np.float64],
     parameters: NDArray[np.float64],
+    overlaps: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def reduce_joint(
     angular_frequency: NDArray[np.complex128],
@@ -63,6 +68,7 @@ def reduce_joint(
     response: NDArray[np.float64],
     excitation: NDArray[np.float64],
     threads: int,
+    overlaps: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]: ...
 def joint_normal_matrix(
     reduction: NDArray[np.float64],

@@ -11,6 +11,7 @@ import numpy as np
 
 from receptance.beams import Part
 from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.spread import SpreadJoint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +23,10 @@ SEGMENT_COLUMN = {
     **{name: 5 + i for i, name in enumerate(MATERIAL_FIELDS)},
     **{f"core.{name}": 9 + i for i, name in enumerate(MATERIAL_FIELDS)},
 }
-SEGMENTS, JOINTS, MASSES, GROUNDS = range(4)
+SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS = range(5)
+OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
+BEAM_COLUMN = {"shank": 3, "sleeve": 14}
+SECTION_FIELDS = tuple(SEGMENT_COLUMN)[1:]
 
 Entry = tuple[int, int, int, float]
 """Table, row, column and weight: how fast the entry grows with the parameter."""
@@ -39,18 +43,23 @@ class Flat:
     joints: list[list[float]] = field(default_factory=list)
     masses: list[list[float]] = field(default_factory=list)
     grounds: list[list[float]] = field(default_factory=list)
+    overlaps: list[list[float]] = field(default_factory=list)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
     count: int = 1
 
     def tables(self) -> Tables:
-        """Return the four arrays for the core."""
+        """Return the four arrays of elements that every model of the core has."""
         return (
             _table(self.segments, 14),
             _table(self.joints, 9),
             _table(self.masses, 3),
             _table(self.grounds, 8),
         )
+
+    def beside(self) -> NDArray[np.float64]:
+        """Return the array of the overlaps."""
+        return _table(self.overlaps, 31)
 
     def new_node(self) -> int:
         """Number a new node."""
@@ -63,7 +72,7 @@ def _table(rows: list[list[float]], columns: int) -> NDArray[np.float64]:
 
 
 def flatten(
-    chain: Sequence[tuple[str, Part | PointJoint]],
+    chain: Sequence[tuple[str, Part | PointJoint | SpreadJoint]],
     attachments: Sequence[tuple[str, PointMass | GroundSpring, str, float]],
     positions: dict[str, set[float]],
 ) -> Flat:
@@ -77,6 +86,8 @@ def flatten(
     for name, element in chain:
         if isinstance(element, Part):
             node = _add_part(flat, name, element, node, sorted(positions.get(name, ())))
+        elif isinstance(element, SpreadJoint):
+            node = _add_spread(flat, name, element, node)
         else:
             node = _add_joint(flat, name, element, node)
     for name, attachment, part, position in attachments:
@@ -90,6 +101,20 @@ def _add_joint(flat: Flat, name: str, joint: PointJoint, node: int) -> int:
     flat.joints.append([float(node), float(far), *joint.columns()])
     for i, quantity in enumerate(joint.columns_of):
         flat.entries[f"{name}.{quantity}"] = [(JOINTS, row, 2 + i, 1.0)]
+    return far
+
+
+def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
+    far = flat.new_node()
+    row = len(flat.overlaps)
+    flat.overlaps.append([float(node), float(far), *joint.columns()])
+    for quantity, column in OVERLAP_COLUMN.items():
+        flat.entries[f"{name}.{quantity}"] = [(OVERLAPS, row, column, 1.0)]
+    for beam, start in BEAM_COLUMN.items():
+        for quantity in SECTION_FIELDS:
+            if not quantity.startswith("core.") or getattr(joint, beam).core is not None:
+                column = start + SEGMENT_COLUMN[quantity] - SEGMENT_COLUMN["outer_diameter"]
+                flat.entries[f"{name}.{beam}.{quantity}"] = [(OVERLAPS, row, column, 1.0)]
     return far
 
 

@@ -11,19 +11,24 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance._addresses import (
+    check_chain,
     edges_of,
     interfaces_by_name,
     listed,
     named,
+    names_in,
     names_of,
+    replace_in,
     replace_in_segment,
     segment_fields,
+    value_in,
     value_in_segment,
 )
 from receptance._flatten import Flat, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.spread import SpreadJoint
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -31,17 +36,19 @@ if TYPE_CHECKING:
 __all__ = ["Assembly"]
 
 Attachment = PointMass | GroundSpring
+Element = Part | PointJoint | SpreadJoint
 
 
 class Assembly:
     """Parts and joints in a row from the tip to the far end, with masses and ground springs attached.
 
     Two parts that follow each other are rigidly connected; a `PointJoint` between them makes the connection
-    elastic (Matthias et al. 2016, eqs. 2 to 5). Every number is a parameter with an address: see `parameters`.
+    elastic (Matthias et al. 2016, eqs. 2 to 5), a `SpreadJoint` spreads it along the insertion. Every number is a
+    parameter with an address: see `parameters`.
 
     Parameters
     ----------
-    chain : iterable of Part and PointJoint
+    chain : iterable of Part, PointJoint and SpreadJoint
         From the tip on; begins and ends with a part. Unnamed elements are called `part`, `joint`, numbered
         where there are several.
     attachments : iterable of PointMass and GroundSpring, optional
@@ -65,23 +72,10 @@ class Assembly:
     array([ 2623.,  9314., 13343.])
     """
 
-    def __init__(self, chain: Iterable[Part | PointJoint], attachments: Iterable[Attachment] = ()) -> None:
-        elements = tuple(chain) if not isinstance(chain, (Part, PointJoint)) else (chain,)
+    def __init__(self, chain: Iterable[Element], attachments: Iterable[Attachment] = ()) -> None:
+        elements = tuple(chain) if not isinstance(chain, (Part, PointJoint, SpreadJoint)) else (chain,)
         points = tuple(attachments)
-        for index, element in enumerate(elements):
-            if not isinstance(element, (Part, PointJoint)):
-                raise TypeError(f"Assembly: chain[{index}] is {element!r}, expected a Part or a PointJoint")
-        for index, point in enumerate(points):
-            if not isinstance(point, (PointMass, GroundSpring)):
-                raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
-        if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], Part):
-            raise ValueError("Assembly: the chain must begin and end with a Part")
-        for index in range(1, len(elements)):
-            if isinstance(elements[index - 1], PointJoint) and isinstance(elements[index], PointJoint):
-                raise ValueError(
-                    f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
-                    "springs in series are one PointJoint"
-                )
+        check_chain(elements, points)
         # An assembly never changes, so it is flattened once for each set of coordinates.
         self._flats: dict[tuple[Coordinate, ...], Flat] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
@@ -92,7 +86,7 @@ class Assembly:
             self._place(f"attachment {name!r}", attachment.part, attachment.position)
 
     @property
-    def elements(self) -> dict[str, Part | PointJoint]:
+    def elements(self) -> dict[str, Element]:
         """Parts and joints by name, from the tip on."""
         return dict(self._elements)
 
@@ -107,8 +101,8 @@ class Assembly:
 
         `<part>.segment[i].length`, `.outer_diameter`, `.inner_diameter`, `.youngs_modulus`, `.density`,
         `.poisson_ratio`, `.loss_factor` and `.core.youngs_modulus` and so on; `<joint>.k_y` and its six
-        companions; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on. `segment[*]` stands for all segments
-        of a part together.
+        companions, a spread joint's `.length`, `.shank.outer_diameter` and so on; `<mass>.mass`, `.inertia`;
+        `<ground>.k_y` and so on. `segment[*]` stands for all segments of a part together.
         """
         return tuple(self._flatten(()).entries)
 
@@ -214,7 +208,7 @@ class Assembly:
                 raise ValueError(f"{address!r} has different values in the segments: {found}")
             return values.pop()
         self._entries(address, self._flatten(()))
-        return float(getattr(owner, rest))
+        return value_in(owner, rest)
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
         """Return a new assembly with other values of some parameters.
@@ -244,7 +238,7 @@ class Assembly:
             segments[i] = replace_in_segment(segments[i], fields)
             elements[name] = Part(segments, name=elements[name].name)
         for name, fields in changes.items():
-            elements[name] = replace(elements[name], **fields)
+            elements[name] = replace_in(elements[name], fields)
         for name, attachment in self._attachments.items():
             # What sits on a step between segments stays on it, as its derivative assumes.
             place, x = self._place(name, attachment.part, attachment.position)
@@ -283,7 +277,7 @@ class Assembly:
         if at is not None:
             tables[1][row, 2:] = at.columns()
         with interfaces_by_name(self._elements, flat):
-            return _core.reduce_joint(w, *tables, row, points[0], points[1], count), w
+            return _core.reduce_joint(w, *tables, row, points[0], points[1], count, flat.beside()), w
 
     def _evaluate(
         self,
@@ -300,7 +294,7 @@ class Assembly:
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
         with interfaces_by_name(self._elements, flat):
-            h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count)
+            h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside())
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -313,7 +307,7 @@ class Assembly:
         flat = self._flatten(())
         rows, matrix = self._weights(flat, addresses)
         with interfaces_by_name(self._elements, flat):
-            angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows)
+            angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows, flat.beside())
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
@@ -377,7 +371,7 @@ class Assembly:
             name = address.split(".", 1)[0]
             fields = segment_fields(address, owner, rest)
             return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
-        raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {', '.join(owner.columns_of)}")
+        raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names_in(owner)}")
 
     def _owner(self, address: str) -> tuple[Any, str]:
         name, dot, rest = str(address).partition(".")

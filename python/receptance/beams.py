@@ -16,12 +16,86 @@ from receptance.materials import Material
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Part", "Segment"]
+__all__ = ["Part", "Section", "Segment"]
 
 ShearModel = Literal["cowper", "hutchinson"]
 _NO_CORE = (0.0, 0.0, 0.0, 0.0)
 _COMMON = {"length": 10.0, "outer_diameter": 2.0}
 """Larger dimensions in m are unusual in a machine tool and usual where somebody thought in millimetres."""
+
+
+def _check_section(owner: Any, dimensions: tuple[str, ...]) -> None:
+    """Check what a section and a segment share, and replace the dimensions by their checked values."""
+    kind = type(owner).__name__
+    for quantity in dimensions:
+        object.__setattr__(owner, quantity, _checks.positive(kind, quantity, getattr(owner, quantity), unit="m"))
+    inner = _checks.not_negative(kind, "inner_diameter", owner.inner_diameter, unit="m")
+    object.__setattr__(owner, "inner_diameter", inner)
+    if inner >= owner.outer_diameter:
+        raise ValueError(
+            f"{kind}: inner_diameter is {inner:g} m, expected less than the outer diameter {owner.outer_diameter:g} m"
+        )
+    if not isinstance(owner.material, Material):
+        raise TypeError(f"{kind}: material is {owner.material!r}, expected a Material")
+    if owner.core is not None and not isinstance(owner.core, Material):
+        raise TypeError(f"{kind}: core is {owner.core!r}, expected a Material or None")
+    if owner.core is not None and inner == 0.0:
+        raise ValueError(f"{kind}: core is given but inner_diameter is 0, expected a bore that the core fills")
+    for quantity in dimensions:
+        value = getattr(owner, quantity)
+        if value > _COMMON[quantity]:
+            text = f"{kind}: {quantity} is {value:g} m; lengths are in metres, is this in millimetres?"
+            warnings.warn(text, ReceptanceWarning, stacklevel=4)
+    if owner.shear not in get_args(ShearModel):
+        raise ValueError(f"{kind}: shear is {owner.shear!r}, expected one of {', '.join(get_args(ShearModel))}")
+
+
+def _section_columns(owner: Any) -> tuple[float, ...]:
+    """Return the columns of the segment table from the outer diameter on."""
+    core = owner.core.columns() if owner.core else _NO_CORE
+    dimensions = (owner.outer_diameter, owner.inner_diameter)
+    return (*dimensions, *owner.material.columns(), *core, float(get_args(ShearModel).index(owner.shear)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A circular section without a length, solid, hollow, or hollow and filled; parameters as in `Segment`.
+
+    Parameters
+    ----------
+    outer_diameter, inner_diameter : float
+        Outer diameter and bore in m; 0 for no bore.
+    material : Material
+        What the ring (or the solid section) is made of.
+    core : Material, optional
+        A second material that fills the bore and shares its motion.
+    shear : {"cowper", "hutchinson"}, optional
+        Shear coefficient.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A dimension without meaning; the message names it.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Section
+    >>> Section(outer_diameter=0.04, inner_diameter=0.012, material=STEEL).shear
+    'cowper'
+    """
+
+    outer_diameter: float
+    inner_diameter: float = 0.0
+    material: Material
+    core: Material | None = None
+    shear: ShearModel = "cowper"
+
+    def __post_init__(self) -> None:
+        _check_section(self, ("outer_diameter",))
+
+    def columns(self) -> tuple[float, ...]:
+        """Return the columns of one beam of the overlap table."""
+        return _section_columns(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,29 +139,7 @@ class Segment:
     shear: ShearModel = "cowper"
 
     def __post_init__(self) -> None:
-        set_ = object.__setattr__
-        set_(self, "length", _checks.positive("Segment", "length", self.length, unit="m"))
-        set_(self, "outer_diameter", _checks.positive("Segment", "outer_diameter", self.outer_diameter, unit="m"))
-        inner = _checks.not_negative("Segment", "inner_diameter", self.inner_diameter, unit="m")
-        set_(self, "inner_diameter", inner)
-        if inner >= self.outer_diameter:
-            raise ValueError(
-                f"Segment: inner_diameter is {inner:g} m, expected less than the outer diameter "
-                f"{self.outer_diameter:g} m"
-            )
-        if not isinstance(self.material, Material):
-            raise TypeError(f"Segment: material is {self.material!r}, expected a Material")
-        if self.core is not None and not isinstance(self.core, Material):
-            raise TypeError(f"Segment: core is {self.core!r}, expected a Material or None")
-        if self.core is not None and inner == 0.0:
-            raise ValueError("Segment: core is given but inner_diameter is 0, expected a bore that the core fills")
-        for quantity, most in _COMMON.items():
-            value = getattr(self, quantity)
-            if value > most:
-                text = f"Segment: {quantity} is {value:g} m; lengths are in metres, is this in millimetres?"
-                warnings.warn(text, ReceptanceWarning, stacklevel=3)
-        if self.shear not in get_args(ShearModel):
-            raise ValueError(f"Segment: shear is {self.shear!r}, expected one of {', '.join(get_args(ShearModel))}")
+        _check_section(self, ("length", "outer_diameter"))
 
     @property
     def mass(self) -> float:
@@ -101,9 +153,7 @@ class Segment:
 
     def columns(self) -> tuple[float, ...]:
         """Return the columns of the segment table that follow the two nodes."""
-        core = self.core.columns() if self.core else _NO_CORE
-        section = (self.length, self.outer_diameter, self.inner_diameter)
-        return (*section, *self.material.columns(), *core, float(get_args(ShearModel).index(self.shear)))
+        return (self.length, *_section_columns(self))
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,12 @@
 //! The elements of a model on a block of frequency lines.
 
+use crate::beside::Lanes;
 use crate::branch::Branch;
 use crate::combine::Centre;
 use crate::kernel::{Choice, Kernel, Segment};
 use crate::lane::C;
-use crate::model::{Model, Spring};
+use crate::model::{Model, Spring, Step};
+use crate::overlap::Beside;
 use crate::small::{self, Mat};
 use num_complex::Complex64;
 use pulp::Simd;
@@ -21,6 +23,10 @@ pub struct Prepared<const D: usize> {
     pub branches: Vec<Branch<D>>,
     /// Segments that are taken one by one.
     pub active: Vec<bool>,
+    /// Overlaps.
+    pub overlaps: Vec<Beside>,
+    /// Whether each overlap is passed with its inner, and with its outer beam lying behind.
+    ways: Vec<[bool; 2]>,
 }
 
 /// Everything of the model at a block of frequency lines.
@@ -47,6 +53,8 @@ pub struct Block<S: Simd, const D: usize> {
     pub coupled: Vec<bool>,
     /// The point elements of each node: impedances at the node, and springs that are diagonal beyond it.
     pub points: Vec<Option<Points<S, D>>>,
+    /// Overlaps.
+    pub overlaps: Vec<Lanes>,
 }
 
 /// Point elements of a node.
@@ -101,6 +109,17 @@ impl<const D: usize> Prepared<D> {
             points,
             branches: Vec::new(),
             active: vec![true; model.segments.len()],
+            overlaps: model.overlaps.iter().map(Beside::new).collect(),
+            ways: vec![[false; 2]; model.overlaps.len()],
+        }
+    }
+
+    /// Makes ready for the steps of a plan.
+    pub fn follow(&mut self, plan: &[Step]) {
+        for step in plan {
+            if let Step::Overlap { row, forward, .. } = *step {
+                self.ways[row][usize::from(forward)] = true;
+            }
         }
     }
 
@@ -164,6 +183,10 @@ impl<const D: usize> Prepared<D> {
             }
             into.points.push(Some(Points { impedance, coupling, beyond }));
         }
+        into.overlaps.clear();
+        for (beside, ways) in self.overlaps.iter().zip(&self.ways) {
+            into.overlaps.push(Lanes::new(beside, w, into.most, *ways));
+        }
     }
 }
 
@@ -182,6 +205,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
             centres: Vec::new(),
             coupled: Vec::new(),
             points: Vec::new(),
+            overlaps: Vec::new(),
         }
     }
 }

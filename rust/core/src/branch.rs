@@ -85,7 +85,7 @@ fn reach<const D: usize>(
             }
             Step::Joint { row, .. } => model.joints[row].1.is_plain(),
             Step::Point { node } => model.has_plain_point(node),
-            Step::Leaf { .. } | Step::Join | Step::Branch { .. } => false,
+            Step::Leaf { .. } | Step::Overlap { .. } | Step::Join | Step::Branch { .. } => false,
         };
         if !serves || needed(step) {
             return count;

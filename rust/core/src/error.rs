@@ -44,6 +44,21 @@ pub enum Error {
         /// Most that are allowed.
         most: f64,
     },
+    /// An overlap that is extremely long for its beams and its layer at a frequency.
+    #[error(
+        "overlap {row}: at {frequency_hz} Hz motion grows by {exponent:.3e} exponents over its length, expected at \
+         most {most:.1e}; check units, and give so stiff a layer as a bonded section (a core in a bore)"
+    )]
+    Layer {
+        /// Row of the overlap.
+        row: usize,
+        /// Frequency in Hz.
+        frequency_hz: f64,
+        /// Growth exponents over its length.
+        exponent: f64,
+        /// Most that are allowed.
+        most: f64,
+    },
     /// Elements that do not join to a tree of nodes.
     #[error("the elements do not form one tree of nodes: {0}")]
     Topology(String),
@@ -61,11 +76,13 @@ pub enum Error {
     },
     /// An interface whose stiffness matrix cannot be inverted.
     #[error(
-        "joint {row}: the interface is singular at {frequency_hz} Hz (k_y {k_y}, k_theta {k_theta}, \
+        "{element} {row}: the interface is singular at {frequency_hz} Hz (k_y {k_y}, k_theta {k_theta}, \
          k_ytheta {k_ytheta}): every direction needs some stiffness or damping"
     )]
     SingularInterface {
-        /// Row of the joint.
+        /// "joint" or "overlap".
+        element: &'static str,
+        /// Its row.
         row: usize,
         /// Frequency in Hz.
         frequency_hz: f64,

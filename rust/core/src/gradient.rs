@@ -2,7 +2,9 @@
 
 use crate::block::Block;
 use crate::lane::C;
-use crate::model::{Model, Spring, Table};
+use crate::layer_energy::{DERIVATIVES, LAYER, LENGTH};
+use crate::model::{Model, Motion, Spring, Table};
+use crate::overlap::{Overlap, column as overlap_column};
 use crate::request::Parameter;
 use crate::section;
 use crate::sensitivity;
@@ -22,6 +24,37 @@ pub(crate) enum Gradient<const D: usize> {
     Mass { node: usize, direction: usize },
     /// A column of a spring to ground.
     Ground { node: usize, column: usize, spring: Spring },
+    /// A column of an overlap, as factors of what its work is made of, and of that times i w.
+    Overlap { row: usize, factors: [Complex64; DERIVATIVES], rates: [f64; 2] },
+}
+
+/// The factors of a column of an overlap.
+fn overlap_factors(overlap: &Overlap, column: usize) -> ([Complex64; DERIVATIVES], [f64; 2]) {
+    use crate::section::column::OUTER_DIAMETER;
+    let mut factors = [Complex64::ZERO; DERIVATIVES];
+    let mut rates = [0.0; 2];
+    let beam = usize::from(column >= overlap_column::OUTER);
+    let loss = Complex64::new(1.0, overlap.loss_factor);
+    match column {
+        overlap_column::LENGTH => factors[LENGTH] = Complex64::ONE,
+        overlap_column::INNER..overlap_column::K => {
+            let start = [overlap_column::INNER, overlap_column::OUTER][beam];
+            let own = Some(column - start + OUTER_DIAMETER);
+            let (_, change) = section::derivatives::<2>(&overlap.beams[beam], Motion::Bending, own);
+            for i in 0..2 {
+                factors[2 * beam + i] = change.kinetic[i].into();
+                factors[4 + 2 * beam + i] = change.compliance[i];
+            }
+        }
+        overlap_column::K..overlap_column::C => factors[LAYER + column - overlap_column::K] = loss,
+        overlap_column::C..overlap_column::LOSS_FACTOR => rates[column - overlap_column::C] = 1.0,
+        _ => {
+            for i in 0..2 {
+                factors[LAYER + i] = Complex64::I * overlap.k[i];
+            }
+        }
+    }
+    (factors, rates)
 }
 
 impl<const D: usize> Gradient<D> {
@@ -40,6 +73,10 @@ impl<const D: usize> Gradient<D> {
                 let (node, spring) = model.grounds[row];
                 Self::Ground { node, column: column - 1, spring }
             }
+            Table::Overlaps => {
+                let (factors, rates) = overlap_factors(&model.overlaps[row], column);
+                Self::Overlap { row, factors, rates }
+            }
         }
     }
 
@@ -49,6 +86,11 @@ impl<const D: usize> Gradient<D> {
             Self::Section { row, .. } | Self::Length { row } => Some(*row),
             _ => None,
         }
+    }
+
+    /// The overlap that the parameter belongs to.
+    pub(crate) fn overlap(&self) -> Option<usize> {
+        if let Self::Overlap { row, .. } = self { Some(*row) } else { None }
     }
 
     /// The joint that the parameter belongs to.
@@ -72,6 +114,7 @@ impl<const D: usize> Gradient<D> {
         left: &Field<S, D>,
         right: &Field<S, D>,
         sensitivities: &[Option<sensitivity::Sensitivity<S, D>>],
+        overlaps: &[Option<[C<S>; DERIVATIVES]>],
     ) -> C<S> {
         let zero = C::zero(block.iw.simd);
         match self {
@@ -83,6 +126,17 @@ impl<const D: usize> Gradient<D> {
             Self::Joint { row, column, spring } => {
                 let (left, right) = (&left.joints[*row].gap, &right.joints[*row].gap);
                 spring_derivative(spring, *column, block.iw, left, right)
+            }
+            Self::Overlap { row, factors, rates } => {
+                let Some(found) = &overlaps[*row] else { return zero };
+                let mut sum = zero;
+                for (value, factor) in found.iter().zip(factors) {
+                    sum = C::splat(zero.simd, *factor).mul_add(*value, sum);
+                }
+                for i in 0..2 {
+                    sum = found[LAYER + i].scale(rates[i]).mul_add(block.iw, sum);
+                }
+                sum
             }
             Self::Mass { node, direction } => {
                 if *direction >= D {

@@ -96,7 +96,7 @@ fn serves(model: &Model, segments: &[Segment<2>], plan: &[Step], joint: usize, h
             Step::Joint { row, .. } => row == joint || model.joints[row].1.is_plain(),
             Step::Point { node } => model.has_plain_point(node),
             Step::Leaf { .. } => true,
-            Step::Join | Step::Branch { .. } => false,
+            Step::Overlap { .. } | Step::Join | Step::Branch { .. } => false,
         };
         if !plain {
             return false;

@@ -2,26 +2,33 @@
 //!
 //! Pure numerics: tables of numbers in, arrays of numbers out. See `receptance` and `natural_frequencies`.
 
+mod beside;
 mod block;
 mod branch;
 mod combine;
 mod elementary;
 mod error;
+mod four;
 mod gradient;
+mod inertia;
 mod joint_change;
 mod joint_fit;
 mod joint_search;
 mod joint_series;
 mod kernel;
 mod lane;
+mod layer;
+mod layer_energy;
 mod least_squares;
 mod minors;
 mod model;
 mod natural;
+pub mod overlap;
 mod plane;
 mod reduction;
 mod request;
 mod response;
+mod rigid;
 pub mod section;
 mod sensitivity;
 mod series;

@@ -1,6 +1,7 @@
 //! An assembly as a graph of nodes and elements, flattened to tables, and the order in which it is swept.
 
 use crate::error::{Error, Result};
+use crate::overlap::{self, Overlap};
 use crate::section;
 
 /// What moves: transverse displacement and slope, or one displacement along or about the axis.
@@ -32,6 +33,8 @@ pub enum Table {
     Masses,
     /// Springs and dashpots from a node to ground.
     Grounds,
+    /// Beams side by side.
+    Overlaps,
 }
 
 /// Columns of the joint table: nodes a, b, then the spring's seven.
@@ -116,6 +119,15 @@ pub enum Step {
         /// Node behind.
         far: usize,
     },
+    /// Through an overlap.
+    Overlap {
+        /// Row of the overlap.
+        row: usize,
+        /// Whether the near end is the one of smaller x.
+        forward: bool,
+        /// Node behind.
+        far: usize,
+    },
     /// The point elements of the node.
     Point {
         /// The node.
@@ -145,10 +157,12 @@ pub struct Model {
     pub masses: Vec<(usize, [f64; 2])>,
     /// Node and spring to ground.
     pub grounds: Vec<(usize, Spring)>,
+    /// Beams side by side.
+    pub overlaps: Vec<Overlap>,
 }
 
-/// The four tables, row by row.
-#[derive(Copy, Clone, Debug)]
+/// The five tables, row by row.
+#[derive(Copy, Clone, Debug, Default)]
 pub struct Tables<'a> {
     /// Segments, `section::column::COUNT` columns.
     pub segments: &'a [f64],
@@ -158,6 +172,8 @@ pub struct Tables<'a> {
     pub masses: &'a [f64],
     /// Grounds, `GROUND_COLUMNS`.
     pub grounds: &'a [f64],
+    /// Overlaps, `overlap::column::COUNT`.
+    pub overlaps: &'a [f64],
 }
 
 fn node(value: f64, element: &'static str, row: usize) -> Result<usize> {
@@ -178,7 +194,7 @@ impl Model {
         let mut segments = Vec::new();
         let mut edges = Vec::new();
         for (row, values) in tables.segments.chunks_exact(section::column::COUNT).enumerate() {
-            section::check(values, row)?;
+            section::check(values, row, "segment")?;
             edges.push([node(values[0], "segment", row)?, node(values[1], "segment", row)?]);
             let mut copy = [0.0; section::column::COUNT];
             copy.copy_from_slice(values);
@@ -208,11 +224,20 @@ impl Model {
             spring.check("ground spring", row)?;
             grounds.push((node(values[0], "ground spring", row)?, spring));
         }
-        if segments.is_empty() && joints.is_empty() {
+        let mut overlaps = Vec::new();
+        for (row, values) in tables.overlaps.chunks_exact(overlap::column::COUNT).enumerate() {
+            let nodes = [node(values[0], "overlap", row)?, node(values[1], "overlap", row)?];
+            overlaps.push(Overlap::new(values, row, nodes)?);
+            edges.push(nodes);
+        }
+        if motion != Motion::Bending && !overlaps.is_empty() {
+            return Err(Error::Topology("an overlap joins beams in bending, not rods".into()));
+        }
+        if edges.is_empty() {
             return Err(Error::Topology("there is no segment and no joint".into()));
         }
         let nodes = 1 + edges.iter().flatten().copied().max().unwrap_or(0);
-        let model = Self { motion, nodes, segments, joints, masses, grounds };
+        let model = Self { motion, nodes, segments, joints, masses, grounds, overlaps };
         model.check_tree(edges.len())?;
         Ok(model)
     }
@@ -260,6 +285,11 @@ impl Model {
             out[nodes[1]]
                 .push(Edge { other: nodes[0], step: Step::Joint { row, forward: false, far: nodes[0] } });
         }
+        for (row, overlap) in self.overlaps.iter().enumerate() {
+            let [a, b] = overlap.nodes;
+            out[a].push(Edge { other: b, step: Step::Overlap { row, forward: true, far: b } });
+            out[b].push(Edge { other: a, step: Step::Overlap { row, forward: false, far: a } });
+        }
         out
     }
 
@@ -294,9 +324,15 @@ impl Model {
                 joints.push(([a, b], *spring));
             }
         }
+        let mut overlaps = Vec::new();
+        for overlap in &self.overlaps {
+            if let [Some(a), Some(b)] = overlap.nodes.map(|node| number[node]) {
+                overlaps.push(Overlap { nodes: [a, b], ..overlap.clone() });
+            }
+        }
         let masses = self.masses.iter().filter_map(|(at, mass)| Some((number[*at]?, *mass))).collect();
         let grounds = self.grounds.iter().filter_map(|(at, spring)| Some((number[*at]?, *spring))).collect();
-        (Self { motion: self.motion, nodes: count, segments, joints, masses, grounds }, number)
+        (Self { motion: self.motion, nodes: count, segments, joints, masses, grounds, overlaps }, number)
     }
 
     /// Whether a node carries point elements.

@@ -12,11 +12,12 @@ use crate::error::{Error, Result};
 use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Step};
-use crate::request::{Parameter, check_parameters};
+use crate::request::{Parameter, check_parameters, singular};
+use crate::rigid::rigid_modes;
 use crate::sensitivity::{self, Sensitivity};
 use crate::series;
 use crate::small::{self, Mat};
-use crate::sweep::{Blind, Field, Observer};
+use crate::sweep::{Blind, Field, Observer, Within};
 use num_complex::Complex64;
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
@@ -64,7 +65,19 @@ pub fn natural_frequencies(
     for (row, (_, spring)) in model.joints.iter().enumerate() {
         if !spring.statically_regular(model.motion.degrees()) {
             let [k_y, k_theta, k_ytheta] = spring.k;
-            return Err(Error::SingularInterface { row, frequency_hz: 0.0, k_y, k_theta, k_ytheta });
+            return Err(Error::SingularInterface {
+                element: "joint",
+                row,
+                frequency_hz: 0.0,
+                k_y,
+                k_theta,
+                k_ytheta,
+            });
+        }
+    }
+    for (row, overlap) in model.overlaps.iter().enumerate() {
+        if overlap.loose(false).is_some() {
+            return Err(singular(overlap, row, Complex64::ZERO));
         }
     }
     match model.motion.degrees() {
@@ -80,6 +93,14 @@ fn undamped(model: &Model) -> Model {
     for row in &mut model.segments {
         row[MATERIAL + 3] = 0.0;
         row[CORE_MATERIAL + 3] = 0.0;
+    }
+    for overlap in &mut model.overlaps {
+        for row in &mut overlap.beams {
+            row[MATERIAL + 3] = 0.0;
+            row[CORE_MATERIAL + 3] = 0.0;
+        }
+        overlap.c = [0.0; 2];
+        overlap.loss_factor = 0.0;
     }
     let springs = model.joints.iter_mut().map(|joint| &mut joint.1);
     for spring in springs.chain(model.grounds.iter_mut().map(|ground| &mut ground.1)) {
@@ -138,6 +159,18 @@ impl<S: Simd, const D: usize> Observer<S, D> for Negatives {
         let bottom = small::det(compliance) * small::det(far_u);
         self.add::<S, D>(entry, bottom, small::det(near_u));
     }
+
+    #[inline(always)]
+    fn counts(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn overlapped(&mut self, negatives: &[usize; MAX_LANES]) {
+        for lane in 0..MAX_LANES {
+            self.count[lane] += negatives[lane];
+        }
+    }
 }
 
 impl<const D: usize> WithSimd for Count<'_, D> {
@@ -169,7 +202,9 @@ impl<const D: usize> WithSimd for Count<'_, D> {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        Self { prepared: Prepared::new(model), plan: model.plan(0), nodes: model.nodes }
+        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
+        prepared.follow(&plan);
+        Self { prepared, plan, nodes: model.nodes }
     }
 
     fn count(&self, w: &[f64]) -> Vec<usize> {
@@ -185,7 +220,9 @@ impl<const D: usize> Search<D> {
     ) -> Result<NaturalFrequencies> {
         let spans = self.prepared.segments.iter();
         let span: f64 = spans.map(|one| one.wave_number_square(upper * upper).sqrt() * one.length).sum();
-        if span > MOST_PIECES * series::REACH {
+        let beside = self.prepared.overlaps.iter();
+        let span = span + beside.map(|one| one.growth(upper * upper) * one.overlap.length()).sum::<f64>();
+        if span.is_nan() || span > MOST_PIECES * series::REACH {
             return Err(too_high(upper, "the waves there are too short for the lengths of the segments"));
         }
         let rigid = rigid_modes(model);
@@ -265,8 +302,9 @@ impl<const D: usize> Search<D> {
         let (_, f) = top.plane.basis();
         let mode = null_vector(&f, &block.weights_of_first());
         let (joints, segments) = (self.prepared.joints.len(), self.prepared.segments.len());
-        let mut field = Field::empty(simd, self.nodes, joints, segments);
-        block.downwards(&self.plan, &records, mode, true, &mut field, 0);
+        let mut field = Field::empty(simd, self.nodes, joints, segments, self.prepared.overlaps.len());
+        let within = Within { segments: true, overlaps: true };
+        block.downwards(&self.plan, &records, mode, within, &mut field, 0);
         let mut by_w = 0.0;
         let mut sensitivities = Vec::new();
         for (row, segment) in self.prepared.segments.iter().enumerate() {
@@ -284,14 +322,24 @@ impl<const D: usize> Search<D> {
             }
             sensitivities.push(Some(found));
         }
+        let mut beside = Vec::new();
+        for (row, overlap) in self.prepared.overlaps.iter().enumerate() {
+            let states = &field.overlaps[row];
+            let found = block.overlap_derivatives(overlap, row, states, states);
+            for i in 0..4 {
+                by_w += 2.0 / w * overlap.beams[i / 2].per_length.kinetic[i % 2] * found[i].re;
+            }
+            beside.push(Some(found));
+        }
         for (node, inertia) in &model.masses {
             for i in 0..D {
                 let u = field.nodes[*node][i].re;
                 by_w += 2.0 * w * inertia[i] * u * u;
             }
         }
-        let slope =
-            |gradient: &Gradient<D>| -gradient.evaluate(&block, &field, &field, &sensitivities).re / by_w;
+        let slope = |gradient: &Gradient<D>| {
+            -gradient.evaluate(&block, &field, &field, &sensitivities, &beside).re / by_w
+        };
         gradients.iter().map(slope).collect()
     }
 }
@@ -314,54 +362,4 @@ fn null_vector<const D: usize>(f: &Mat<Scalar, D>, weights: &[f64; D]) -> [C<Sca
     out[D - 1] = -row[0];
     let length = out.iter().map(|value| value.re * value.re).sum::<f64>().sqrt();
     if length > 0.0 { out.map(|value| value.scale(1.0 / length)) } else { [one; D] }
-}
-
-/// Rigid-body modes: displacements of the whole that no spring to ground resists.
-fn rigid_modes(model: &Model) -> usize {
-    let degrees = model.motion.degrees();
-    if degrees == 1 {
-        return usize::from(!model.grounds.iter().any(|(_, spring)| spring.k[0] > 0.0));
-    }
-    // Positions of the nodes along the axis, joints having no length.
-    let mut position = vec![f64::NAN; model.nodes];
-    position[0] = 0.0;
-    for _ in 0..model.nodes {
-        for row in &model.segments {
-            let (a, b) = (row[0] as usize, row[1] as usize);
-            if position[b].is_nan() {
-                position[b] = position[a] + row[crate::section::column::LENGTH];
-            }
-            if position[a].is_nan() {
-                position[a] = position[b] - row[crate::section::column::LENGTH];
-            }
-        }
-        for (nodes, _) in &model.joints {
-            for (to, from) in [(nodes[0], nodes[1]), (nodes[1], nodes[0])] {
-                if position[to].is_nan() {
-                    position[to] = position[from];
-                }
-            }
-        }
-        if position.iter().all(|x| !x.is_nan()) {
-            break;
-        }
-    }
-    let span = position.iter().fold(0.0_f64, |most, x| most.max(x.abs())).max(f64::MIN_POSITIVE);
-    // Stiffness against a shift and a turn about node 0, the turn measured at the span.
-    let (mut shift, mut turn, mut both) = (0.0, 0.0, 0.0);
-    for (node, spring) in &model.grounds {
-        let [y, theta, mixed] = spring.k;
-        let x = position[*node] / span;
-        shift += y;
-        both += y * x + mixed / span;
-        turn += y * x * x + 2.0 * mixed * x / span + theta / (span * span);
-    }
-    let (sum, product) = (shift + turn, shift * turn - both * both);
-    if sum == 0.0 {
-        2
-    } else if product <= 1e-13 * sum * sum {
-        1
-    } else {
-        0
-    }
 }

@@ -259,7 +259,13 @@ mod tests {
             let mut grounds = vec![7.0, self.power(4.0, 9.0), self.power(2.0, 5.0)];
             grounds.extend([0.0, 0.0, 0.0, 0.0, 0.01]);
             grounds.truncate(if self.between(0.0, 1.0) > 0.5 { 8 } else { 0 });
-            let tables = Tables { segments: &segments, joints: &joints, masses: &masses, grounds: &grounds };
+            let tables = Tables {
+                segments: &segments,
+                joints: &joints,
+                masses: &masses,
+                grounds: &grounds,
+                overlaps: &[],
+            };
             Model::new(Motion::Bending, tables).unwrap()
         }
     }

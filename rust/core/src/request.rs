@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::kernel::Segment;
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
+use crate::overlap::{self, Beside, Overlap};
 use crate::section::column;
 use num_complex::Complex64;
 
@@ -75,6 +76,14 @@ fn check_waves(model: &Model, w: &[Complex64]) -> Result<()> {
             return Err(Error::Waves { row, frequency_hz, waves, most: MOST_WAVES });
         }
     }
+    for (row, overlap) in model.overlaps.iter().enumerate() {
+        let exponent = Beside::new(overlap).growth(highest * highest) * overlap.length();
+        let most = overlap::MOST_PIECES * overlap::REACH;
+        if exponent.is_nan() || exponent > most {
+            let frequency_hz = highest / core::f64::consts::TAU;
+            return Err(Error::Layer { row, frequency_hz, exponent, most });
+        }
+    }
     Ok(())
 }
 
@@ -113,12 +122,16 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Resul
             Table::Joints => (model.joints.len(), 2..JOINT_COLUMNS),
             Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
             Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
+            Table::Overlaps => (model.overlaps.len(), overlap::column::LENGTH..overlap::column::POINTS),
         };
         if parameter.row >= rows {
             let expected = format!("a row below {rows}");
             return Err(Error::Index { what: "parameter row", index, value: parameter.row as f64, expected });
         }
-        if !columns.contains(&parameter.column) {
+        // The shear models of an overlap's beams stand among its numbers.
+        let choice = parameter.table == Table::Overlaps
+            && [overlap::column::OUTER - 1, overlap::column::K - 1].contains(&parameter.column);
+        if choice || !columns.contains(&parameter.column) {
             let expected = format!("a column from {} to {}", columns.start, columns.end - 1);
             let value = parameter.column as f64;
             return Err(Error::Index { what: "parameter column", index, value, expected });
@@ -142,6 +155,7 @@ fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
                 if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
             if determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0 {
                 return Err(Error::SingularInterface {
+                    element: "joint",
                     row,
                     frequency_hz: line.re / core::f64::consts::TAU,
                     k_y: y.re,
@@ -151,5 +165,17 @@ fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
             }
         }
     }
+    for (row, overlap) in model.overlaps.iter().enumerate() {
+        if let (Some(_), Some(&line)) = (overlap.loose(true), w.first()) {
+            return Err(singular(overlap, row, line));
+        }
+    }
     Ok(())
+}
+
+/// An overlap that leaves a motion free.
+pub(crate) fn singular(overlap: &Overlap, row: usize, line: Complex64) -> Error {
+    let [k_y, k_theta] = overlap.stiffness(line).map(|k| k.re);
+    let frequency_hz = line.re / core::f64::consts::TAU;
+    Error::SingularInterface { element: "overlap", row, frequency_hz, k_y, k_theta, k_ytheta: 0.0 }
 }

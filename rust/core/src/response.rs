@@ -5,11 +5,12 @@ use crate::branch::shorten;
 use crate::error::{Error, Result};
 use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
+use crate::layer_energy::DERIVATIVES;
 use crate::model::{Model, Step};
 use crate::request::{Coordinate, Request, Response, check};
 use crate::sensitivity;
 use crate::small::Mat;
-use crate::sweep::{Blind, Field, Record};
+use crate::sweep::{Blind, Field, Record, Within};
 use crate::threads::on_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
@@ -37,6 +38,8 @@ pub(crate) struct Job<'a, const D: usize> {
     gradients: Vec<Gradient<D>>,
     /// Segments whose coefficients or length are differentiated.
     differentiated: Vec<usize>,
+    /// Overlaps that are differentiated.
+    overlaps: Vec<usize>,
     request: &'a Request,
     nodes: usize,
     /// Whether responses are taken at the root only, without the way back.
@@ -77,6 +80,7 @@ impl<'a, const D: usize> Job<'a, D> {
             observed: Vec::new(),
             gradients: request.parameters.iter().map(|p| Gradient::new(model, p)).collect(),
             differentiated: Vec::new(),
+            overlaps: Vec::new(),
             request,
             nodes: model.nodes,
             only_root: false,
@@ -84,6 +88,9 @@ impl<'a, const D: usize> Job<'a, D> {
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
+            }
+            if let Some(row) = gradient.overlap().filter(|row| !job.overlaps.contains(row)) {
+                job.overlaps.push(row);
             }
         }
         job.excited = request.excitations.iter().map(|point| job.load(model, *point)).collect();
@@ -96,6 +103,9 @@ impl<'a, const D: usize> Job<'a, D> {
             && request.responses.iter().all(|point| point.node == job.plans[0].0);
         if whole_branches {
             job.shorten(model, w);
+        }
+        for (_, plan) in &job.plans {
+            job.prepared.follow(plan);
         }
         job
     }
@@ -118,7 +128,7 @@ impl<'a, const D: usize> Job<'a, D> {
                 Step::Leaf { node } | Step::Point { node } => observed(node),
                 Step::Segment { row, far, .. } => observed(far) || self.differentiated.contains(&row),
                 Step::Joint { row, far, .. } => observed(far) || joint(row),
-                Step::Join | Step::Branch { .. } => true,
+                Step::Overlap { .. } | Step::Join | Step::Branch { .. } => true,
             };
             let whole = core::mem::take(plan);
             *plan = shorten(model, &self.prepared.segments, whole, highest, w.len(), needed, &mut branches);
@@ -227,14 +237,15 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
         let Lines { job, w, h, dh, force } = self;
         let mut block = Block::empty(simd);
         let mut records: Vec<Record<S, D>> = Vec::new();
-        let segments = job.prepared.segments.len();
+        let (segments, overlaps) = (job.prepared.segments.len(), job.prepared.overlaps.len());
         let mut fields: Vec<Field<S, D>> = job
             .loads
             .iter()
-            .map(|_| Field::empty(simd, job.nodes, job.prepared.joints.len(), segments))
+            .map(|_| Field::empty(simd, job.nodes, job.prepared.joints.len(), segments, overlaps))
             .collect();
         let mut sensitivities: Vec<Option<sensitivity::Sensitivity<S, D>>> =
             (0..segments).map(|_| None).collect();
+        let within = Within { segments: !job.differentiated.is_empty(), overlaps: !job.overlaps.is_empty() };
         let mut next = 0;
         while next < w.len() {
             let start = next;
@@ -254,8 +265,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
                     if job.only_root {
                         field.nodes[*root] = column(&receptance, direction.min(D - 1));
                     } else {
-                        let with_states = !job.differentiated.is_empty();
-                        block.downwards(plan, &records, independent, with_states, field, *root);
+                        block.downwards(plan, &records, independent, within, field, *root);
                         field.nodes[*root] = column(&receptance, direction.min(D - 1));
                     }
                 }
@@ -328,8 +338,14 @@ impl<const D: usize> Job<'_, D> {
                         &right.states[row],
                     ));
                 }
+                let mut beside: Vec<Option<[C<S>; DERIVATIVES]>> = vec![None; self.prepared.overlaps.len()];
+                for &row in &self.overlaps {
+                    let (left, right) = (&left.overlaps[row], &right.overlaps[row]);
+                    let found = block.overlap_derivatives(&self.prepared.overlaps[row], row, left, right);
+                    beside[row] = Some(found);
+                }
                 for (k, gradient) in self.gradients.iter().enumerate() {
-                    gradient.evaluate(block, left, right, sensitivities).store(&mut lanes);
+                    gradient.evaluate(block, left, right, sensitivities, &beside).store(&mut lanes);
                     for lane in 0..lines {
                         let line = (start + lane) * rows * columns + pair;
                         dh[line * parameters + k] = lanes[lane];

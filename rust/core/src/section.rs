@@ -196,11 +196,10 @@ pub fn derivatives<const D: usize>(
     (value, change)
 }
 
-/// Checks that a row of the segment table is a beam.
-pub fn check(row: &[f64], index: usize) -> Result<()> {
-    let fail = |quantity, value, expected| {
-        Err(Error::Quantity { element: "segment", row: index, quantity, value, expected })
-    };
+/// Checks that a row of the segment table is a beam; `element` is what an error calls it.
+pub fn check(row: &[f64], index: usize, element: &'static str) -> Result<()> {
+    let fail =
+        |quantity, value, expected| Err(Error::Quantity { element, row: index, quantity, value, expected });
     let positive = |value: f64| value.is_finite() && value > 0.0;
     if !positive(row[column::LENGTH]) {
         return fail("length", row[column::LENGTH], "a positive finite number of metres");
@@ -219,7 +218,7 @@ pub fn check(row: &[f64], index: usize) -> Result<()> {
     let cores: &[usize] =
         if core_density == 0.0 { &[column::MATERIAL] } else { &[column::MATERIAL, column::CORE_MATERIAL] };
     for &start in cores {
-        check_material(&row[start..start + 4], index)?;
+        check_material(&row[start..start + 4], index, element)?;
     }
     if row[column::SHEAR_MODEL] != 0.0 && row[column::SHEAR_MODEL] != 1.0 {
         return fail("shear_model", row[column::SHEAR_MODEL], "0 (Cowper) or 1 (Hutchinson)");
@@ -227,10 +226,9 @@ pub fn check(row: &[f64], index: usize) -> Result<()> {
     Ok(())
 }
 
-fn check_material(material: &[f64], index: usize) -> Result<()> {
-    let fail = |quantity, value, expected| {
-        Err(Error::Quantity { element: "segment", row: index, quantity, value, expected })
-    };
+fn check_material(material: &[f64], index: usize, element: &'static str) -> Result<()> {
+    let fail =
+        |quantity, value, expected| Err(Error::Quantity { element, row: index, quantity, value, expected });
     let [e, rho, nu, eta] = [material[0], material[1], material[2], material[3]];
     if !(e.is_finite() && e > 0.0) {
         return fail("youngs_modulus", e, "a positive finite number of pascals");

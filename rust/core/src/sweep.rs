@@ -1,10 +1,11 @@
 //! Sweeps over the graph for a block of frequency lines: planes upwards to the root, states back down.
 
+use crate::beside::States;
 use crate::block::Block;
 use crate::branch::Branch;
 use crate::combine::{JointState, Kind, add_beyond, add_diagonal, in_joint, join};
 use crate::kernel::{Kernel, oriented};
-use crate::lane::C;
+use crate::lane::{C, MAX_LANES};
 use crate::model::Step;
 use crate::plane::Plane;
 use crate::small::{self, Mat};
@@ -43,6 +44,17 @@ pub struct Field<S: Simd, const D: usize> {
     pub joints: Vec<JointState<S, D>>,
     /// States at the ends of the pieces of each segment, from smaller to larger x; empty if not asked for.
     pub states: Vec<Vec<State<S, D>>>,
+    /// States within each overlap; empty if not asked for.
+    pub overlaps: Vec<States>,
+}
+
+/// Which states are wanted on the way back.
+#[derive(Copy, Clone, PartialEq, Eq)]
+pub struct Within {
+    /// Those of the segments.
+    pub segments: bool,
+    /// Those of the overlaps.
+    pub overlaps: bool,
 }
 
 /// Sees each elimination of a node on the way up.
@@ -50,6 +62,14 @@ pub trait Observer<S: Simd, const D: usize> {
     /// A node was passed: its plane's basis (u rows), the near node's u rows, and the compliance `uf` of
     /// what lies between (near u per far load).
     fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>);
+
+    /// Whether negative pivots are counted.
+    fn counts(&self) -> bool {
+        false
+    }
+
+    /// An overlap was passed: its negative pivots, by lane.
+    fn overlapped(&mut self, _: &[usize; MAX_LANES]) {}
 }
 
 /// Looks at nothing.
@@ -62,12 +82,13 @@ impl<S: Simd, const D: usize> Observer<S, D> for Blind {
 
 impl<S: Simd, const D: usize> Field<S, D> {
     /// A field to be filled.
-    pub fn empty(simd: S, nodes: usize, joints: usize, segments: usize) -> Self {
+    pub fn empty(simd: S, nodes: usize, joints: usize, segments: usize, overlaps: usize) -> Self {
         let zero = [C::zero(simd); D];
         Self {
             nodes: vec![zero; nodes],
             joints: vec![JointState { force: zero, gap: zero }; joints],
             states: (0..segments).map(|_| Vec::new()).collect(),
+            overlaps: vec![States::new(); overlaps],
         }
     }
 }
@@ -98,6 +119,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
             // singular joint is one row.
             let next = plan[index..].iter().find_map(|step| match step {
                 Step::Segment { row, .. } => Some(self.weights[*row]),
+                Step::Overlap { row, forward, .. } => Some(self.overlaps[*row].weights_behind(*forward)),
                 _ => None,
             });
             weights = next.unwrap_or(weights);
@@ -112,6 +134,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 }
                 Step::Segment { row, forward, .. } => {
                     self.through_segment(row, forward, plane, records, observer);
+                }
+                Step::Overlap { row, forward, .. } => {
+                    self.through_overlap(simd, row, forward, plane, records, observer);
                 }
                 Step::Joint { row, .. } => {
                     let (u, f) = plane.basis();
@@ -235,7 +260,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
         plan: &[Step],
         records: &[Record<S, D>],
         root: [C<S>; D],
-        with_states: bool,
+        within: Within,
         field: &mut Field<S, D>,
         root_node: usize,
     ) {
@@ -257,21 +282,30 @@ impl<S: Simd, const D: usize> Block<S, D> {
                         Kernel::Pieces { count, .. } => *count,
                         Kernel::Waves(_) | Kernel::Skipped => 1,
                     };
-                    if with_states {
+                    if within.segments {
                         field.states[row].clear();
                         field.states[row].push(cut(&records[at].plane, &independent, forward));
                     }
                     for _ in 0..pieces {
                         independent = small::apply(&records[at].back, &independent);
                         at -= 1;
-                        if with_states {
+                        if within.segments {
                             field.states[row].push(cut(&records[at].plane, &independent, forward));
                         }
                     }
-                    if with_states && !forward {
+                    if within.segments && !forward {
                         field.states[row].reverse();
                     }
                     field.nodes[far] = records[at].plane.state(&independent).0;
+                }
+                Step::Overlap { row, forward, far } => {
+                    let behind = &records[at - 1].plane;
+                    if within.overlaps {
+                        self.in_overlap(row, forward, behind, &independent, &mut field.overlaps[row]);
+                    }
+                    independent = small::apply(&records[at].back, &independent);
+                    at -= 1;
+                    field.nodes[far] = behind.state(&independent).0;
                 }
                 Step::Joint { row, forward, far } => {
                     let weights = records[at].weights;

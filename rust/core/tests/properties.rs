@@ -21,6 +21,7 @@ fn model(segments: &[[f64; 14]], joints: &[[f64; 9]]) -> Model {
         joints: joints.as_flattened(),
         masses: &[],
         grounds: &[],
+        overlaps: &[],
     };
     Model::new(Motion::Bending, tables).unwrap()
 }

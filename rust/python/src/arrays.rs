@@ -5,7 +5,8 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Coordinate, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table, Tables, section,
+    Coordinate, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table, Tables,
+    overlap, section,
 };
 
 /// The values of a C-contiguous table with a given number of columns.
@@ -52,25 +53,27 @@ pub fn coordinates(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Ve
 
 /// Rows of (table, row, column).
 pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>> {
-    const TABLES: [Table; 4] = [Table::Segments, Table::Joints, Table::Masses, Table::Grounds];
+    const TABLES: [Table; 5] =
+        [Table::Segments, Table::Joints, Table::Masses, Table::Grounds, Table::Overlaps];
     let name = "parameters";
     let rows = table(name, array, 3)?.chunks_exact(3);
     rows.map(|row| {
         let table = TABLES.get(index(name, row[0])?).copied().ok_or_else(|| {
-            PyValueError::new_err(format!("parameters: table is {}, expected 0 to 3", row[0]))
+            PyValueError::new_err(format!("parameters: table is {}, expected 0 to 4", row[0]))
         })?;
         Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
     })
     .collect()
 }
 
-/// The model behind a motion and its four tables.
+/// The model behind a motion and its tables, that of the overlaps being optional.
 pub fn model(
     motion: usize,
     segments: &PyReadonlyArray2<'_, f64>,
     joints: &PyReadonlyArray2<'_, f64>,
     masses: &PyReadonlyArray2<'_, f64>,
     grounds: &PyReadonlyArray2<'_, f64>,
+    overlaps: Option<&PyReadonlyArray2<'_, f64>>,
 ) -> PyResult<Model> {
     let motion = [Motion::Bending, Motion::Axial, Motion::Torsion].get(motion).copied().ok_or_else(|| {
         PyValueError::new_err(format!("motion: {motion} is not 0 (bending), 1 (axial) or 2 (torsion)"))
@@ -80,6 +83,10 @@ pub fn model(
         joints: table("joints", joints, JOINT_COLUMNS)?,
         masses: table("masses", masses, MASS_COLUMNS)?,
         grounds: table("grounds", grounds, GROUND_COLUMNS)?,
+        overlaps: match overlaps {
+            Some(overlaps) => table("overlaps", overlaps, overlap::column::COUNT)?,
+            None => &[],
+        },
     };
     Ok(Model::new(motion, tables).map_err(CoreError::from)?)
 }

@@ -42,6 +42,7 @@ impl From<CoreError> for PyErr {
             Error::Quantity { .. }
             | Error::Frequency { .. }
             | Error::Waves { .. }
+            | Error::Layer { .. }
             | Error::Topology(_)
             | Error::Index { .. }
             | Error::NaturalFrequency(_) => PyValueError::new_err(text),

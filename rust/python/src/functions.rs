@@ -17,7 +17,7 @@ pub(crate) fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
 /// Receptance (n_freq, n_responses, n_excitations) and its derivative (..., n_parameters).
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, excitations, responses,
-                    parameters, threads))]
+                    parameters, threads, overlaps=None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn receptance<'py>(
     py: Python<'py>,
@@ -31,9 +31,10 @@ pub fn receptance<'py>(
     responses: PyReadonlyArray2<'py, f64>,
     parameters: PyReadonlyArray2<'py, f64>,
     threads: usize,
+    overlaps: Option<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
     let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
-    let model = model(motion, &segments, &joints, &masses, &grounds)?;
+    let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
     let request = Request {
         excitations: coordinates("excitations", &excitations)?,
         responses: coordinates("responses", &responses)?,
@@ -50,7 +51,7 @@ pub fn receptance<'py>(
 
 /// Undamped natural angular frequencies up to a limit, and their derivatives (n_modes, n_parameters).
 #[pyfunction]
-#[pyo3(signature = (upper, most, motion, segments, joints, masses, grounds, parameters))]
+#[pyo3(signature = (upper, most, motion, segments, joints, masses, grounds, parameters, overlaps=None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn natural_frequencies<'py>(
     py: Python<'py>,
@@ -62,8 +63,9 @@ pub fn natural_frequencies<'py>(
     masses: PyReadonlyArray2<'py, f64>,
     grounds: PyReadonlyArray2<'py, f64>,
     parameters: PyReadonlyArray2<'py, f64>,
+    overlaps: Option<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
-    let model = model(motion, &segments, &joints, &masses, &grounds)?;
+    let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
     let parameters = self::parameters(&parameters)?;
     let found = py
         .detach(|| receptance_core::natural_frequencies(&model, upper, most, &parameters))
@@ -82,7 +84,8 @@ pub fn instruction_set() -> String {
 /// Reduction of a model to one joint, for `joint_normal_matrix`: real planes (16, n_freq), or where they serve
 /// power series in w^2, (29, n_terms).
 #[pyfunction]
-#[pyo3(signature = (angular_frequency, segments, joints, masses, grounds, joint, response, excitation, threads))]
+#[pyo3(signature = (angular_frequency, segments, joints, masses, grounds, joint, response, excitation, threads,
+                    overlaps=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn reduce_joint<'py>(
     py: Python<'py>,
@@ -95,9 +98,10 @@ pub fn reduce_joint<'py>(
     response: PyReadonlyArray2<'py, f64>,
     excitation: PyReadonlyArray2<'py, f64>,
     threads: usize,
+    overlaps: Option<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
-    let model = model(0, &segments, &joints, &masses, &grounds)?;
+    let model = model(0, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
     let one = |name: &str, array: &PyReadonlyArray2<'py, f64>| {
         let points = coordinates(name, array)?;
         match points[..] {

@@ -1,0 +1,173 @@
+"""The joint spread along an insertion, as a person writes it."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    Coordinate,
+    Part,
+    PointJoint,
+    Section,
+    Segment,
+    SingularInterfaceError,
+    SpreadJoint,
+)
+
+SHANK = Section(outer_diameter=0.012, material=CARBIDE)
+SLEEVE = Section(outer_diameter=0.04, inner_diameter=0.012, material=replace(STEEL, loss_factor=0.01))
+TOOL = Part([Segment(length=0.05, outer_diameter=0.012, material=CARBIDE)], name="tool")
+HOLDER = Part([Segment(length=0.08, outer_diameter=0.05, material=STEEL)], name="holder")
+LINES = np.array([120.0, 900.0, 2500.0, 7000.0])
+GOOD: dict[str, Any] = {
+    "length": 0.04,
+    "shank": SHANK,
+    "sleeve": SLEEVE,
+    "k_y": 5e8,
+    "k_theta": 2e4,
+    "c_y": 100.0,
+    "c_theta": 0.05,
+    "loss_factor": 0.02,
+}
+
+
+def make(**changes: Any) -> Assembly:
+    return Assembly([TOOL, SpreadJoint(**{**GOOD, **changes}, name="joint"), HOLDER])
+
+
+@pytest.mark.parametrize("points", [None, 5])
+def test_every_parameter_has_its_derivative(points: int | None) -> None:
+    assembly = make(points=points, shank=Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE))
+    names = [name for name in assembly.parameters if name.startswith("joint.")]
+    assert {"joint.length", "joint.k_y", "joint.shank.outer_diameter", "joint.sleeve.youngs_modulus"} <= set(names)
+    assert len(names) == 6 + 2 * 6
+    ends = {"response": Coordinate("holder", "end", "y"), "excitation": Coordinate("tool", 0.0, "y")}
+    for places in ({}, ends):
+        h, slope = assembly.derivatives(LINES, names, **places)
+        np.testing.assert_array_equal(h, assembly.receptance(LINES, **places))
+        for column, name in enumerate(names):
+            value = assembly.get(name)
+            # a loss factor that is zero is moved by a share of one
+            step = 1e-5 * (value or 1.0)
+            down = value - step if value else 0.0
+            sides = [assembly.replace({name: x}).receptance(LINES, **places) for x in (value + step, down)]
+            expected = (sides[0] - sides[1]) / (value + step - down)
+            # the difference of two receptances has an absolute error of rounding over the step
+            allowed = (1e-6 if value else 1e-3) * np.abs(expected) + 1e-9 * np.abs(h) / (value or 1.0)
+            assert np.all(np.abs(slope[:, column] - expected) <= allowed), name
+
+
+def test_values_are_read_and_replaced() -> None:
+    core = Section(outer_diameter=0.012, inner_diameter=0.005, material=CARBIDE, core=STEEL)
+    assembly = make(shank=core)
+    assert assembly.get("joint.shank.core.density") == STEEL.density
+    changed = assembly.replace({
+        "joint.length": 0.03,
+        "joint.shank.core.density": 8000.0,
+        "joint.sleeve.inner_diameter": 0.0121,
+        "joint.sleeve.loss_factor": 0.5,
+    })  # fmt: skip
+    assert changed.get("joint.length") == 0.03
+    assert changed.get("joint.shank.core.density") == 8000.0
+    assert changed.get("joint.sleeve.inner_diameter") == 0.0121
+    assert changed.get("joint.sleeve.loss_factor") == 0.5
+    assert changed.get("joint.shank.outer_diameter") == 0.012
+    assert assembly.get("joint.length") == 0.04
+    assert pickle.loads(pickle.dumps(changed)) == changed
+
+
+@pytest.mark.parametrize(
+    "address", ["joint.shank", "joint.shank.length", "joint.bore.density", "joint.points", "joint.sleeve.core.density"]
+)
+def test_what_is_no_parameter_is_said(address: str) -> None:
+    assembly = make()
+    for call in (
+        assembly.get,
+        lambda name: assembly.replace({name: 1.0}),
+        lambda name: assembly.derivatives(LINES, name),
+    ):
+        with pytest.raises(ValueError, match=r"there is no parameter .*SpreadJoint has length, k_y"):
+            call(address)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"length": 0.0}, ValueError, "length is 0, expected more than zero m"),
+        ({"length": "40 mm"}, TypeError, "length is '40 mm', expected a finite number of m"),
+        ({"shank": CARBIDE}, TypeError, "shank is Material.*, expected a Section"),
+        ({"k_y": -1.0}, ValueError, "k_y is -1, expected zero or more N/m"),
+        ({"c_theta": np.nan}, ValueError, "c_theta is nan"),
+        ({"k_y": 0.0, "c_y": 0.0}, ValueError, "k_y and c_y are both zero, so nothing holds the translation"),
+        ({"points": 1, "k_theta": 0.0, "c_theta": 0.0}, ValueError, "one point alone leaves the rotation free"),
+        ({"points": 0}, ValueError, "points is 0, expected 1 to 1000"),
+        ({"points": 2.0}, TypeError, "points is 2.0, expected None"),
+        ({"points": True}, TypeError, "points is True, expected None"),
+        ({"sleeve": replace(SLEEVE, core=CARBIDE)}, ValueError, "sleeve has a core, expected an open bore"),
+        (
+            {"sleeve": replace(SLEEVE, inner_diameter=0.01)},
+            ValueError,
+            "shank.outer_diameter is 0.012 m, expected at most",
+        ),
+    ],
+)
+def test_what_has_no_meaning_is_refused(changes: dict[str, Any], error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        SpreadJoint(**{**GOOD, **changes}, name="joint")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"outer_diameter": 0.0}, "Section: outer_diameter is 0"),
+        ({"inner_diameter": 0.5}, "Section: inner_diameter is 0.5 m, expected less than"),
+        ({"core": STEEL}, "Section: core is given but inner_diameter is 0"),
+        ({"shear": "none"}, "Section: shear is 'none'"),
+    ],
+)
+def test_sections_say_what_is_wrong(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Section(**{"outer_diameter": 0.02, "material": STEEL, **changes})
+
+
+def test_it_stands_between_two_parts() -> None:
+    joint = SpreadJoint(**GOOD)
+    with pytest.raises(ValueError, match="must begin and end with a Part"):
+        Assembly([TOOL, joint])
+    with pytest.raises(ValueError, match="both joints, with nothing between"):
+        Assembly([TOOL, joint, PointJoint(k_y=1e8, k_theta=1e4), HOLDER])
+    assert list(Assembly([TOOL, joint, HOLDER]).elements) == ["tool", "joint", "holder"]
+
+
+def test_a_joint_that_only_dashpots_hold_has_no_modes() -> None:
+    assembly = make(k_y=0.0)
+    assert np.isfinite(assembly.receptance(LINES)).all()
+    with pytest.raises(SingularInterfaceError, match="joint 'joint': the interface is singular"):
+        assembly.natural_frequencies(1e4)
+
+
+def test_it_goes_with_point_joints_in_one_assembly() -> None:
+    """The point joint's reduction holds the overlap as it is."""
+    spindle = Part([Segment(length=0.1, outer_diameter=0.06, material=STEEL)], name="spindle")
+    taper = PointJoint(k_y=1e9, k_theta=1e6, name="taper")
+    assembly = Assembly([TOOL, SpreadJoint(**GOOD, name="insertion"), HOLDER, taper, spindle])
+    planes, _ = assembly.reduced_to_joint("taper", LINES)
+    assert planes.shape == (16, LINES.size), "an overlap is no power series"
+    np.testing.assert_allclose(planes[0] + 1j * planes[1], assembly.receptance(LINES), rtol=1e-9)
+    with pytest.raises(ValueError, match="there is no joint 'insertion'"):
+        assembly.reduced_to_joint("insertion", LINES)
+
+
+def test_equal_halves_of_the_tool_change_nothing() -> None:
+    halves = Part([Segment(length=0.025, outer_diameter=0.012, material=CARBIDE)] * 2, name="tool")
+    split = Assembly([halves, SpreadJoint(**GOOD, name="joint"), HOLDER])
+    np.testing.assert_allclose(split.receptance(LINES), make().receptance(LINES), rtol=1e-10)
+    np.testing.assert_allclose(split.natural_frequencies(2e4), make().natural_frequencies(2e4), rtol=1e-12)
