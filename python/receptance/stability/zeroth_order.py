@@ -65,7 +65,7 @@ def _eigenvalues(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def _followed(pairs: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Pairs in such an order that each column goes on from line to line: equal magnitudes have no order of their own."""
+    """Pairs in such an order that each column goes on from line to line: magnitudes that are equal have no order."""
     before, after = pairs[:-1], pairs[1:]
     straight = np.abs(after - before).sum(axis=1)
     crossed = np.abs(after[:, ::-1] - before).sum(axis=1)
