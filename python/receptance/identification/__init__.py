@@ -3,6 +3,8 @@
 from receptance.identification.bands import find_bands
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
+from receptance.identification.inverse_coupling import InverseCoupling
+from receptance.identification.inversion import invert_coupling
 from receptance.identification.laws import Law, Power, Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.priors import Prior
@@ -12,6 +14,7 @@ from receptance.identification.unknowns import Unknown
 __all__ = [
     "Floor",
     "Identification",
+    "InverseCoupling",
     "Law",
     "MeasuredFRF",
     "MeasuredFrequencies",
@@ -22,4 +25,5 @@ __all__ = [
     "Unknown",
     "find_bands",
     "identify",
+    "invert_coupling",
 ]
