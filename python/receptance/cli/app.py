@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from receptance.cli.campaign_steps import invert, next_step
 from receptance.cli.campaigns import example, identify, predict, schema
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
@@ -25,8 +26,9 @@ app = typer.Typer(
 )
 app.command()(demo)
 app.add_typer(studies, name="study")
-for command in (example, identify, predict, convert, schema):
+for command in (example, identify, predict, convert, schema, invert):
     app.command()(command)
+app.command("next")(next_step)
 
 
 def _print_version(wanted: bool) -> None:
