@@ -33,9 +33,8 @@ class Expectation:
         Interval that is expected, about where the value is now.
     deviation, deviation_now : float
         Standard deviation then and now, of log10 of the value where the scale is "log".
-    range : (float, float)
-        The 10 % and 90 % points of the deviation over the points at which it was expected: how much it depends on what
-        the truth is. Both are the deviation where there was one point.
+    deviations : tuple of float
+        The deviation expected at each point, if the truth were there; `deviation` is their geometric mean.
     stays_open : float
         Share of these points at which the interval would still reach the bounds of the fit.
     """
@@ -48,8 +47,14 @@ class Expectation:
     upper: float
     deviation: float
     deviation_now: float
-    range: tuple[float, float]
+    deviations: tuple[float, ...]
     stays_open: float
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The 10 % and 90 % points of the deviations: how much what is expected depends on what the truth is."""
+        low, high = np.quantile(self.deviations, [0.1, 0.9])
+        return float(low), float(high)
 
     @property
     def shrink(self) -> float:
@@ -104,8 +109,9 @@ class NextMeasurement:
         What is to be known better.
     level : float
         Level of all intervals.
-    points : int
-        At how many points of the fit's likelihood the information was taken and averaged.
+    points : tuple of dict
+        Values of the fit's unknowns, in SI units by name, at which the information was taken and averaged: the fit, or
+        where the truth may as well be.
     profiled : tuple of str
         Parameters so little known that these points are spread along their profiles.
     notes : tuple of str
@@ -115,7 +121,7 @@ class NextMeasurement:
     ranking: tuple[RankedCandidate, ...]
     targets: tuple[str, ...]
     level: float
-    points: int
+    points: tuple[dict[str, float], ...]
     profiled: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -135,7 +141,7 @@ class NextMeasurement:
         return {
             "targets": self.targets,
             "level": self.level,
-            "points": self.points,
+            "points": len(self.points),
             "profiled": self.profiled,
             "ranking": [
                 {

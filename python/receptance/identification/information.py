@@ -102,6 +102,10 @@ class Surroundings:
         information[bounded, bounded] += 12.0 / (high - low)[bounded] ** 2
         return Point(x, weight, information)
 
+    def named(self, point: Point) -> dict[str, float]:
+        """Return the values at a point by name."""
+        return dict(zip(self.names, self.variables.to_values(point.x).tolist(), strict=True))
+
     def placed(self, where: Candidate | FrequencyTarget | ReceptanceTarget) -> tuple[Placed, list[str]]:
         """Return the parameters of another assembly as functions of the unknowns, and the errors that it brings."""
         fresh: list[str] = []

@@ -134,7 +134,7 @@ def next_measurement(
         ranking=tuple(ranking),
         targets=tuple(ranking[0].expected),
         level=level,
-        points=len(points),
+        points=tuple(known.named(point) for point in points),
         profiled=tuple(taken),
         notes=tuple(notes),
     )
@@ -339,6 +339,6 @@ def _expectation(name: str, spreads: NDArray[np.float64], open_share: float, now
         upper=upper,
         deviation=typical,
         deviation_now=now.deviations[name],
-        range=(float(np.quantile(spreads, 0.1)), float(np.quantile(spreads, 0.9))),
+        deviations=tuple(spreads.tolist()),
         stays_open=open_share,
     )
