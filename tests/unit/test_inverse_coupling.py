@@ -101,7 +101,7 @@ def test_overhangs_for_coordinates():
 
 def test_standard_deviations_are_those_of_many_draws(rng):
     true = make_assembly(**COUPLED)
-    lines, draws = LINES[60::40], 400
+    lines, draws = LINES[60::60], 250
     pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
     exact = invert_coupling([measured(true, *pair, lines=lines, sd=2e-5) for pair in pairs])
     values = []
@@ -112,7 +112,7 @@ def test_standard_deviations_are_those_of_many_draws(rng):
     for i, term in enumerate(ALL):
         stated = exact.term(term)[1]
         for part in (scatter[:, i].real, scatter[:, i].imag):
-            # The standard deviation of 400 draws is known to 3.5 %.
+            # The standard deviation of 250 draws is known to 4.5 %.
             assert np.std(part, axis=0) / stated == pytest.approx(1.0, abs=0.18), term
 
 
@@ -124,7 +124,7 @@ def test_the_condition_number_is_the_most_that_an_error_grows(rng):
     k = exact.stiffness
     size = np.stack([np.abs(k[:, 0, 0]), np.abs(k[:, 1, 1]), np.sqrt(np.abs(k[:, 0, 0] * k[:, 1, 1]))], axis=1)
     most = np.zeros(lines.size)
-    for _ in range(200):
+    for _ in range(100):
         error = 1e-8 * np.exp(2j * np.pi * rng.random(3)) * rng.dirichlet([1.0, 1.0, 1.0]) ** 0.5
         obs = [
             MeasuredFRF(

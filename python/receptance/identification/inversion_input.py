@@ -99,19 +99,23 @@ def common_lines(
     """Return the lines that all have, where they are in each, and how many others there are."""
     lines = observed[0].frequency_hz
     for one in observed[1:]:
-        lines = lines[[bool(np.any(near)) for near in _near(lines, one.frequency_hz)]] if lines.size else lines
+        lines = lines[_found(lines, one.frequency_hz)[1]]
     if not lines.size:
         raise ValueError(
             f"there is no line that all of {', '.join(map(repr, observed))} have; the equations of a line belong "
             "together, so resample the FRFs to common lines"
         )
-    rows = [np.array([int(np.argmax(near)) for near in _near(lines, o.frequency_hz)]) for o in observed]
+    rows = [_found(lines, one.frequency_hz)[0] for one in observed]
     return lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
 
 
-def _near(lines: NDArray[Any], others: NDArray[Any]) -> NDArray[np.bool_]:
-    result: NDArray[np.bool_] = np.abs(lines[:, None] - others[None, :]) <= 1e-9 * np.abs(lines[:, None])
-    return result
+def _found(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return which of ascending other lines is nearest to each line, and whether it is the same but for rounding."""
+    after = np.clip(np.searchsorted(others.real, lines.real), 1, max(others.size - 1, 1))
+    after = np.minimum(after, others.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(others[after] - lines) < np.abs(others[before] - lines), after, before)
+    return nearest, np.abs(others[nearest] - lines) <= 1e-9 * np.abs(lines)
 
 
 def not_apart(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF, ...]) -> str:

@@ -12,7 +12,7 @@ their common determinant are a straight line, on which either is a quadratic equ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 _STEPS = 40
 _FARTHEST = 1e16
 """A stiffness that no joint has; a search goes no further."""
-_SETTLED = 1e-13
+_SETTLED = 1e-12
 """Relative step at which a line is left as it is."""
 _GRID = (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
 """Shares of the surroundings' stiffness at which a search begins that no closed form can begin."""
@@ -79,6 +79,11 @@ class Equations:
     def alike(self) -> bool:
         """Whether all pairs are of one structure."""
         return bool(np.all(self.surroundings == self.surroundings[:, :1]))
+
+    def on(self, lines: NDArray[np.bool_]) -> Equations:
+        """Return the equations on some of the lines."""
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        return Equations(**{name: value[lines] if name != "terms" else value for name, value in own.items()})
 
     def stiffness(self, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the whole stiffness `(n, 2, 2)` for values of the unknown terms `(n, m)`."""
@@ -308,30 +313,41 @@ def _best_of_grid(eq: Equations) -> list[NDArray[np.complex128]]:
 
 def _polished(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return the least squares near a start on each line: Levenberg and Marquardt's steps, all lines at once."""
-    x = np.where(np.isfinite(x), x, 1.0)
-    cost = eq.cost(x)
-    damping = np.full(len(x), 1e-3)
+    result = np.where(np.isfinite(x), x, 1.0)
+    lines = np.arange(len(x))
+    x, cost, damping = result, eq.cost(result), np.full(len(x), 1e-3)
     for _ in range(_STEPS):
-        h, slope = eq.evaluate(x)
-        weight = 1.0 / (eq.measured * eq.deviation)
-        slope = slope * weight[..., None]
-        residual = (h - eq.measured) * weight
-        normal = np.einsum("npi,npj->nij", slope.conj(), slope)
-        size = np.maximum(np.sqrt(np.abs(np.einsum("nii->ni", normal))), 1e-300)
-        normal = normal / (size[:, :, None] * size[:, None, :]) + damping[:, None, None] * np.eye(x.shape[1])
-        gradient = np.einsum("npi,np->ni", slope.conj(), residual) / size
-        usable = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(gradient).all(axis=1)
-        normal = np.where(usable[:, None, None], normal, np.eye(x.shape[1]))
-        step = -np.linalg.solve(normal, gradient[..., None])[..., 0] / size
-        tried = np.where(usable[:, None], x + step, x)
+        step = _step(eq, x, damping)
+        tried = x + step
         new = eq.cost(tried)
         better = new < cost
         moved = np.max(np.abs(step) / (np.abs(x) + 1e-300), axis=1)
         x, cost = np.where(better[:, None], tried, x), np.where(better, new, cost)
-        damping = np.where(better, np.maximum(damping * 0.1, 1e-15), np.minimum(damping * 10.0, 1e12))
-        if not np.any(usable & (moved > _SETTLED) & (damping < 1e6)):
+        damping = np.where(better, np.maximum(damping * 0.1, 1e-15), damping * 10.0)
+        result[lines] = x
+        on = (moved > _SETTLED) & (damping < 1e6)
+        if not on.any():
             break
-    return x
+        if on.sum() < 0.7 * on.size:
+            # Lines that have settled need no more work.
+            eq, lines, x, cost, damping = eq.on(on), lines[on], x[on], cost[on], damping[on]
+    return result
+
+
+def _step(eq: Equations, x: NDArray[np.complex128], damping: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return a damped step on each line, none where the model has no value."""
+    h, slope = eq.evaluate(x)
+    weight = 1.0 / (eq.measured * eq.deviation)
+    slope = slope * weight[..., None]
+    residual = (h - eq.measured) * weight
+    normal = np.einsum("npi,npj->nij", slope.conj(), slope)
+    size = np.maximum(np.sqrt(np.abs(np.einsum("nii->ni", normal))), 1e-300)
+    normal = normal / (size[:, :, None] * size[:, None, :]) + damping[:, None, None] * np.eye(x.shape[1])
+    gradient = np.einsum("npi,np->ni", slope.conj(), residual) / size
+    usable = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(gradient).all(axis=1)
+    normal = np.where(usable[:, None, None], normal, np.eye(x.shape[1]))
+    found: NDArray[np.complex128] = -np.linalg.solve(normal, gradient[..., None])[..., 0] / size
+    return np.where(usable[:, None], found, 0.0)
 
 
 def _agreed(
