@@ -269,6 +269,10 @@ def test_mistakes_are_answered(in_the_machine):
         Candidate(label="x", assembly=make_assembly(), frequency_hz=[0.0, 10.0])
     with pytest.raises(TypeError, match="expected text that says what it is"):
         Candidate(label="", assembly=make_assembly(), frequency_hz=WIDE)
+    bare = identify(modes_of(make_assembly()), STIFFNESSES, starts=1)
+    assert next_measurement(bare, options["nose"]).best.shrink < 1.0
+    with pytest.raises(ValueError, match="tolerances can only be weighed against"):
+        next_measurement(bare, options["nose"], tolerances=clamped("x"))
     data = measure(make_assembly(), LINES, 0.01, np.random.default_rng(0), "tip")
     percent = identify(data, STIFFNESSES, objective="percentage", starts=1)
     with pytest.raises(ValueError, match="no likelihood"):

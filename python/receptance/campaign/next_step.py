@@ -81,7 +81,7 @@ def next_of_campaign(
         raise CampaignError.about(campaign.file, "there is nothing to choose from, expected `candidates`")
     known = identified or identify_campaign(campaign, threads=threads, progress=progress)
     wanted = [_target(name, campaign, known) for name in targets]
-    exact = campaign.table.settings.tolerances == "propagate"
+    exact = campaign.table.settings.tolerances == "propagate" and known.fit.known_scatter
     try:
         found = next_measurement(
             known.fit,

@@ -30,7 +30,7 @@ class Expectation:
     now : (float, float)
         Interval now; infinite or zero at a side that is open.
     lower, upper : float
-        Interval that is expected, about where the value is now.
+        Interval that is expected, about where the value is now and not beyond the one of now.
     deviation, deviation_now : float
         Standard deviation then and now, of log10 of the value where the scale is "log".
     deviations : tuple of float

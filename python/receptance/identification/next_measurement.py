@@ -107,6 +107,11 @@ def next_measurement(
             "the percentage objective is no likelihood, so it says nothing of what more data would bring: identify "
             "with the objective 'log'"
         )
+    if extra and not found.known_scatter:
+        raise ValueError(
+            "tolerances can only be weighed against observations whose standard deviations are known: give all "
+            "observations of the fit one"
+        )
     wanted = _targets(targets, found)
     known = Surroundings(found, extra)
     reach = quantile(level, None if found.known_scatter else found.degrees_of_freedom)
@@ -330,6 +335,8 @@ def _expected(
 def _expectation(name: str, spreads: NDArray[np.float64], open_share: float, now: _Now) -> Expectation:
     typical = float(np.exp(np.mean(np.log(np.maximum(spreads, 1e-300)))))
     lower, upper = now.about(name, typical)
+    # What is known already of a side where the likelihood is steep stays known.
+    lower, upper = max(lower, now.intervals[name][0]), min(upper, now.intervals[name][1])
     return Expectation(
         name=name,
         value=now.values[name],
