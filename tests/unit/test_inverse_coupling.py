@@ -183,6 +183,18 @@ def test_where_the_data_do_not_speak(rng):
     assert any("speak of k_y" in note for note in found.notes)
 
 
+def test_what_is_taken_as_known_and_is_wrong(rng):
+    """A coupling that is not solved for is in no constant joint, and it is said."""
+    true = make_assembly(**COUPLED)
+    seen = [measured(true, place, noise=rng) for place in (TIP, NOSE)]
+    assert invert_coupling(seen).rms == pytest.approx(1.0, abs=0.05)
+    plain = true.replace({"joint.k_ytheta": 0.0, "joint.c_ytheta": 0.0})
+    wrong = [measured(true, place, described=plain, noise=rng) for place in (TIP, NOSE)]
+    found = invert_coupling(wrong)
+    assert found.rms > 3.0
+    assert any("no k + i w c suits all lines" in note for note in found.notes)
+
+
 def test_nothing_to_hear():
     rigid = make_assembly(k_y=1e14, k_theta=1e10)
     low = np.linspace(10.0, 100.0, 50)

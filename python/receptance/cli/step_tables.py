@@ -37,10 +37,11 @@ def print_inversion(console: Console, found: CampaignInversion) -> None:
                     f"{np.median(one.condition[usable]):.2g}" if heard.size else "",
                     f"{k:.4g}" if np.isfinite(k) else "unknown",
                     f"{c:.3g}" if np.isfinite(c) else "unknown",
+                    f"{one.rms:.3g}" if np.isfinite(one.rms) else "",
                 )
             )
     limit = 100.0 * next(iter(found.joints.values())).limit
-    columns = ("<term", "lines that speak", "from, to [Hz]", "condition\nnumber", "k", "c")
+    columns = ("<term", "lines that speak", "from, to [Hz]", "condition\nnumber", "k", "c", "rms left")
     console.print(table(f"Standard deviation below {limit:g} %; k and c that suit all lines, SI units", columns, rows))
     _notes(console, found.notes)
     console.print(_versions(found.versions))

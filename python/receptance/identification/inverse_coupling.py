@@ -51,6 +51,9 @@ class InverseCoupling:
         That share.
     ambiguous : ndarray
         `(n,)` where several stiffnesses explain the data, and the one that agrees with the other lines was taken.
+    rms : float
+        Root mean square of what is left of the logarithms with that joint on all lines, in standard deviations: about 1
+        where it is one joint k + i w c and all else is as it is modelled.
     labels : tuple of str
         What was measured.
     typical : dict of str to (float, float)
@@ -71,6 +74,7 @@ class InverseCoupling:
     ambiguous: NDArray[np.bool_]
     labels: tuple[str, ...]
     typical: dict[str, tuple[float, float]]
+    rms: float
     notes: tuple[str, ...] = field(default=())
 
     def term(self, name: str) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
@@ -89,8 +93,8 @@ class InverseCoupling:
     def start(self) -> dict[str, float]:
         """Return stiffnesses and dashpots that suit the lines that speak, in SI units by address.
 
-        Medians of Re K and of Im K / w, weighted by the inverse variance: a few lines that are far off do not move
-        them. Empty where no line speaks.
+        Least squares of the logarithm over all lines, from medians of Re K and of Im K / w. Lines that say little each
+        may say enough together; look at `rms`. Empty where no line says anything.
         """
         found = {}
         for name, (k, c) in self.typical.items():
@@ -171,6 +175,7 @@ class InverseCoupling:
             "ambiguous": self.ambiguous,
             "limit": self.limit,
             "start": self.start(),
+            "rms": self.rms,
             "notes": self.notes,
         }
 

@@ -129,7 +129,7 @@ def invert_coupling(
         reaction, scale = equations.reaction(x), equations.scale(x)
         condition = np.linalg.norm(np.where(good[:, None, None], reaction / scale[..., None], 0.0), ord=2, axis=(1, 2))
         noise = equations.noise(x)
-    typical, usable = _typical(equations, x, good, share)
+    typical, usable, rms = _typical(equations, x, good, share)
     result = _Result(equations, joint, observed, lines, x, good)
     model = np.zeros(x.shape)
     if errors:
@@ -147,8 +147,9 @@ def invert_coupling(
         limit=share,
         ambiguous=ambiguous & good,
         typical=typical,
+        rms=rms,
         labels=tuple(o.label or f"observation {i}" for i, o in enumerate(observed)),
-        notes=tuple(notes_on(wanted, usable, ambiguous & good, dropped, share, observed, joint)),
+        notes=tuple(notes_on(wanted, usable, ambiguous & good, dropped, share, observed, joint, rms)),
     )
     for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
         getattr(found, name).setflags(write=False)
@@ -234,8 +235,8 @@ class _Result:
 
 def _typical(
     equations: Equations, x: NDArray[np.complex128], good: NDArray[np.bool_], share: float
-) -> tuple[dict[str, tuple[float, float]], NDArray[np.bool_]]:
-    """Return stiffness and dashpot of each term that suit all lines, and the lines that speak of it, `(n, m)`.
+) -> tuple[dict[str, tuple[float, float]], NDArray[np.bool_], float]:
+    """Return stiffness and dashpot of each term that suit all lines, the lines that speak, `(n, m)`, and the rms left.
 
     Medians over the lines that speak, by their own variances, lead to the least squares over all lines. The variances
     at the joint that is found there tell the lines that speak.
@@ -255,14 +256,15 @@ def _typical(
             # A line that comes out too soft by chance seems well known: from here on all are judged at the medians.
             at = start[:, 0] + 1j * w[:, None] * start[:, 1]
     if not starts:
-        return {}, np.zeros(x.shape, dtype=np.bool_)
+        return {}, np.zeros(x.shape, dtype=np.bool_), np.nan
     ends = [constant_joint(equations, start, good) for start in (starts[0], starts[-1])]
-    _, stiffness, dashpots = min(ends, key=lambda end: end[0])
+    misfit, stiffness, dashpots = min(ends, key=lambda end: end[0])
     typical = stiffness + 1j * w[:, None] * dashpots
     with np.errstate(all="ignore"):
         usable = good[:, None] & (equations.noise(typical) <= share * equations.scale(typical))
     pairs = zip(stiffness.tolist(), dashpots.tolist(), strict=True)
-    return dict(zip(equations.terms, pairs, strict=True)), usable
+    count = 2 * int(good.sum()) * equations.rigid.shape[1]
+    return dict(zip(equations.terms, pairs, strict=True)), usable, float(np.sqrt(misfit / count))
 
 
 def _equations(

@@ -28,6 +28,8 @@ __all__ = [
     "notes_on",
 ]
 
+_UNSUITED = 3.0
+"""Standard deviations, as rms, beyond which one joint does not suit all lines."""
 _DEFAULT_TERMS = (("k_theta",), ("k_y", "k_theta"), ("k_y", "k_theta", "k_ytheta"))
 
 
@@ -140,6 +142,7 @@ def notes_on(
     share: float,
     observed: tuple[MeasuredFRF, ...],
     joint: str,
+    rms: float,
 ) -> list[str]:
     """Return what a person should know of a solution."""
     notes = [note for one in observed for note in one.notes]
@@ -157,6 +160,11 @@ def notes_on(
             notes.append(
                 f"{count} of {len(usable)} lines speak of {term} (standard deviation below {100.0 * share:g} %)"
             )
+    if rms > _UNSUITED:
+        notes.append(
+            f"no k + i w c suits all lines: the rms is {rms:.3g} standard deviations; the parts, or what is taken as "
+            "known, are not as they are modelled, and the start may be far off"
+        )
     if ambiguous.any():
         notes.append(
             f"on {int(ambiguous.sum())} of {len(ambiguous)} lines two stiffnesses explain the data; the one that "
