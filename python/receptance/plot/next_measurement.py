@@ -51,7 +51,8 @@ def draw_next_measurement(found: NextMeasurement, title: str = "") -> Figure:
     >>> len(draw_next_measurement(next_measurement(fit, again)).axes)
     1
     """
-    columns = min(len(found.targets), _COLUMNS)
+    # Four look better in a square.
+    columns = min(len(found.targets), 2 if len(found.targets) == 4 else _COLUMNS)
     rows = -(-len(found.targets) // columns)
     names = ["now", *(one.label for one in found.ranking)]
     height = rows * (0.9 + 0.36 * len(names)) + 0.7
@@ -99,7 +100,7 @@ def _plain_ticks(axes: Axes) -> None:
 
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
 
 
 def _shown(e: Expectation, ends: tuple[float, float]) -> tuple[float, float]:
