@@ -93,8 +93,9 @@ class InverseCoupling:
     def start(self) -> dict[str, float]:
         """Return stiffnesses and dashpots that suit the lines that speak, in SI units by address.
 
-        Least squares of the logarithm over all lines, from medians of Re K and of Im K / w. Lines that say little each
-        may say enough together; look at `rms`. Empty where no line says anything.
+        Least squares of the logarithm over all lines, from medians of Re K and of Im K / w, and from a coarse grid
+        where these do not suit. Lines that say little each may say enough together; look at `rms`. Empty where no line
+        says anything.
         """
         found = {}
         for name, (k, c) in self.typical.items():

@@ -20,7 +20,7 @@ from receptance.identification.inversion_input import (
     not_apart,
     notes_on,
 )
-from receptance.identification.line_solutions import TERMS, Equations, constant_joint, solve_lines
+from receptance.identification.line_solutions import TERMS, Equations, coarse_joints, constant_joint, solve_lines
 from receptance.identification.mapping import Parameters, Place
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Unknown
@@ -37,6 +37,8 @@ __all__ = ["invert_coupling"]
 
 _STIFF = PointJoint(k_y=1e15, k_theta=1e11)
 """The joint at which an assembly is evaluated; what it lacks to a rigid one is taken off exactly."""
+_SUITED = 1.5
+"""Standard deviations, as rms, up to which a joint is taken to suit all lines."""
 _ROUNDS = 4
 """Of medians over the lines that speak."""
 _OFF_AXIS = 1e-30j
@@ -258,12 +260,16 @@ def _typical(
     if not starts:
         return {}, np.zeros(x.shape, dtype=np.bool_), np.nan
     ends = [constant_joint(equations, start, good) for start in (starts[0], starts[-1])]
+    count = 2 * int(good.sum()) * equations.rigid.shape[1]
+    if min(end[0] for end in ends) > _SUITED**2 * count:
+        # Medians of lines that say little each may lie anywhere.
+        with np.errstate(all="ignore"):
+            ends += [constant_joint(equations, start, good) for start in coarse_joints(equations, good)]
     misfit, stiffness, dashpots = min(ends, key=lambda end: end[0])
     typical = stiffness + 1j * w[:, None] * dashpots
     with np.errstate(all="ignore"):
         usable = good[:, None] & (equations.noise(typical) <= share * equations.scale(typical))
     pairs = zip(stiffness.tolist(), dashpots.tolist(), strict=True)
-    count = 2 * int(good.sum()) * equations.rigid.shape[1]
     return dict(zip(equations.terms, pairs, strict=True)), usable, float(np.sqrt(misfit / count))
 
 

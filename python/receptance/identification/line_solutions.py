@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["TERMS", "Equations", "constant_joint", "names_of", "solve_lines"]
+__all__ = ["TERMS", "Equations", "coarse_joints", "constant_joint", "names_of", "solve_lines"]
 
 TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 """Terms of the joint's stiffness and where they stand in it."""
@@ -34,6 +34,7 @@ _SETTLED = 1e-12
 """Relative step at which a line is left as it is."""
 _GRID = (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
 """Shares of the surroundings' stiffness at which a search begins that no closed form can begin."""
+_FOLLOWED = 6
 _BEST = 3
 """How many of them are followed."""
 _AS_GOOD = 4.0
@@ -200,6 +201,24 @@ def constant_joint(
                 damping *= 10.0
     total = float(np.sum(residual**2))
     return (total if np.isfinite(total) else np.inf), v[:count], v[count:]
+
+
+def coarse_joints(equations: Equations, lines: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+    """Return the few points of a grid of constant joints that suit the lines best, as starts `(m, 2)`."""
+    around = np.median(np.abs(equations.surroundings), axis=(0, 1))
+    free = [term for term in equations.terms if term != "k_ytheta"]
+    w = equations.angular_frequency
+    chosen = equations.on(lines)
+    starts, costs = [], []
+    for shares in np.stack(np.meshgrid(*[_GRID] * len(free)), -1).reshape(-1, len(free)):
+        values = dict(zip(free, shares, strict=True))
+        k = np.array([values[t] * around[TERMS[t]] if t in values else 0.0 for t in equations.terms])
+        start = np.stack([k, 0.02 * k / float(np.median(w.real))], axis=1)
+        h, _ = chosen.evaluate(start[:, 0] + 1j * w[lines][:, None] * start[:, 1])
+        cost = np.sum(np.abs(np.log(h / chosen.measured) / chosen.deviation) ** 2)
+        starts.append(start)
+        costs.append(cost if np.isfinite(cost) else np.inf)
+    return [starts[i] for i in np.argsort(costs)[:_FOLLOWED]]
 
 
 def _closed(eq: Equations) -> bool:
