@@ -101,7 +101,7 @@ def test_overhangs_for_coordinates():
 
 def test_standard_deviations_are_those_of_many_draws(rng):
     true = make_assembly(**COUPLED)
-    lines, draws = LINES[60::60], 250
+    lines, draws = LINES[60::60], 150
     pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
     exact = invert_coupling([measured(true, *pair, lines=lines, sd=2e-5) for pair in pairs])
     values = []
@@ -112,8 +112,8 @@ def test_standard_deviations_are_those_of_many_draws(rng):
     for i, term in enumerate(ALL):
         stated = exact.term(term)[1]
         for part in (scatter[:, i].real, scatter[:, i].imag):
-            # The standard deviation of 250 draws is known to 4.5 %.
-            assert np.std(part, axis=0) / stated == pytest.approx(1.0, abs=0.18), term
+            # The standard deviation of 150 draws is known to 6 %.
+            assert np.std(part, axis=0) / stated == pytest.approx(1.0, abs=0.22), term
 
 
 def test_the_condition_number_is_the_most_that_an_error_grows(rng):
@@ -165,7 +165,7 @@ def test_a_start_that_leads_to_the_optimum(rng):
     unknowns = invert_coupling(seen).unknowns()
     assert {u.address for u in unknowns} >= {"joint.k_y", "joint.k_theta", "joint.k_ytheta", "joint.c_y"}
     one = identify(seen, unknowns, starts=1)
-    many = identify(seen, unknowns, starts=8)
+    many = identify(seen, unknowns, starts=4)
     assert one.converged
     assert one.rms == pytest.approx(many.rms, rel=1e-6)
     for name in ("joint.k_y", "joint.k_theta", "joint.k_ytheta"):
