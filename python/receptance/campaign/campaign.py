@@ -120,31 +120,6 @@ class Campaign:
 
         return identify_campaign(self, threads=threads, progress=progress)
 
-    def predict(
-        self,
-        identified: CampaignIdentification | None = None,
-        *,
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
-    ) -> CampaignPrediction:
-        """Predict what is held out and the assemblies that were not measured.
-
-        Parameters
-        ----------
-        identified : CampaignIdentification, optional
-            From `identify`, which runs first if it is not given and anything is unknown.
-        threads, progress
-            As in `identify`.
-
-        Raises
-        ------
-        CampaignError
-            Nothing is held out and every assembly was measured; or as in `identify`.
-        """
-        from receptance.campaign.prediction import predict_campaign
-
-        return predict_campaign(self, identified, threads=threads, progress=progress)
-
     def invert(
         self,
         joint: str | None = None,
@@ -202,6 +177,31 @@ class Campaign:
         from receptance.campaign.next_step import next_of_campaign
 
         return next_of_campaign(self, identified, targets=targets, threads=threads, progress=progress)
+
+    def predict(
+        self,
+        identified: CampaignIdentification | None = None,
+        *,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignPrediction:
+        """Predict what is held out and the assemblies that were not measured.
+
+        Parameters
+        ----------
+        identified : CampaignIdentification, optional
+            From `identify`, which runs first if it is not given and anything is unknown.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            Nothing is held out and every assembly was measured; or as in `identify`.
+        """
+        from receptance.campaign.prediction import predict_campaign
+
+        return predict_campaign(self, identified, threads=threads, progress=progress)
 
     def __repr__(self) -> str:
         counts = [

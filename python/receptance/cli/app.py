@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from receptance.cli.campaign_steps import invert, next_step
 from receptance.cli.campaigns import example, identify, predict, schema
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
+from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
 
 __all__ = ["app", "main"]
@@ -26,8 +26,9 @@ app = typer.Typer(
 )
 app.command()(demo)
 app.add_typer(studies, name="study")
-for command in (example, identify, predict, convert, schema, invert):
+for command in (example, identify, predict, convert, schema):
     app.command()(command)
+app.command()(invert)
 app.command("next")(next_step)
 
 

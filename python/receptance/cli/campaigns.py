@@ -15,7 +15,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
 
-__all__ = ["File", "example", "identify", "load_campaign", "predict", "schema"]
+__all__ = ["example", "identify", "predict", "schema"]
 
 ANSWER_IS_NO = 3
 """Exit code where a verdict was asked to fail on."""
@@ -73,7 +73,7 @@ def identify(
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
-        read = load_campaign(campaign, targets)
+        read = _loaded(campaign, targets)
         found = with_progress(lambda say: read.identify(progress=say))
     targets.write(found.as_dict(), found.plot)
     console = output()
@@ -104,7 +104,7 @@ def predict(
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
-        read = load_campaign(campaign, targets)
+        read = _loaded(campaign, targets)
         if at_most is not None and not read.held_out:
             raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
         found = with_progress(lambda say: read.predict(progress=say))
@@ -122,7 +122,7 @@ def predict(
             raise typer.Exit(ANSWER_IS_NO)
 
 
-def load_campaign(path: Path, targets: Targets) -> Campaign:
+def _loaded(path: Path, targets: Targets) -> Campaign:
     """Read the campaign; nothing that it reads may be written over."""
     from receptance.campaign import load
 
