@@ -13,6 +13,8 @@ from receptance.campaign.plain import plain
 from receptance.identification import (
     Candidate,
     FrequencyTarget,
+    Law,
+    Power,
     ReceptanceTarget,
     Tolerance,
     Unknown,
@@ -219,6 +221,43 @@ def test_what_is_open_is_judged_at_many_points(rng):
     assert 0.0 < first.stays_open <= last.stays_open <= 1.0
     given = next_measurement(fit, candidates, profiles=fit.profiles())
     assert given.best.shrink == pytest.approx(found.best.shrink, rel=1e-3)
+
+
+def test_a_law_and_the_conditions_of_a_candidate(rng):
+    """An exponent is best told from far off the reference, and what a configuration has of its own is a new error."""
+    law = Law(
+        address="joint.k_theta",
+        lower=1e3,
+        upper=1e7,
+        start=1e5,
+        powers=Power(of="insertion", reference=0.04),
+        individual=0.05,
+    )
+    seen = [
+        measure(make_assembly(), LINES[::4], 0.01, rng, f"{insertion}").configured(
+            f"{insertion}", {"insertion": insertion}
+        )
+        for insertion in (0.04, 0.035)
+    ]
+    fit = identify(seen, law, starts=1)
+    options = {"assembly": make_assembly(), "frequency_hz": LINES[::4]}
+    candidates = [
+        Candidate(label=f"{insertion}", conditions={"insertion": insertion}, **options)
+        for insertion in (0.035, 0.03, 0.02)
+    ]
+    exponent = "joint.k_theta ~ insertion"
+    found = next_measurement(fit, candidates, targets=exponent)
+    assert [one.label for one in found.ranking] == ["0.02", "0.03", "0.035"]
+    # A candidate of the name of a configuration is that one again, with the part that it had; the bounds count for 3 %.
+    assert found.ranking[-1].shrink > 0.95
+    # Two parts of 5 % that differ tell the exponent to 0.05 sqrt(2) / ln(0.04 / 0.035), or over the larger distance.
+    distances = np.log(0.04 / np.array([0.035, 0.02]))
+    assert found.best.expected[exponent].deviation_now == pytest.approx(0.05 * np.sqrt(2.0) / distances[0], rel=0.05)
+    x = np.array([0.0, distances[0], distances[1]])
+    spread = 0.05 / np.sqrt(np.sum((x - x.mean()) ** 2))
+    assert found.best.expected[exponent].deviation == pytest.approx(spread, rel=0.05)
+    with pytest.raises(ValueError, match="has no condition 'insertion'"):
+        next_measurement(fit, Candidate(label="unknown", **options))
 
 
 def test_the_cost_decides(in_the_machine):
