@@ -4,7 +4,9 @@ from receptance.campaign.campaign import Campaign
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
 from receptance.campaign.conditions import Condition
 from receptance.campaign.identification import CampaignIdentification
+from receptance.campaign.inversion import CampaignInversion
 from receptance.campaign.loading import load
+from receptance.campaign.next_step import CampaignNext
 from receptance.campaign.observations import Measurement
 from receptance.campaign.prediction import CampaignPrediction
 from receptance.campaign.problems import CampaignError, Problem
@@ -15,6 +17,8 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "CampaignIdentification",
+    "CampaignInversion",
+    "CampaignNext",
     "CampaignPrediction",
     "Condition",
     "Measurement",

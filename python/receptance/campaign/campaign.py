@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -12,11 +12,13 @@ from receptance.campaign.conditions import Condition
 from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
-from receptance.identification import Unknown
+from receptance.identification import Candidate, Unknown
 
 if TYPE_CHECKING:
     from receptance.campaign.identification import CampaignIdentification
+    from receptance.campaign.inversion import CampaignInversion
     from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
 
 __all__ = ["Campaign"]
@@ -44,6 +46,8 @@ class Campaign:
         By assembly and key: numbers that describe it.
     places : dict
         Response and excitation at which assemblies that were not measured are predicted.
+    candidates : dict of str to Candidate
+        Measurements that could be taken next.
     notes : tuple of str
         What a person should know.
 
@@ -69,6 +73,7 @@ class Campaign:
     effects: dict[str, Effects] = field(default_factory=dict)
     conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
+    candidates: dict[str, Candidate] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -114,6 +119,64 @@ class Campaign:
         from receptance.campaign.identification import identify_campaign
 
         return identify_campaign(self, threads=threads, progress=progress)
+
+    def invert(
+        self,
+        joint: str | None = None,
+        *,
+        limit: float = 0.2,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignInversion:
+        """Solve for the stiffness of joints on each line by itself, by inverse coupling.
+
+        From the FRFs that are not held out; where there are fewer than unknown terms, for k_theta, then k_y.
+
+        Parameters
+        ----------
+        joint : str, optional
+            Name of one; by default all that have unknown stiffnesses.
+        limit : float, optional
+            As in `receptance.identification.invert_coupling`.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            No such joint was measured with an FRF, or the FRFs have no lines in common.
+        """
+        from receptance.campaign.inversion import invert_campaign
+
+        return invert_campaign(self, joint=joint, limit=limit, threads=threads, progress=progress)
+
+    def next_measurement(
+        self,
+        identified: CampaignIdentification | None = None,
+        *,
+        targets: Sequence[str] = (),
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignNext:
+        """Rank the candidates by how well unknowns or predictions are expected to be known with them.
+
+        Parameters
+        ----------
+        identified : CampaignIdentification, optional
+            From `identify`, which runs first if it is not given.
+        targets : sequence of str, optional
+            Unknowns, or assemblies, whose natural frequencies are then meant; by default all unknowns.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no candidates, an unknown target, or as in `identify`.
+        """
+        from receptance.campaign.next_step import next_of_campaign
+
+        return next_of_campaign(self, identified, targets=targets, threads=threads, progress=progress)
 
     def predict(
         self,

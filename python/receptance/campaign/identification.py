@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
 
-__all__ = ["CampaignIdentification", "identify_campaign"]
+__all__ = ["CampaignIdentification", "identify_campaign", "tolerances_of_measurements"]
 
 _DISAGREE = 1.3
 """Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
@@ -188,7 +188,7 @@ def identify_campaign(
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
             threads=threads,
-            tolerances=_tolerances(seen) if settings.tolerances == "fit" else (),
+            tolerances=tolerances_of_measurements(seen) if settings.tolerances == "fit" else (),
             strategy=settings.strategy,
         )
     except ValueError as error:
@@ -225,7 +225,7 @@ def identify_campaign(
     )
 
 
-def _tolerances(seen: Mapping[str, Measurement]) -> list[Tolerance]:
+def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Tolerance]:
     """Return the errors of all measurements; what has the same name is one error."""
     return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
 

@@ -15,6 +15,7 @@ from receptance.assembly import Assembly
 from receptance.campaign.assembling import build_assemblies, check_unknowns, place, with_sensor
 from receptance.campaign.building import Built, build_elements
 from receptance.campaign.campaign import Campaign
+from receptance.campaign.candidates import build_candidate
 from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.lines import Path, lines_of
 from receptance.campaign.measurement_models import CampaignTable
@@ -31,7 +32,17 @@ __all__ = ["load", "measured_structures"]
 
 FILE = "campaign.toml"
 """What a campaign file is called where only its folder is given."""
-_SECTIONS = ("materials", "parts", "joints", "sensors", "attachments", "assemblies", "measurements", "unknowns")
+_SECTIONS = (
+    "materials",
+    "parts",
+    "joints",
+    "sensors",
+    "attachments",
+    "assemblies",
+    "measurements",
+    "candidates",
+    "unknowns",
+)
 
 
 def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None) -> Campaign:
@@ -85,6 +96,10 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
         measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop, conditions)
         if measured is not None:
             measurements[name] = measured
+    possible = {
+        name: build_candidate(name, table, built, (effects, of_sensors), workshop, conditions)
+        for name in table.candidates
+    }
     places = _places(table, built, workshop)
     _check_weights(measurements, table, problems)
     if problems.found:
@@ -100,6 +115,7 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
         effects=effects,
         conditions=conditions,
         places=places,
+        candidates={name: one for name, one in possible.items() if one is not None},
         notes=tuple(workshop.notes),
     )
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from receptance.campaign.candidate_models import CandidateTable
 from receptance.campaign.models import (
     AssemblyTable,
     AttachmentTable,
@@ -262,6 +263,8 @@ class CampaignTable(Table):
     """configurations by name"""
     measurements: dict[Name, MeasurementTable] = Field(default={})
     """measurements by name"""
+    candidates: dict[Name, CandidateTable] = Field(default={})
+    """measurements that could be taken next, by name"""
     unknowns: dict[str, UnknownTable] = Field(default={})
     """what is to be identified, by address: `"joint.k_theta"`"""
     settings: SettingsTable = SettingsTable()

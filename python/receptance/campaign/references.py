@@ -45,6 +45,8 @@ def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop:
         _check_assembly(path, assembly, workshop)
     for path, measurement in _tables(data, "measurements"):
         _check_measurement(path, measurement, folder, workshop)
+    for path, candidate in _tables(data, "candidates"):
+        _check_measurement(path, candidate, None, workshop)
     for path, unknown in _tables(data, "unknowns"):
         _check_unknown(path, unknown, workshop)
     prediction = data.get("prediction")

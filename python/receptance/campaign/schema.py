@@ -27,6 +27,8 @@ _SECTIONS = (
     ("FRFTable", '`[measurements.NAME]` with `kind = "frf"`'),
     ("HammerTable", '`[measurements.NAME]` with `kind = "hammer records"`'),
     ("FrequenciesTable", '`[measurements.NAME]` with `kind = "natural frequencies"`'),
+    ("CandidateFRFTable", '`[candidates.NAME]` with `kind = "frf"`'),
+    ("CandidateFrequenciesTable", '`[candidates.NAME]` with `kind = "natural frequencies"`'),
     ("EntryTable", "`entry` of a measurement"),
     ("CoordinateTable", "`response` and `excitation`"),
     ("UnknownTable", '`[unknowns."ADDRESS"]`'),

@@ -11,6 +11,7 @@ import typer
 from receptance.cli.campaigns import example, identify, predict, schema
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
+from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
 
 __all__ = ["app", "main"]
@@ -27,6 +28,8 @@ app.command()(demo)
 app.add_typer(studies, name="study")
 for command in (example, identify, predict, convert, schema):
     app.command()(command)
+app.command()(invert)
+app.command("next")(next_step)
 
 
 def _print_version(wanted: bool) -> None:

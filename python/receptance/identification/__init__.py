@@ -1,25 +1,39 @@
 """Joint parameters, or any others, from measured receptances and natural frequencies."""
 
 from receptance.identification.bands import find_bands
+from receptance.identification.candidates import Candidate, FrequencyTarget, ReceptanceTarget
+from receptance.identification.expectations import Expectation, NextMeasurement, RankedCandidate
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
+from receptance.identification.inverse_coupling import InverseCoupling
+from receptance.identification.inversion import invert_coupling
 from receptance.identification.laws import Law, Power, Tolerance
+from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.priors import Prior
 from receptance.identification.result import Identification, Start
 from receptance.identification.unknowns import Unknown
 
 __all__ = [
+    "Candidate",
+    "Expectation",
     "Floor",
+    "FrequencyTarget",
     "Identification",
+    "InverseCoupling",
     "Law",
     "MeasuredFRF",
     "MeasuredFrequencies",
+    "NextMeasurement",
     "Power",
     "Prior",
+    "RankedCandidate",
+    "ReceptanceTarget",
     "Start",
     "Tolerance",
     "Unknown",
     "find_bands",
     "identify",
+    "invert_coupling",
+    "next_measurement",
 ]

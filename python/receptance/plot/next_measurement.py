@@ -1,0 +1,113 @@
+"""What further measurements are expected to bring, as a figure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from receptance.identification.expectations import Expectation, NextMeasurement
+
+__all__ = ["draw_next_measurement"]
+
+_WIDEST = 1e4
+"""An open side is drawn to this factor of the value, and arrow-headed."""
+_COLUMNS = 3
+
+
+def draw_next_measurement(found: NextMeasurement, title: str = "") -> Figure:
+    """Draw the interval of each target now and as expected with each candidate, the best candidate on top.
+
+    Parameters
+    ----------
+    found : NextMeasurement
+        From `next_measurement`.
+    title : str, optional
+        Over the figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance.identification import Candidate, next_measurement
+    >>> from receptance.plot.next_measurement import draw_next_measurement
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = MeasuredFrequencies(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=5.0
+    ... )
+    >>> fit = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+    >>> again = Candidate(label="mode 1 again", assembly=pair, modes=(1,), standard_deviation_hz=5.0)
+    >>> len(draw_next_measurement(next_measurement(fit, again)).axes)
+    1
+    """
+    # Four look better in a square.
+    columns = min(len(found.targets), 2 if len(found.targets) == 4 else _COLUMNS)
+    rows = -(-len(found.targets) // columns)
+    names = ["now", *(one.label for one in found.ranking)]
+    height = rows * (0.9 + 0.36 * len(names)) + 0.7
+    figure = new_figure(2.2 + 3.6 * columns, height)
+    keep_clear(figure, 1.0 - 0.5 / height)
+    text = title or "Which measurement next: intervals now and as expected"
+    figure.text(0.01, 1.0 - 0.25 / height, text, va="center", fontsize=13, color=INK)
+    panels = np.ravel(figure.subplots(rows, columns, squeeze=False, sharey=True))
+    for axes, name in zip(panels, found.targets, strict=False):
+        _draw_target(axes, name, [one.expected[name] for one in found.ranking], names)
+    for axes in panels[len(found.targets) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list[str]) -> None:
+    set_up(axes, name, "", "")
+    axes.grid(visible=False)
+    first = expected[0]
+    log = first.scale == "log"
+    low, high = _shown(first, first.now)
+    for row, (ends, colour) in enumerate(
+        [((low, high), INK), *((_shown(e, (e.lower, e.upper)), COLOURS[0]) for e in expected)]
+    ):
+        axes.plot(ends, [row, row], color=colour, linewidth=4.0 if row else 3.0, solid_capstyle="butt")
+        if row and expected[row - 1].stays_open >= 0.005:
+            share = f"{100.0 * expected[row - 1].stays_open:.0f} % stays open"
+            axes.annotate(share, (1.0, row), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7.5)
+    for end, side, is_open in ((low, "<", first.now[0] in (0.0, -np.inf)), (high, ">", np.isinf(first.now[1]))):
+        if is_open and first.value != 0.0:
+            axes.plot([end], [0], side, color=INK, markersize=7.0)
+    if first.value != 0.0:
+        axes.axvline(first.value, color=PALE, linewidth=0.9)
+    if log:
+        axes.set_xscale("log")
+        if high / low < 20.0:
+            _plain_ticks(axes)
+    axes.set_yticks(range(len(names)), names, fontsize=9)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+def _plain_ticks(axes: Axes) -> None:
+    """Put a few plain numbers along a logarithmic axis that spans little."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+
+
+def _shown(e: Expectation, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return an interval with open sides cut off where the axis ends."""
+    if e.scale == "log":
+        low, high = e.value / _WIDEST, e.value * _WIDEST
+    else:
+        whole = 10.0 * max(abs(e.value), e.upper - e.lower)
+        low, high = e.value - whole, e.value + whole
+    return max(ends[0], low), min(ends[1], high)

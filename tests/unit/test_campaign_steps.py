@@ -1,0 +1,193 @@
+"""Candidates in campaign files, the joint line by line, and the commands `next` and `invert`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from campaign_text import TEXT, load
+from receptance import campaign, examples
+from receptance.campaign import CampaignError
+from receptance.cli import main
+
+CANDIDATES = """
+[candidates.again]
+kind = "natural frequencies"
+assembly = "short"
+modes = [1, 2]
+standard_deviation = "2 Hz"
+
+[candidates."tip of longest"]
+kind = "frf"
+assembly = "longest"
+sensor = "accelerometer"
+step = "10 Hz"
+upper = "6 kHz"
+standard_deviation = "1 %"
+floor = "0.3 %"
+cost = 2.0
+
+[candidates.nose]
+kind = "frf"
+assembly = "longest"
+response = { part = "holder", position = "10 mm" }
+lower = "100 Hz"
+step = "10 Hz"
+upper = "6 kHz"
+standard_deviation = "1 %"
+"""
+
+
+@pytest.fixture(scope="module")
+def free_free(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("free-free")
+    examples.write("free-free", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def loaded(free_free):
+    return campaign.load(free_free)
+
+
+def call(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code
+
+
+def test_candidates_are_what_the_file_says(tmp_path):
+    read = load(tmp_path, TEXT + CANDIDATES)
+    again, tip, nose = read.candidates.values()
+    assert again.modes == (1, 2)
+    assert again.standard_deviation_hz.tolist() == [2.0, 2.0]
+    assert again.configuration == "short"
+    assert again.conditions == {"torque": 135.0}
+    assert tip.frequency_hz[0] == 10.0
+    assert tip.frequency_hz[-1] == 6000.0
+    assert tip.cost == 2.0
+    assert "accelerometer" in tip.assembly.attachments
+    assert nose.frequency_hz[0] == 100.0
+    assert (nose.response.part, nose.response.position) == ("holder", pytest.approx(0.01))
+    # The overhang errs anew in another assembly, the diameter is that of the blank; the sensor brings its own.
+    names = [{one.name for one in c.tolerances} for c in (again, tip, nose)]
+    assert names[0] & names[1] >= {"parts.tool.segments[0].outer_diameter", "materials.carbide.density"}
+    assert any("longest" in name for name in names[1] - names[0])
+    assert "sensors.accelerometer.mass" in names[1] - names[2]
+
+
+def test_a_ranking_with_tolerances_propagated_and_fitted(tmp_path):
+    """Whether the fit took dimensions as exact or fitted them, what more data would bring is nearly the same."""
+    true = load(tmp_path, TEXT).measurements["short"].observation.assembly.replace({"joint.k_y": 3e8})
+    first, second = (f"{float(f):.3f} Hz" for f in true.replace({"joint.k_theta": 1e5}).natural_frequencies(2e4)[:2])
+    text = TEXT.replace('"2500 Hz", "10000 Hz"', f'"{first}", "{second}"') + CANDIDATES
+    propagated = load(tmp_path, text + "[settings]\nstarts = 3\n").next_measurement()
+    fitted = load(tmp_path, text + '[settings]\nstarts = 3\ntolerances = "fit"\n').next_measurement()
+    assert [one.label for one in propagated.found.ranking] == [one.label for one in fitted.found.ranking]
+    for one, other in zip(propagated.found.ranking, fitted.found.ranking, strict=True):
+        assert one.shrink == pytest.approx(other.shrink, rel=0.1)
+    assert any("identify takes dimensions as exact" in note for note in propagated.found.notes)
+    assert not any("identify takes" in note for note in fitted.found.notes)
+
+
+def test_targets_are_unknowns_and_assemblies(loaded):
+    identified = loaded.identify()
+    found = loaded.next_measurement(identified, targets=["not_measured", "joint.k_y"])
+    assert found.found.targets == ("not_measured: mode 1 [Hz]", "not_measured: mode 2 [Hz]", "joint.k_y")
+    # What is to be predicted is best measured; its overhang error is that of the candidate's clamping.
+    assert found.found.best.label == "another overhang"
+    assert found.found.best.expected["not_measured: mode 1 [Hz]"].shrink < 0.2
+    with pytest.raises(CampaignError, match=r'the target "joint\.k_z" is not identified and no assembly'):
+        loaded.next_measurement(identified, targets=["joint.k_z"])
+
+
+def test_a_joint_line_by_line(loaded):
+    found = loaded.invert()
+    (one,) = found.joints.values()
+    assert one.terms == ("k_y", "k_theta")
+    assert one.labels == ("short", "medium")
+    for name, true in (("k_y", 4.2e8), ("k_theta", 1.6e5), ("c_y", 400.0), ("c_theta", 0.08)):
+        assert one.start()[f"joint.{name}"] == pytest.approx(true, rel=0.03), name
+    assert np.any(one.model_deviation[:, 0, 0] > 0.0)
+    assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["joints"]["joint"]["measured"]
+    with pytest.raises(CampaignError, match='no joint "taper" with unknown stiffnesses was measured'):
+        loaded.invert("taper")
+
+
+def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path):
+    text = (free_free / "campaign.toml").read_text(encoding="utf-8")
+    old = '"joint.k_theta" = { lower = "1e3 N m/rad", upper = "1e7 N m/rad" }'
+    assert text.count(old) == 1
+    changed = text.replace(old, old.replace(" }", ", free = true }")).replace('file = "', f'file = "{free_free}/')
+    (tmp_path / "campaign.toml").write_text(changed, encoding="utf-8")
+    found = campaign.load(tmp_path).invert()
+    assert set(found.joints) == {"joint @ short", "joint @ medium"}
+    assert all(one.terms == ("k_theta",) for one in found.joints.values())
+    assert any("joint.k_y is held at its start" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('kind = "natural frequencies"\nassembly', "assembly", "candidates.again: has no kind"),
+        (
+            'assembly = "short"\nmodes',
+            'assembly = "shrt"\nmodes',
+            'candidates.again.assembly: is "shrt", which is not an',
+        ),
+        ("modes = [1, 2]", "modes = [1, 1]", "candidates.again: modes is"),
+        ('standard_deviation = "2 Hz"', 'standard_deviation = ["2 Hz"]', "is a list of 1, expected one text"),
+        ('sensor = "accelerometer"', 'sensor = "acc"', 'sensor: is "acc", which is not a sensor'),
+        ('step = "10 Hz"\nupper = "6 kHz"\nstandard_deviation = "1 %"\nfloor', 'step = "10 Hz"\nfloor', "upper"),
+        ('floor = "0.3 %"', 'floor = "0.3 mm"', "floor: is"),
+        ("cost = 2.0", "cost = 0.0", "cost: is 0"),
+        ('part = "holder", position = "10 mm"', 'part = "holdr"', 'response.part: is "holdr"'),
+        ('lower = "100 Hz"', 'lower = "10 kHz"', "goes from 10000 to 6000 Hz, expected `lower` below `upper`"),
+        ('lower = "100 Hz"\nstep = "10 Hz"', 'step = "1 mHz"', "give a larger `step`"),
+    ],
+)
+def test_mistakes_in_candidates(tmp_path, old, new, said):
+    assert CANDIDATES.count(old) == 1, old
+    with pytest.raises(CampaignError) as caught:
+        load(tmp_path, TEXT + CANDIDATES.replace(old, new))
+    assert said in str(caught.value)
+
+
+def test_nothing_to_choose_from_and_no_frf(tmp_path):
+    read = load(tmp_path, TEXT)
+    with pytest.raises(CampaignError, match="nothing to choose from, expected `candidates`"):
+        read.next_measurement()
+    with pytest.raises(CampaignError, match="no point joint with unknown stiffnesses was measured with an FRF"):
+        read.invert()
+
+
+def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
+    plot, written = tmp_path / "next.png", tmp_path / "next.json"
+    assert call(monkeypatch, "next", free_free, "--plot", plot, "--json", written) == 0
+    said = capsys.readouterr().out
+    assert "1   short, at the nose" in said
+    assert "with another overhang" in said
+    assert max(map(len, said.splitlines())) <= 132
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    found = json.loads(written.read_text())
+    assert found["ranking"][0]["candidate"] == "short, at the nose"
+    assert call(monkeypatch, "next", free_free, "--target", "joint.k_yy") == 2
+    assert 'did you mean "joint.k_y"' in capsys.readouterr().err
+
+
+def test_invert_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
+    plot, written = tmp_path / "joint.svg", tmp_path / "joint.json"
+    assert call(monkeypatch, "invert", free_free, "--plot", plot, "--json", written) == 0
+    said = capsys.readouterr().out
+    assert "joint.k_theta" in said
+    assert "of 1451" in said
+    assert b"<svg" in plot.read_bytes()
+    assert set(json.loads(written.read_text())["joints"]["joint"]["terms"]) == {"k_y", "k_theta"}
+    assert call(monkeypatch, "invert", free_free, "--joint", "taper") == 2
+    assert 'no joint "taper"' in capsys.readouterr().err
+    assert not Path("joint.png").exists()

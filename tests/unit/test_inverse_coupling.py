@@ -1,0 +1,250 @@
+"""Inverse coupling: the joint's stiffness line by line, its variance, and where it says that nothing can be said."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from receptance import Coordinate, MeasuredFRF, identify
+from receptance.identification import InverseCoupling, Tolerance, invert_coupling
+from tool_in_holder import TRUE, make_assembly
+
+TIP, NOSE, SHANK = Coordinate(), Coordinate("holder", 0.0), Coordinate("tool", 0.03)
+LINES = np.linspace(50.0, 8000.0, 400)
+AT = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
+ALL = tuple(AT)
+COUPLED = {"k_ytheta": 2e6, "c_ytheta": 0.3}
+ELSEWHERE = {"k_y": 3e9, "k_theta": 7e6, "k_ytheta": 10.0, "c_y": 30.0, "c_theta": 5.0, "c_ytheta": 0.0}
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20)
+
+
+def measured(true, response, excitation=TIP, *, described=None, noise=None, sd=0.005, lines=LINES, label=""):
+    h = true.receptance(lines, response=response, excitation=excitation)
+    if noise is not None:
+        h = h * np.exp(sd * (noise.normal(size=h.size) + 1j * noise.normal(size=h.size)))
+    return MeasuredFRF(
+        assembly=described or true,
+        frequency_hz=lines,
+        receptance=h,
+        response=response,
+        excitation=excitation,
+        standard_deviation=sd,
+        label=label,
+    )
+
+
+def blind(true, terms):
+    """Return the assembly with a joint of which nothing is right that is solved for."""
+    wrong = {name: value for name, value in ELSEWHERE.items() if f"k{name[1:]}" in terms}
+    return true.replace({f"joint.{name}": value for name, value in wrong.items()})
+
+
+def errors_of(found: InverseCoupling, true) -> dict[str, np.ndarray]:
+    """Return how far each term is off, the coupling relative to sqrt(k_y k_theta)."""
+    k = true.elements["joint"].stiffness(np.asarray(found.frequency_hz).real)
+    size = {"k_ytheta": np.sqrt(np.abs(k[:, 0, 0] * k[:, 1, 1]))}
+    return {t: np.abs(found.term(t)[0] - k[:, *AT[t]]) / size.get(t, np.abs(k[:, *AT[t]])) for t in found.terms}
+
+
+@pytest.mark.parametrize(
+    ("pairs", "terms"),
+    [
+        ([(TIP, TIP)], ("k_y",)),
+        ([(TIP, TIP)], ("k_theta",)),
+        ([(TIP, TIP)], ("k_ytheta",)),
+        ([(NOSE, TIP)], ("k_theta",)),
+        ([(TIP, TIP), (NOSE, TIP)], ("k_y", "k_theta")),
+        ([(TIP, TIP), (SHANK, TIP)], ("k_y", "k_theta")),
+        ([(TIP, TIP), (NOSE, NOSE)], ("k_y", "k_ytheta")),
+        ([(TIP, TIP), (NOSE, TIP)], ("k_theta", "k_ytheta")),
+        ([(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)], ALL),
+        ([(TIP, TIP), (NOSE, TIP), (NOSE, NOSE), (SHANK, NOSE)], ALL),
+        ([(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)], ("k_y", "k_theta")),
+    ],
+)
+def test_exact_where_the_data_are(pairs, terms):
+    true = make_assembly(**COUPLED)
+    described = blind(true, terms)
+    found = invert_coupling([measured(true, *pair, described=described) for pair in pairs], terms=terms)
+    assert found.terms == terms
+    for term, off in errors_of(found, true).items():
+        assert off.max() < 1e-6, term
+    for name, value in found.start().items():
+        assert value == pytest.approx(true.get(name), rel=1e-6), name
+
+
+@pytest.mark.parametrize("decay", [0.0, 20.0])
+def test_a_window_on_both_channels(decay):
+    """Complex lines: the stiffness is k + i w c with the complex w, and its parts are told apart."""
+    true = make_assembly()
+    lines = LINES - 1j * decay / (2.0 * np.pi)
+    found = invert_coupling([measured(true, place, lines=lines) for place in (TIP, NOSE)])
+    for name, value in found.start().items():
+        assert value == pytest.approx(TRUE[name], rel=1e-6), name
+
+
+def test_overhangs_for_coordinates():
+    """The same joint at two overhangs, each measured at its tip, is two equations as well."""
+    true = [make_assembly(overhang) for overhang in (0.05, 0.08)]
+    found = invert_coupling([measured(t, TIP, described=blind(t, ("k_y", "k_theta"))) for t in true])
+    for term, off in errors_of(found, true[0]).items():
+        assert np.mean(off < 1e-6) > 0.97, term
+    for name, value in found.start().items():
+        assert value == pytest.approx(TRUE[name], rel=1e-6), name
+
+
+def test_standard_deviations_are_those_of_many_draws(rng):
+    true = make_assembly(**COUPLED)
+    lines, draws = LINES[60::60], 150
+    pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
+    exact = invert_coupling([measured(true, *pair, lines=lines, sd=2e-5) for pair in pairs])
+    values = []
+    for _ in range(draws):
+        found = invert_coupling([measured(true, *pair, lines=lines, sd=2e-5, noise=rng) for pair in pairs])
+        values.append([found.term(t)[0] for t in ALL])
+    scatter = np.array(values)
+    for i, term in enumerate(ALL):
+        stated = exact.term(term)[1]
+        for part in (scatter[:, i].real, scatter[:, i].imag):
+            # The standard deviation of 150 draws is known to 6 %.
+            assert np.std(part, axis=0) / stated == pytest.approx(1.0, abs=0.22), term
+
+
+def test_the_condition_number_is_the_most_that_an_error_grows(rng):
+    true = make_assembly(**COUPLED)
+    lines = LINES[10::40]
+    pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
+    exact = invert_coupling([measured(true, *pair, lines=lines) for pair in pairs])
+    k = exact.stiffness
+    size = np.stack([np.abs(k[:, 0, 0]), np.abs(k[:, 1, 1]), np.sqrt(np.abs(k[:, 0, 0] * k[:, 1, 1]))], axis=1)
+    most = np.zeros(lines.size)
+    for _ in range(100):
+        error = 1e-8 * np.exp(2j * np.pi * rng.random(3)) * rng.dirichlet([1.0, 1.0, 1.0]) ** 0.5
+        obs = [
+            MeasuredFRF(
+                assembly=true,
+                frequency_hz=lines,
+                receptance=true.receptance(lines, response=r, excitation=e) * (1.0 + err),
+                response=r,
+                excitation=e,
+                standard_deviation=0.01,
+            )
+            for (r, e), err in zip(pairs, error, strict=True)
+        ]
+        moved = invert_coupling(obs).stiffness - k
+        off = np.stack([moved[:, 0, 0], moved[:, 1, 1], moved[:, 0, 1]], axis=1) / size
+        most = np.maximum(most, np.linalg.norm(off, axis=1) / 1e-8)
+    clear = exact.condition < 1e4
+    assert np.all(most[clear] <= 1.02 * exact.condition[clear])
+    assert np.median(most[clear] / exact.condition[clear]) > 0.6
+
+
+def test_a_tolerance_is_an_error_of_all_lines():
+    """One standard deviation of the modulus, put into the truth, moves the stiffness by the model's deviation."""
+    true = make_assembly()
+    error = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 1e-4}, relative=True)
+    other = true.replace({"tool.segment[0].youngs_modulus": true.get("tool.segment[0].youngs_modulus") * 1.0001})
+    found = invert_coupling([measured(true, place) for place in (TIP, NOSE)], tolerances=error)
+    moved = invert_coupling([measured(other, place, described=true) for place in (TIP, NOSE)])
+    heard = found.usable[:, 1, 1]
+    change = np.abs(moved.stiffness[:, 1, 1] - found.stiffness[:, 1, 1])
+    assert change[heard] == pytest.approx(found.model_deviation[heard, 1, 1], rel=0.05)
+    assert np.all(found.model_deviation[:, 0, 1] == 0.0)
+
+
+def test_a_start_that_leads_to_the_optimum(rng):
+    true = make_assembly(**COUPLED)
+    described = blind(true, ALL)
+    seen = [measured(true, *p, described=described, noise=rng) for p in [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]]
+    unknowns = invert_coupling(seen).unknowns()
+    assert {u.address for u in unknowns} >= {"joint.k_y", "joint.k_theta", "joint.k_ytheta", "joint.c_y"}
+    one = identify(seen, unknowns, starts=1)
+    many = identify(seen, unknowns, starts=4)
+    assert one.converged
+    assert one.rms == pytest.approx(many.rms, rel=1e-6)
+    for name in ("joint.k_y", "joint.k_theta", "joint.k_ytheta"):
+        assert one.values[name] == pytest.approx(true.get(name), rel=0.02), name
+
+
+def test_where_the_data_do_not_speak(rng):
+    """At low frequency a stiff joint is not in the data; the mask says so, and medians do not mind."""
+    true = make_assembly()
+    found = invert_coupling([measured(true, place, noise=rng) for place in (TIP, NOSE)])
+    low = LINES < 700.0
+    assert not found.usable[low, 0, 0].any()
+    assert found.usable[LINES > 7500.0, 0, 0].all()
+    assert found.start()["joint.k_theta"] == pytest.approx(TRUE["joint.k_theta"], rel=0.02)
+    assert any("speak of k_y" in note for note in found.notes)
+
+
+def test_what_is_taken_as_known_and_is_wrong(rng):
+    """A coupling that is not solved for is in no constant joint, and it is said."""
+    true = make_assembly(**COUPLED)
+    seen = [measured(true, place, noise=rng) for place in (TIP, NOSE)]
+    assert invert_coupling(seen).rms == pytest.approx(1.0, abs=0.05)
+    plain = true.replace({"joint.k_ytheta": 0.0, "joint.c_ytheta": 0.0})
+    wrong = [measured(true, place, described=plain, noise=rng) for place in (TIP, NOSE)]
+    found = invert_coupling(wrong)
+    assert found.rms > 3.0
+    assert any("no k + i w c suits all lines" in note for note in found.notes)
+
+
+def test_nothing_to_hear():
+    rigid = make_assembly(k_y=1e14, k_theta=1e10)
+    low = np.linspace(10.0, 100.0, 50)
+    found = invert_coupling([measured(rigid, place, lines=low, sd=0.05) for place in (TIP, NOSE)])
+    assert not found.usable.any()
+    assert found.start() == {}
+    with pytest.raises(ValueError, match="no line says anything of k_y and k_theta"):
+        found.unknowns()
+
+
+def test_too_few_equations():
+    true = make_assembly()
+    with pytest.raises(ValueError, match="2 unknown terms on each line, but there is one receptance"):
+        invert_coupling(measured(true, TIP), terms=("k_y", "k_theta"))
+    with pytest.raises(ValueError, match="responses to one load, which give two terms at most"):
+        invert_coupling([measured(true, place) for place in (TIP, NOSE, SHANK)])
+    with pytest.raises(ValueError, match="cannot tell k_y and k_theta apart"):
+        invert_coupling([measured(true, TIP), measured(true, TIP)])
+
+
+def test_mistakes_are_answered():
+    true = make_assembly()
+    tip = measured(true, TIP)
+    bare = MeasuredFRF(assembly=true, frequency_hz=LINES, receptance=tip.receptance)
+    with pytest.raises(ValueError, match="no standard deviation"):
+        invert_coupling(bare)
+    with pytest.raises(ValueError, match="no point joint 'taper'"):
+        invert_coupling(tip, joint="taper")
+    with pytest.raises(ValueError, match="expected some of k_y, k_theta, k_ytheta"):
+        invert_coupling(tip, terms=("k_x",))
+    with pytest.raises(ValueError, match="there is no line that all of"):
+        invert_coupling([tip, measured(true, NOSE, lines=LINES + 1.0)])
+    with pytest.raises(ValueError, match="expected the same joint"):
+        invert_coupling([tip, measured(make_assembly(0.08, k_y=1e9), TIP)], terms=("k_theta",))
+    with pytest.raises(TypeError, match="expected a MeasuredFRF"):
+        invert_coupling([3])
+    with pytest.raises(ValueError, match="'k_y' was not solved for, only k_theta"):
+        invert_coupling(tip).term("k_y")
+
+
+def test_lines_in_common_and_the_result_itself():
+    true = make_assembly()
+    found = invert_coupling([measured(true, TIP), measured(true, NOSE, lines=LINES[::2])])
+    assert found.frequency_hz.size == LINES[::2].size
+    assert any("200 lines are left out" in note for note in found.notes)
+    assert "joint" in repr(found)
+    again = pickle.loads(pickle.dumps(found))
+    assert np.array_equal(again.stiffness, found.stiffness)
+    assert set(found.as_dict()["terms"]) == {"k_y", "k_theta"}
+    figure = found.plot()
+    assert len(figure.axes) == 5
+    with pytest.raises(ValueError, match="read-only"):
+        found.stiffness[0, 0, 0] = 1.0
