@@ -257,18 +257,18 @@ class Assembly:
         excitation: Coordinate | None = None,
         at: PointJoint | None = None,
         threads: int | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64] | NDArray[np.complex128]]:
         """Everything but one joint (`at` in its place if given), evaluated once, for fits of that joint.
 
         Returns
         -------
         reduction, angular_frequency : ndarray
             As the core takes them: `(29, n_terms)`, the series of (T7a) in the theory after the reference frequency,
-            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`.
+            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`, real where the lines are.
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
-        w = _checks.angular_frequencies(frequency_hz)
+        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
@@ -287,14 +287,16 @@ class Assembly:
         excitation: Coordinate | Sequence[Coordinate] | None,
         threads: int | None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        w = _checks.angular_frequencies(frequency_hz)
+        lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten(tuple(point for side in sides for point in side))
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
         with interfaces_by_name(self._elements, flat):
-            h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside())
+            h, dh = _core.receptance(
+                lines, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside(), scale=2.0 * np.pi
+            )
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix

@@ -9,6 +9,7 @@ mod combine;
 mod elementary;
 mod error;
 mod four;
+mod frequencies;
 mod gradient;
 mod inertia;
 mod joint_change;
@@ -38,6 +39,7 @@ mod threads;
 mod trust_region;
 
 pub use error::{Error, Result};
+pub use frequencies::Frequencies;
 pub use joint_fit::Reduced;
 pub use joint_search::{Observed, Variables, fit_joint};
 pub use least_squares::{End, Status, Stop};
