@@ -31,14 +31,14 @@ __all__ = [
     "reduce_joint",
 ]
 
-Lines = NDArray[np.float64] | NDArray[np.complex128]
+_Lines = NDArray[np.float64] | NDArray[np.complex128]
 
 class ReceptanceError(Exception): ...
 class SingularInterfaceError(ReceptanceError): ...
 class ResonanceError(ReceptanceError): ...
 
 def receptance(
-    angular_frequency: Lines,
+    angular_frequency: _Lines,
     motion: int,
     segments: NDArray[np.float64],
     joints: NDArray[np.float64],
@@ -63,7 +63,7 @@ def natural_frequencies(
     overlaps: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def reduce_joint(
-    angular_frequency: Lines,
+    angular_frequency: _Lines,
     segments: NDArray[np.float64],
     joints: NDArray[np.float64],
     masses: NDArray[np.float64],
@@ -77,7 +77,7 @@ def reduce_joint(
 ) -> NDArray[np.float64]: ...
 def joint_normal_matrix(
     reduction: NDArray[np.float64],
-    angular_frequency: Lines,
+    angular_frequency: _Lines,
     measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
@@ -88,7 +88,7 @@ def joint_normal_matrix(
 ) -> NDArray[np.float64]: ...
 def joint_residual(
     reduction: NDArray[np.float64],
-    angular_frequency: Lines,
+    angular_frequency: _Lines,
     measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
@@ -97,7 +97,7 @@ def joint_residual(
 ) -> NDArray[np.float64]: ...
 def fit_joint(
     reductions: list[NDArray[np.float64]],
-    angular_frequency: list[Lines],
+    angular_frequency: list[_Lines],
     measured: list[NDArray[np.complex128]],
     weights: list[NDArray[np.float64]],
     references: NDArray[np.float64],

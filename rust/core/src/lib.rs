@@ -35,6 +35,7 @@ mod sensitivity;
 mod series;
 mod small;
 mod sweep;
+mod taylor;
 mod threads;
 mod trust_region;
 
