@@ -230,7 +230,8 @@ impl<T: Change> WithSimd for Normal<'_, T> {
             let end = self.range.end.min(start + S::F64_LANES);
             let lines = start..end;
             let mut rows = [C::zero(simd); SPRING_COLUMNS + 1];
-            let Update { inverse, left, right, iw } = self.change.update(simd, &self.reduced.frequencies, lines.clone());
+            let Update { inverse, left, right, iw } =
+                self.change.update(simd, &self.reduced.frequencies, lines.clone());
             let weight = simd.partial_load_f64s(&self.reduced.weights[lines.clone()]);
             for (row, (column, slope)) in rows.iter_mut().zip(self.columns) {
                 let change = spring_derivative(self.joint, *column, iw, &left, &right);

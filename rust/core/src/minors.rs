@@ -9,8 +9,10 @@
 //! where p_yV + p_tM = 0 (reciprocity) leaves five of the six.
 
 use crate::kernel::Segment;
-use crate::taylor::{Equation, solution};
+use crate::lane::C;
+use crate::taylor::{Equation, solution, times};
 use num_complex::Complex64;
+use pulp::Simd;
 
 /// Most terms of a series; MOST_SPAN needs about thirty.
 pub const MOST_TERMS: usize = 64;
@@ -148,16 +150,16 @@ struct OfMinors(Whole);
 
 impl Equation<5> for OfMinors {
     #[inline(always)]
-    fn derivative(&self, p: &[Complex64; 5], share: f64) -> [[Complex64; 5]; 2] {
+    fn derivative<S: Simd>(&self, p: &[C<S>; 5], share: f64) -> [[C<S>; 5]; 2] {
         let Whole { alpha, beta, mu, nu, d } = self.0;
-        let [mut same, mut above] = [[Complex64::ZERO; 5]; 2];
-        same[YT] += (beta * p[YM] - alpha * p[TV]) * share;
-        same[YV] -= p[TV] * (d * share);
-        same[YM] += (p[YV] * (2.0 * d) + alpha * p[VM]) * share;
-        same[TV] -= beta * p[VM] * share;
-        above[YM] -= p[YT] * (nu * share);
-        above[TV] += p[YT] * (mu * share);
-        above[VM] += (p[TV] * nu - p[YM] * mu) * share;
+        let [mut same, mut above] = [[C::zero(p[0].simd); 5]; 2];
+        same[YT] = (times(beta, p[YM]) - times(alpha, p[TV])).scale(share);
+        same[YV] = p[TV].scale(-d * share);
+        same[YM] = (p[YV].scale(2.0 * d) + times(alpha, p[VM])).scale(share);
+        same[TV] = times(-beta, p[VM]).scale(share);
+        above[YM] = p[YT].scale(-nu * share);
+        above[TV] = p[YT].scale(mu * share);
+        above[VM] = (p[TV].scale(nu) - p[YM].scale(mu)).scale(share);
         [same, above]
     }
 }
@@ -167,14 +169,14 @@ struct OfState(Whole);
 
 impl Equation<4> for OfState {
     #[inline(always)]
-    fn derivative(&self, p: &[Complex64; 4], share: f64) -> [[Complex64; 4]; 2] {
+    fn derivative<S: Simd>(&self, p: &[C<S>; 4], share: f64) -> [[C<S>; 4]; 2] {
         let Whole { alpha, beta, mu, nu, d } = self.0;
-        let [mut same, mut above] = [[Complex64::ZERO; 4]; 2];
-        same[0] += (alpha * p[2] - p[1] * d) * share;
-        same[1] += beta * p[3] * share;
-        same[3] += p[2] * (d * share);
-        above[2] -= p[0] * (mu * share);
-        above[3] -= p[1] * (nu * share);
+        let [mut same, mut above] = [[C::zero(p[0].simd); 4]; 2];
+        same[0] = (times(alpha, p[2]) - p[1].scale(d)).scale(share);
+        same[1] = times(beta, p[3]).scale(share);
+        same[3] = p[2].scale(d * share);
+        above[2] = p[0].scale(-mu * share);
+        above[3] = p[1].scale(-nu * share);
         [same, above]
     }
 }

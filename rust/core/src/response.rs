@@ -193,7 +193,8 @@ impl<'a, const D: usize> Job<'a, D> {
 
 /// An error for the first line without a value, given that line of each task that has one.
 pub(crate) fn first_of(broken: &[Option<usize>], lines: &Frequencies) -> Result<()> {
-    let found = broken.iter().enumerate().find_map(|(task, line)| line.map(|line| task * LINES_PER_TASK + line));
+    let found =
+        broken.iter().enumerate().find_map(|(task, line)| line.map(|line| task * LINES_PER_TASK + line));
     match found {
         Some(line) => {
             let frequency_hz = lines.angular(line).re / core::f64::consts::TAU;

@@ -144,7 +144,7 @@ impl Helpers {
             work();
             let finished = Instant::now();
             while ended.load(Ordering::Acquire) < count && finished.elapsed() < PATIENCE {
-                std::thread::yield_now();
+                core::hint::spin_loop();
             }
         });
         lock(IDLE.get_or_init(Mutex::default)).entry(self.key).or_default().push(self.pool);

@@ -6,8 +6,8 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Coordinate, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table, Tables,
-    overlap, section,
+    Coordinate, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table,
+    Tables, overlap, section,
 };
 
 /// Frequency lines as they come, real or complex.
