@@ -66,6 +66,11 @@ impl<'a> Frequencies<'a> {
         (0..self.len()).map(|line| self.angular(line))
     }
 
+    /// Whether they were given as real numbers.
+    pub(crate) fn given_real(&self) -> bool {
+        matches!(self.given, Given::Real(_))
+    }
+
     /// Whether no angular frequency has an imaginary part.
     pub(crate) fn are_real(&self) -> bool {
         match self.given {
@@ -138,7 +143,7 @@ impl<'a> Frequencies<'a> {
         if let Given::Real(given) = self.given
             && lines.len() == S::F64_LANES
         {
-            let w = simd.mul_f64s(simd.partial_load_f64s(&given[lines]), simd.splat_f64s(self.scale));
+            let w = simd.mul_f64s(S::as_simd_f64s(&given[lines]).0[0], simd.splat_f64s(self.scale));
             return C { simd, re: w, im: simd.splat_f64s(0.0) };
         }
         let mut room = [Complex64::ZERO; MAX_LANES];

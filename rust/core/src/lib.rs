@@ -37,6 +37,7 @@ mod small;
 mod sweep;
 mod taylor;
 mod threads;
+mod tip;
 mod trust_region;
 
 pub use error::{Error, Result};

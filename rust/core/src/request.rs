@@ -41,6 +41,15 @@ pub struct Request {
     pub joint: Option<usize>,
 }
 
+impl Request {
+    /// The directions of response and excitation of each pair, as the pairs of a line are ordered.
+    pub(crate) fn directions(&self) -> impl Iterator<Item = [usize; 2]> {
+        self.responses.iter().flat_map(|response| {
+            self.excitations.iter().map(|excitation| [response.direction, excitation.direction])
+        })
+    }
+}
+
 /// Receptances and derivatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {

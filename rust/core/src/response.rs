@@ -13,6 +13,7 @@ use crate::sensitivity;
 use crate::small::Mat;
 use crate::sweep::{Blind, Field, Record, Within};
 use crate::threads::on_threads;
+use crate::tip::Tip;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -48,6 +49,8 @@ pub(crate) struct Job<'a, const D: usize> {
     nodes: usize,
     /// Whether responses are taken at the root only, without the way back.
     only_root: bool,
+    /// Responses at the root of a single branch.
+    tip: Option<Tip>,
 }
 
 /// Receptance and derivatives of a model at frequency lines.
@@ -94,6 +97,7 @@ impl<'a, const D: usize> Job<'a, D> {
             request,
             nodes: model.nodes,
             only_root: false,
+            tip: None,
         };
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
@@ -148,6 +152,11 @@ impl<'a, const D: usize> Job<'a, D> {
                 active[*row] = true;
             }
         }
+        if let (true, [(_, plan)]) = (self.only_root, &self.plans[..])
+            && let [Step::Branch { .. }] = plan[..]
+        {
+            self.tip = branches.first().and_then(|branch| Tip::new(branch, self.request.directions()));
+        }
         self.prepared.active = active;
         self.prepared.branches = branches;
     }
@@ -183,6 +192,10 @@ impl<'a, const D: usize> Job<'a, D> {
             .zip(chunks(&mut force, forces, count))
             .collect();
         let broken = on_threads(threads, tasks, self.a_task_takes(), |(((range, h), dh), force)| {
+            if let Some(tip) = &self.tip {
+                let finite = tip.fill(&arch, lines, range, h);
+                return if finite { None } else { first_broken([(h, pairs), (dh, wide), (force, forces)]) };
+            }
             let mut room = EMPTY;
             self.lines(&arch, lines.some(range, &mut room), h, dh, force)
         })?;
