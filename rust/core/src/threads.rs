@@ -150,3 +150,40 @@ impl Helpers {
         lock(IDLE.get_or_init(Mutex::default)).entry(self.key).or_default().push(self.pool);
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Something that takes some microseconds and has a result.
+    fn work(number: usize) -> f64 {
+        (0..2000).fold(number as f64, |sum, step| (sum + f64::from(step)).sqrt())
+    }
+
+    #[test]
+    fn results_are_in_the_order_of_the_tasks() {
+        for count in [0, 1, 2, 3, 7, 100, 1000] {
+            let expected: Vec<f64> = (0..count).map(work).collect();
+            for threads in [0, 1, 2, 3, 8] {
+                for at_least in [0.0, 1e9] {
+                    let found = on_threads(threads, (0..count).collect(), at_least, work).unwrap();
+                    assert!(found == expected, "{count} tasks, {threads} threads");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tasks_may_share_their_work_again_and_callers_do_not_meet() {
+        let inner = |number: usize| -> f64 {
+            on_threads(2, (number..number + 50).collect(), 1e9, work).unwrap().iter().sum()
+        };
+        let expected: Vec<f64> = (0..20).map(inner).collect();
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| assert!(on_threads(3, (0..20).collect(), 1e9, inner).unwrap() == expected));
+            }
+        });
+    }
+}
