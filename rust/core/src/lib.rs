@@ -24,6 +24,7 @@ mod least_squares;
 mod minors;
 mod model;
 mod natural;
+mod outputs;
 pub mod overlap;
 mod plane;
 mod reduction;

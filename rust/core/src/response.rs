@@ -8,6 +8,7 @@ use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
 use crate::layer_energy::DERIVATIVES;
 use crate::model::{Model, Step};
+use crate::outputs::{chunks, first_broken, first_of};
 use crate::request::{Coordinate, Request, Response, check};
 use crate::sensitivity;
 use crate::small::Mat;
@@ -204,19 +205,6 @@ impl<'a, const D: usize> Job<'a, D> {
     }
 }
 
-/// An error for the first line without a value, given that line of each task that has one.
-pub(crate) fn first_of(broken: &[Option<usize>], lines: &Frequencies) -> Result<()> {
-    let found =
-        broken.iter().enumerate().find_map(|(task, line)| line.map(|line| task * LINES_PER_TASK + line));
-    match found {
-        Some(line) => {
-            let frequency_hz = lines.angular(line).re / core::f64::consts::TAU;
-            Err(Error::Resonance { line, frequency_hz })
-        }
-        None => Ok(()),
-    }
-}
-
 impl<const D: usize> Job<'_, D> {
     /// What a task takes at least [ns].
     pub(crate) fn a_task_takes(&self) -> f64 {
@@ -245,22 +233,6 @@ impl<const D: usize> Job<'_, D> {
         let [pairs, wide, forces] = self.a_line();
         first_broken([(h, pairs), (dh, wide), (force, forces)])
     }
-}
-
-/// The first line of a task with a value that is not finite, the values of a line standing together.
-fn first_broken(outputs: [(&mut [Complex64], usize); 3]) -> Option<usize> {
-    let lines = outputs.into_iter().filter_map(|(values, a_line)| {
-        values.iter().position(|value| !value.is_finite()).map(|index| index / a_line)
-    });
-    lines.min()
-}
-
-/// The parts of an output that belong to each task, empty ones where there is nothing a line.
-fn chunks(values: &mut [Complex64], a_line: usize, lines: usize) -> Vec<&mut [Complex64]> {
-    if a_line == 0 {
-        return (0..lines.div_ceil(LINES_PER_TASK)).map(|_| Default::default()).collect();
-    }
-    values.chunks_mut(LINES_PER_TASK * a_line).collect()
 }
 
 /// The lines of one task.

@@ -13,7 +13,7 @@ use std::vec::IntoIter;
 const STACK: usize = 16 << 20;
 
 /// What there must be left to do for each helper [ns]: to wake one takes some tens of microseconds.
-const WORTH: f64 = 80e3;
+const WORTH: f64 = 100e3;
 
 /// How long the caller looks whether the helpers end before it sleeps, which would take as long again.
 const PATIENCE: Duration = Duration::from_micros(50);
