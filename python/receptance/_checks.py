@@ -44,8 +44,11 @@ def not_negative(owner: str, quantity: str, value: Any, *, unit: str = "") -> fl
     return result
 
 
-def frequencies(frequency_hz: ArrayLike) -> NDArray[Any]:
-    """Return frequency lines as a one-dimensional array: ascending, positive, finite; real or complex."""
+def frequencies(frequency_hz: ArrayLike) -> NDArray[np.float64] | NDArray[np.complex128]:
+    """Return frequency lines as a one-dimensional array: ascending, positive, finite; real or complex.
+
+    It lies in memory as the core takes it, and may be the given array itself.
+    """
     array = np.asarray(frequency_hz)
     if array.dtype.kind not in "iufc":
         raise TypeError(f"frequency_hz has dtype {array.dtype}, expected real or complex numbers in Hz")
@@ -55,33 +58,32 @@ def frequencies(frequency_hz: ArrayLike) -> NDArray[Any]:
     array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
     if array.size == 0:
         raise ValueError("frequency_hz is empty, expected at least one line")
-    # Comparisons, not differences: arrays of the size of the lines cost as much as short assemblies do.
+    if not (array.flags.c_contiguous and array.flags.aligned):
+        array = array.copy()
     real = array.real
-    if not np.isfinite(array).all():
-        bad = np.flatnonzero(~np.isfinite(array))
-        raise ValueError(f"frequency_hz[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
-    if not (real > 0.0).all():
-        bad = np.flatnonzero(real <= 0.0)
-        raise ValueError(
-            f"frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
-            "(a free structure has no receptance at 0 Hz: leave that line out)"
-        )
-    if not (real[1:] > real[:-1]).all():
-        bad = np.flatnonzero(real[1:] <= real[:-1])
-        first, second = real[bad[0]], real[bad[0] + 1]
-        raise ValueError(
-            f"frequency_hz is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
-            "sort the lines and leave out repeated ones"
-        )
+    # What ascends from above zero to a finite end is finite and positive: one pass over real lines.
+    ascends = bool((real[1:] > real[:-1]).all())
+    if not (ascends and real[0] > 0.0 and real[-1] < np.inf and (array is real or np.isfinite(array.imag).all())):
+        raise _unusable(array)
     return array
 
 
-def angular_frequencies(frequency_hz: ArrayLike) -> NDArray[np.complex128]:
-    """Return the checked frequency lines in rad/s, complex, in an array of their own."""
-    lines = frequencies(frequency_hz)
-    w = np.zeros(lines.shape, np.complex128)
-    np.multiply(lines, 2.0 * np.pi, out=w if lines.dtype.kind == "c" else w.real)
-    return w
+def _unusable(array: NDArray[Any]) -> ValueError:
+    """Return in words what is wrong with lines that cannot be used."""
+    real = array.real
+    if (bad := np.flatnonzero(~np.isfinite(array))).size:
+        return ValueError(f"frequency_hz[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
+    if (bad := np.flatnonzero(real <= 0.0)).size:
+        return ValueError(
+            f"frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
+            "(a free structure has no receptance at 0 Hz: leave that line out)"
+        )
+    bad = np.flatnonzero(real[1:] <= real[:-1])
+    first, second = real[bad[0]], real[bad[0] + 1]
+    return ValueError(
+        f"frequency_hz is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
+        "sort the lines and leave out repeated ones"
+    )
 
 
 def thread_count(threads: int | None) -> int:

@@ -11,6 +11,7 @@ overlaps (n, 31), optional: node where the shank goes on, node where the sleeve 
 For motion 1 (axial) and 2 (torsion) a node has one degree of freedom; then k_y, c_y, loss_factor and the first
 inertia column act along it.
 excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
+angular_frequency (n): real or complex; where there is a `scale`, what the lines are multiplied with to be in rad/s.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
 """
 
@@ -30,12 +31,14 @@ __all__ = [
     "reduce_joint",
 ]
 
+_Lines = NDArray[np.float64] | NDArray[np.complex128]
+
 class ReceptanceError(Exception): ...
 class SingularInterfaceError(ReceptanceError): ...
 class ResonanceError(ReceptanceError): ...
 
 def receptance(
-    angular_frequency: NDArray[np.complex128],
+    angular_frequency: _Lines,
     motion: int,
     segments: NDArray[np.float64],
     joints: NDArray[np.float64],
@@ -46,6 +49,7 @@ def receptance(
     parameters: NDArray[np.float64],
     threads: int,
     overlaps: NDArray[np.float64] | None = None,
+    scale: float = 1.0,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
 def natural_frequencies(
     upper: float,
@@ -59,7 +63,7 @@ def natural_frequencies(
     overlaps: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def reduce_joint(
-    angular_frequency: NDArray[np.complex128],
+    angular_frequency: _Lines,
     segments: NDArray[np.float64],
     joints: NDArray[np.float64],
     masses: NDArray[np.float64],
@@ -69,10 +73,11 @@ def reduce_joint(
     excitation: NDArray[np.float64],
     threads: int,
     overlaps: NDArray[np.float64] | None = None,
+    scale: float = 1.0,
 ) -> NDArray[np.float64]: ...
 def joint_normal_matrix(
     reduction: NDArray[np.float64],
-    angular_frequency: NDArray[np.complex128],
+    angular_frequency: _Lines,
     measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
@@ -83,7 +88,7 @@ def joint_normal_matrix(
 ) -> NDArray[np.float64]: ...
 def joint_residual(
     reduction: NDArray[np.float64],
-    angular_frequency: NDArray[np.complex128],
+    angular_frequency: _Lines,
     measured: NDArray[np.complex128],
     weights: NDArray[np.float64],
     reference: NDArray[np.float64],
@@ -92,7 +97,7 @@ def joint_residual(
 ) -> NDArray[np.float64]: ...
 def fit_joint(
     reductions: list[NDArray[np.float64]],
-    angular_frequency: list[NDArray[np.complex128]],
+    angular_frequency: list[_Lines],
     measured: list[NDArray[np.complex128]],
     weights: list[NDArray[np.float64]],
     references: NDArray[np.float64],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ from receptance.spread import SpreadJoint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from receptance.coordinates import Coordinate
 
 SEGMENT_FIELDS = ("length", "outer_diameter", "inner_diameter")
 MATERIAL_FIELDS = ("youngs_modulus", "density", "poisson_ratio", "loss_factor")
@@ -46,10 +49,19 @@ class Flat:
     overlaps: list[list[float]] = field(default_factory=list)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
+    points: dict[tuple[Coordinate, ...], NDArray[np.float64]] = field(default_factory=dict)
     count: int = 1
 
     def tables(self) -> Tables:
-        """Return the four arrays of elements that every model of the core has."""
+        """Return the four arrays of elements that every model of the core has; read only."""
+        return self._tables
+
+    def beside(self) -> NDArray[np.float64]:
+        """Return the array of the overlaps; read only."""
+        return self._beside
+
+    @cached_property
+    def _tables(self) -> Tables:
         return (
             _table(self.segments, 14),
             _table(self.joints, 9),
@@ -57,8 +69,8 @@ class Flat:
             _table(self.grounds, 8),
         )
 
-    def beside(self) -> NDArray[np.float64]:
-        """Return the array of the overlaps."""
+    @cached_property
+    def _beside(self) -> NDArray[np.float64]:
         return _table(self.overlaps, 31)
 
     def new_node(self) -> int:
@@ -68,7 +80,14 @@ class Flat:
 
 
 def _table(rows: list[list[float]], columns: int) -> NDArray[np.float64]:
-    return np.array(rows, dtype=np.float64).reshape(-1, columns)
+    # Made once for all calls, so nobody may write to it.
+    return constant(np.array(rows, dtype=np.float64).reshape(-1, columns))
+
+
+def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the array, which cannot be written to any more."""
+    array.flags.writeable = False
+    return array
 
 
 def flatten(

@@ -24,7 +24,7 @@ from receptance._addresses import (
     value_in,
     value_in_segment,
 )
-from receptance._flatten import Flat, flatten
+from receptance._flatten import Flat, constant, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
@@ -257,24 +257,26 @@ class Assembly:
         excitation: Coordinate | None = None,
         at: PointJoint | None = None,
         threads: int | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64] | NDArray[np.complex128]]:
         """Everything but one joint (`at` in its place if given), evaluated once, for fits of that joint.
 
         Returns
         -------
         reduction, angular_frequency : ndarray
             As the core takes them: `(29, n_terms)`, the series of (T7a) in the theory after the reference frequency,
-            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`.
+            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`, real where
+            the lines are.
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
-        w = _checks.angular_frequencies(frequency_hz)
+        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = [self._points(flat, side) for side in sides]
         tables, count = flat.tables(), _checks.thread_count(threads)
         if at is not None:
+            tables = (tables[0], tables[1].copy(), *tables[2:])
             tables[1][row, 2:] = at.columns()
         with interfaces_by_name(self._elements, flat):
             return _core.reduce_joint(w, *tables, row, points[0], points[1], count, flat.beside()), w
@@ -287,14 +289,15 @@ class Assembly:
         excitation: Coordinate | Sequence[Coordinate] | None,
         threads: int | None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        w = _checks.angular_frequencies(frequency_hz)
+        lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten(tuple(point for side in sides for point in side))
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
         with interfaces_by_name(self._elements, flat):
-            h, dh = _core.receptance(w, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside())
+            request = (points[1], points[0], rows, count, flat.beside(), 2.0 * np.pi)
+            h, dh = _core.receptance(lines, 0, *flat.tables(), *request)
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -348,8 +351,11 @@ class Assembly:
         return name, x
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
-        nodes = [flat.nodes[self._place("coordinate", point.part, point.position)] for point in side]
-        return np.array([[node, point.direction == "theta"] for node, point in zip(nodes, side, strict=True)], float)
+        if side not in flat.points:
+            nodes = [flat.nodes[self._place("coordinate", point.part, point.position)] for point in side]
+            rows = [(node, point.direction == "theta") for node, point in zip(nodes, side, strict=True)]
+            flat.points[side] = constant(np.array(rows, float))
+        return flat.points[side]
 
     def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distinct table entries that the addresses move, and the matrix from them to the addresses."""

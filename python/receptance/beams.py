@@ -243,10 +243,10 @@ class Part:
     def _receptance(
         self, frequency_hz: ArrayLike, motion: int, ends: NDArray[np.float64], threads: int | None
     ) -> NDArray[np.complex128]:
-        w = _checks.angular_frequencies(frequency_hz)
+        lines = _checks.frequencies(frequency_hz)
         tables = (self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
         count = _checks.thread_count(threads)
-        return _core.receptance(w, motion, *tables, ends, ends, np.zeros((0, 3)), count)[0]
+        return _core.receptance(lines, motion, *tables, ends, ends, np.zeros((0, 3)), count, scale=2.0 * np.pi)[0]
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies in bending of the free part up to `upper_hz`, in Hz, zero modes left out.

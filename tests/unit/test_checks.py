@@ -54,6 +54,31 @@ def test_lines_of_any_kind_of_number() -> None:
     assert _checks.frequencies([1 - 2j, 2]).dtype == np.complex128
 
 
+def test_lines_go_to_the_core_as_they_are() -> None:
+    lines = np.linspace(1.0, 9.0, 9)
+    lines.flags.writeable = False
+    assert _checks.frequencies(lines) is lines
+    windowed = lines - 1j
+    assert _checks.frequencies(windowed) is windowed
+
+
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "<c16", ">c16"])
+def test_lines_that_lie_otherwise_in_memory_are_copied(kind: str) -> None:
+    lines = np.arange(1, 10).astype(kind)
+    apart = np.repeat(lines, 2)[::2]
+    room = np.zeros(lines.nbytes + 1, np.uint8)
+    aside = room[1:].view(kind)
+    aside[:] = lines
+    assert not apart.flags.c_contiguous
+    assert not aside.flags.aligned
+    for given in (lines, apart, aside):
+        found = _checks.frequencies(given)
+        assert found.flags.c_contiguous
+        assert found.flags.aligned
+        assert found.dtype.isnative
+        np.testing.assert_array_equal(found, lines)
+
+
 @pytest.mark.parametrize(("threads", "expected"), [(0, 0), (3, 3), (np.int64(2), 2)])
 def test_thread_counts(threads: int, expected: int) -> None:
     assert _checks.thread_count(threads) == expected

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from oracle import tables
+from oracle import draw, tables
 from oracle.resonance import ENDS, Ends, cutoff, resonance_above
 from oracle.tables import Tables, make, segment
 from receptance import _core
@@ -155,6 +155,32 @@ def assert_lines(model: Tables, lines: np.ndarray, rng: np.random.Generator) -> 
     for w, found in zip(lines, h, strict=True):
         error, allowed = accuracy.receptance_errors(model, w, found, POINTS, rng)
         assert np.all(error <= allowed), f"{w / (2 * np.pi)!r} Hz: {np.max(error / allowed):.3g} of what is allowed"
+
+
+def test_whole_branches_by_their_series(summarise: Summarise) -> None:
+    """Many lines are taken by one series a branch, which the few lines of a model above are not."""
+    seed = accuracy.base_seed()
+    alone = np.array([[0.0, 0.0]])
+    shares = []
+    for number in range(320):
+        rng = np.random.default_rng([seed, number])
+        case = draw.case(rng)
+        ends = np.array([[0.0, 0.0], [0.0, 1.0]])
+        few, many = (
+            _core.receptance(w, 0, *case.tables, ends, ends, np.zeros((0, 3)), 1)[0]
+            for w in (case.w, np.resize(case.w, 300))
+        )
+        if np.array_equal(few, many[: len(few)]):
+            continue  # no series serves here
+        one = _core.receptance(np.resize(case.w, 300), 0, *case.tables, alone, alone, np.zeros((0, 3)), 1)[0]
+        np.testing.assert_allclose(one[:, 0, 0], many[:, 0, 0], rtol=1e-13)
+        for w, found in zip(case.w, many, strict=False):
+            error, allowed = accuracy.receptance_errors(case.tables, w, found, ends, rng)
+            assert np.all(error <= allowed), f"seed {seed}, model {number}: {case.label}"
+            shares.append(float(np.max(error / allowed)))
+    assert len(shares) > 100
+    text = f"{len(shares)} lines by series of whole branches, largest share of what is allowed {max(shares):.2g}"
+    summarise("branches", text, {"lines": len(shares), "largest_share": max(shares)})
 
 
 def test_the_textbook_formulations_lose_the_digits_that_the_core_keeps(summarise: Summarise) -> None:

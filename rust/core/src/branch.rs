@@ -185,6 +185,16 @@ impl<const D: usize> Branch<D> {
         })
     }
 
+    /// Coefficients, the highest power first.
+    pub fn terms(&self) -> &[[Complex64; 5]] {
+        &self.terms
+    }
+
+    /// 1 / reference^2.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
     /// The plane of the branch on a block of lines, the largest |w|^2 of which is `most`, with the weights.
     #[inline(always)]
     pub fn plane<S: Simd>(&self, simd: S, w2: C<S>, real: bool, most: f64) -> (Plane<S, D>, [f64; D]) {

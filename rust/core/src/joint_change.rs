@@ -1,5 +1,6 @@
 //! What another joint makes of a reduced receptance, line by line.
 
+use crate::frequencies::Frequencies;
 use crate::lane::{C, MAX_LANES};
 use crate::model::Spring;
 use crate::small::{self, Mat};
@@ -25,7 +26,7 @@ pub struct Update<S: Simd> {
 /// A reduced receptance with one joint.
 pub trait Change: Sync {
     /// A block of the lines `w`; lanes without a line have finite values.
-    fn update<S: Simd>(&self, simd: S, w: &[Complex64], lines: Range<usize>) -> Update<S>;
+    fn update<S: Simd>(&self, simd: S, w: &Frequencies, lines: Range<usize>) -> Update<S>;
 }
 
 /// The planes of a reduction with another joint, see `reduction`.
@@ -52,12 +53,12 @@ impl Planes<'_> {
 
 impl Change for Planes<'_> {
     #[inline(always)]
-    fn update<S: Simd>(&self, simd: S, w: &[Complex64], lines: Range<usize>) -> Update<S> {
+    fn update<S: Simd>(&self, simd: S, w: &Frequencies, lines: Range<usize>) -> Update<S> {
         let mut values = [C::zero(simd); REDUCTION_PLANES / 2];
         for (pair, value) in values.iter_mut().enumerate() {
             *value = self.load(simd, pair, lines.clone());
         }
-        let iw = C::load(simd, &w[lines.clone()]).times_i();
+        let iw = w.load(simd, lines.clone()).times_i();
         let compliance: Mat<S, 2> = small::inverse(&self.joint.stiffness(simd, iw));
         let before: Mat<S, 2> = small::inverse(&self.reference.stiffness(simd, iw));
         let mut more = compliance;

@@ -3,6 +3,7 @@
 //! See `reduction` for how the receptance follows from the joint's stiffness.
 
 use crate::error::{Error, Result};
+use crate::frequencies::Frequencies;
 use crate::gradient::spring_derivative;
 use crate::joint_change::{Change, Planes, REDUCTION_PLANES, Update};
 use crate::joint_series::{AtJoint, SERIES_ROWS};
@@ -16,6 +17,9 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// Most columns of a spring.
 pub(crate) const SPRING_COLUMNS: usize = 7;
+
+/// What a task takes at least [ns].
+const A_TASK: f64 = 1e3;
 
 /// Entries of the upper triangle over the columns and the residual.
 const TRIANGLE: usize = (SPRING_COLUMNS + 1) * (SPRING_COLUMNS + 2) / 2;
@@ -33,8 +37,7 @@ pub(crate) enum Reduction<'a> {
 #[derive(Copy, Clone)]
 pub struct Reduced<'a> {
     reduction: Reduction<'a>,
-    /// Angular frequency of each line.
-    w: &'a [Complex64],
+    frequencies: Frequencies<'a>,
     measured: &'a [Complex64],
     weights: &'a [f64],
     /// The seven columns of the joint at which the model was reduced.
@@ -42,20 +45,20 @@ pub struct Reduced<'a> {
 }
 
 impl<'a> Reduced<'a> {
-    /// What `reduce_joint` returned, of so many rows, and for each line w, what was measured and a weight.
+    /// What `reduce_joint` returned, of so many rows, and for each line what was measured and a weight.
     ///
     /// # Errors
     /// Arrays of different lengths.
     pub fn new(
         rows: usize,
         reduction: &'a [f64],
-        w: &'a [Complex64],
+        frequencies: Frequencies<'a>,
         measured: &'a [Complex64],
         weights: &'a [f64],
         reference: [f64; SPRING_COLUMNS],
     ) -> Result<Self> {
         let lines = measured.len();
-        for (index, length) in [w.len(), weights.len()].into_iter().enumerate() {
+        for (index, length) in [frequencies.len(), weights.len()].into_iter().enumerate() {
             if length != lines {
                 let expected = format!("{lines} lines");
                 return Err(Error::Index { what: "reduction array", index, value: length as f64, expected });
@@ -71,20 +74,23 @@ impl<'a> Reduced<'a> {
                 return Err(Error::Index { what: "reduction", index: 0, value: rows as f64, expected });
             }
         };
-        Ok(Self { reduction, w, measured, weights, reference })
+        Ok(Self { reduction, frequencies, measured, weights, reference })
     }
 
     /// Every so many of the lines: the planes if there are any, w, measured receptance and weights.
     pub(crate) fn thinned(&self, stride: usize) -> Lines {
-        let every = |values: &[Complex64]| values.iter().step_by(stride).copied().collect();
         let planes = match self.reduction {
             Reduction::Planes(planes) => {
                 planes.chunks(self.lines()).flat_map(|plane| plane.iter().step_by(stride).copied()).collect()
             }
             Reduction::Series(_) => Vec::new(),
         };
-        let weights = self.weights.iter().step_by(stride).copied().collect();
-        Lines { planes, w: every(self.w), measured: every(self.measured), weights }
+        Lines {
+            planes,
+            w: self.frequencies.iter().step_by(stride).collect(),
+            measured: self.measured.iter().step_by(stride).copied().collect(),
+            weights: self.weights.iter().step_by(stride).copied().collect(),
+        }
     }
 
     /// Other lines of the same receptance.
@@ -97,7 +103,8 @@ impl<'a> Reduced<'a> {
             Reduction::Series(_) => self.reduction,
         };
         let Lines { w, measured, weights, .. } = lines;
-        Reduced { reduction, w, measured, weights, reference: self.reference }
+        let frequencies = Frequencies::complex(w, 1.0);
+        Reduced { reduction, frequencies, measured, weights, reference: self.reference }
     }
 
     /// Number of lines.
@@ -178,16 +185,16 @@ impl<'a> Reduced<'a> {
         threads: usize,
     ) -> Result<Vec<[f64; TRIANGLE]>> {
         let arch = Arch::new();
-        on_threads(threads, tasks(self.lines()), |range| {
+        on_threads(threads, self.frequencies.tasks(), A_TASK, |range| {
             arch.dispatch(Normal { reduced: *self, change, joint, columns, range })
         })
     }
 
     fn logarithms(&self, change: &impl Change, threads: usize, re: &mut [f64], im: &mut [f64]) -> Result<()> {
         let parts = re.chunks_mut(LINES_PER_TASK).zip(im.chunks_mut(LINES_PER_TASK));
-        let tasks = tasks(self.lines()).into_iter().zip(parts).collect();
+        let tasks = self.frequencies.tasks().into_iter().zip(parts).collect();
         let arch = Arch::new();
-        on_threads(threads, tasks, |(range, (re, im))| {
+        on_threads(threads, tasks, A_TASK, |(range, (re, im))| {
             arch.dispatch(Logarithms { reduced: *self, change, range, re, im });
         })?;
         Ok(())
@@ -200,12 +207,6 @@ pub(crate) struct Lines {
     w: Vec<Complex64>,
     measured: Vec<Complex64>,
     weights: Vec<f64>,
-}
-
-/// The lines of each task.
-fn tasks(lines: usize) -> Vec<Range<usize>> {
-    let count = lines.div_ceil(LINES_PER_TASK);
-    (0..count).map(|task| task * LINES_PER_TASK..lines.min((task + 1) * LINES_PER_TASK)).collect()
 }
 
 /// The normal matrix of the lines of one task.
@@ -229,7 +230,8 @@ impl<T: Change> WithSimd for Normal<'_, T> {
             let end = self.range.end.min(start + S::F64_LANES);
             let lines = start..end;
             let mut rows = [C::zero(simd); SPRING_COLUMNS + 1];
-            let Update { inverse, left, right, iw } = self.change.update(simd, self.reduced.w, lines.clone());
+            let Update { inverse, left, right, iw } =
+                self.change.update(simd, &self.reduced.frequencies, lines.clone());
             let weight = simd.partial_load_f64s(&self.reduced.weights[lines.clone()]);
             for (row, (column, slope)) in rows.iter_mut().zip(self.columns) {
                 let change = spring_derivative(self.joint, *column, iw, &left, &right);
@@ -278,7 +280,7 @@ impl<T: Change> WithSimd for Logarithms<'_, T> {
         let mut start = first;
         while start < self.range.end {
             let end = self.range.end.min(start + S::F64_LANES);
-            let Update { inverse, .. } = self.change.update(simd, self.reduced.w, start..end);
+            let Update { inverse, .. } = self.change.update(simd, &self.reduced.frequencies, start..end);
             let weight = simd.partial_load_f64s(&self.reduced.weights[start..end]);
             let found = (C::load(simd, &self.reduced.measured[start..end]) * inverse).ln();
             simd.partial_store_f64s(

@@ -9,6 +9,9 @@ use crate::threads::on_threads;
 /// Lines that are left of each receptance for the way to the optimum; the end is found on all of them.
 const COARSE_LINES: usize = 1500;
 
+/// What a fit takes at least [ns].
+const A_FIT: f64 = 100e3;
+
 /// Tolerance on the way.
 const COARSE_TOLERANCE: f64 = 1e-4;
 
@@ -74,7 +77,7 @@ pub fn fit_joint(
     let rows: Vec<&[f64]> = starts.chunks(count).collect();
     // Many starts share the threads, one start has them for its lines.
     let inside = if rows.len() > 1 { 1 } else { threads };
-    on_threads(threads, rows, |start| {
+    on_threads(threads, rows, A_FIT, |start| {
         let mut start = start.to_vec();
         let mut before = 0;
         if let Some(few) = &few {

@@ -18,6 +18,7 @@
 //! up to one sign, and dH = -gap^T dK gap without the cancellation of the quotient's derivative.
 
 use crate::branch::{MOST_SPAN, past};
+use crate::frequencies::Frequencies;
 use crate::joint_change::{Change, Update};
 use crate::kernel::Segment;
 use crate::lane::C;
@@ -41,19 +42,18 @@ const AT_JOINT: usize = 16;
 
 /// The series of a model about one joint as a table of `SERIES_ROWS`, the lowest power first.
 ///
-/// Nothing where a receptance is not such a function: complex lines, dashpots or couplings elsewhere, branches, a
-/// load away from the response or from the chain's end, more waves than a series serves.
+/// Nothing where a receptance is not such a function of real lines up to the highest: dashpots or couplings
+/// elsewhere, branches, a load away from the response or from the chain's end, more waves than a series serves.
 pub fn joint_series(
     model: &Model,
     joint: usize,
-    w: &[Complex64],
+    highest: f64,
     response: Coordinate,
     excitation: Coordinate,
 ) -> Option<Vec<f64>> {
-    if response != excitation || w.iter().any(|w| w.im != 0.0) {
+    if response != excitation {
         return None;
     }
-    let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.re));
     let plan = model.plan(response.node);
     let at = plan.iter().position(|step| matches!(step, Step::Joint { row, .. } if *row == joint))?;
     let segments: Vec<Segment<2>> =
@@ -272,8 +272,8 @@ impl AtJoint {
 
 impl Change for AtJoint {
     #[inline(always)]
-    fn update<S: Simd>(&self, simd: S, w: &[Complex64], lines: Range<usize>) -> Update<S> {
-        let w = C::load(simd, &w[lines]).re;
+    fn update<S: Simd>(&self, simd: S, w: &Frequencies, lines: Range<usize>) -> Update<S> {
+        let w = w.load(simd, lines).re;
         let x = simd.mul_f64s(simd.mul_f64s(w, w), simd.splat_f64s(self.scale));
         let mut sums = [simd.splat_f64s(0.0); AT_JOINT];
         for coefficients in &self.terms {

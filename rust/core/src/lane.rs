@@ -58,7 +58,7 @@ impl<S: Simd> R<S> {
     /// Copies the lanes out.
     #[inline(always)]
     pub fn store(self, out: &mut [f64; MAX_LANES]) {
-        self.simd.partial_store_f64s(&mut out[..S::F64_LANES], self.v);
+        S::as_mut_simd_f64s(out).0[0] = self.v;
     }
 }
 
@@ -101,11 +101,7 @@ impl<S: Simd> C<S> {
                 im[lane] = value.im;
             }
         }
-        Self {
-            simd,
-            re: simd.partial_load_f64s(&re[..S::F64_LANES]),
-            im: simd.partial_load_f64s(&im[..S::F64_LANES]),
-        }
+        Self { simd, re: S::as_simd_f64s(&re).0[0], im: S::as_simd_f64s(&im).0[0] }
     }
 
     /// Copies the lanes out.
@@ -113,8 +109,8 @@ impl<S: Simd> C<S> {
     pub fn store(self, out: &mut [Complex64; MAX_LANES]) {
         let mut re = [0.0; MAX_LANES];
         let mut im = [0.0; MAX_LANES];
-        self.simd.partial_store_f64s(&mut re[..S::F64_LANES], self.re);
-        self.simd.partial_store_f64s(&mut im[..S::F64_LANES], self.im);
+        S::as_mut_simd_f64s(&mut re).0[0] = self.re;
+        S::as_mut_simd_f64s(&mut im).0[0] = self.im;
         for lane in 0..S::F64_LANES {
             out[lane] = Complex64::new(re[lane], im[lane]);
         }

@@ -9,13 +9,13 @@
 //! where p_yV + p_tM = 0 (reciprocity) leaves five of the six.
 
 use crate::kernel::Segment;
+use crate::lane::C;
+use crate::taylor::{Equation, solution, times};
 use num_complex::Complex64;
+use pulp::Simd;
 
 /// Most terms of a series; MOST_SPAN needs about thirty.
 pub const MOST_TERMS: usize = 64;
-
-/// Most orders of the Taylor series in the length.
-const MOST_ORDERS: u32 = 400;
 
 /// Positions of the five minors.
 pub const YT: usize = 0;
@@ -38,6 +38,7 @@ pub type Minors = Terms<5>;
 pub type State = Terms<4>;
 
 /// A segment's coefficients times its length.
+#[derive(Copy, Clone)]
 struct Whole {
     alpha: Complex64,
     beta: Complex64,
@@ -62,25 +63,14 @@ impl Whole {
 
 /// Drops the last powers that add less than rounding to every function.
 pub fn trim<const M: usize>(series: &mut Terms<M>) {
-    let size = sizes(series);
-    drop_below(series, &size, 1e-19);
-}
-
-/// The largest coefficient of each function.
-fn sizes<const M: usize>(series: &Terms<M>) -> [f64; M] {
     let mut size = [0.0_f64; M];
-    for term in series {
+    for term in series.iter() {
         for k in 0..M {
             size[k] = size[k].max(term[k].l1_norm());
         }
     }
-    size
-}
-
-/// Drops the last powers that are below a share of the sizes.
-fn drop_below<const M: usize>(series: &mut Terms<M>, size: &[f64; M], share: f64) {
     while let Some(last) = series.last() {
-        if series.len() > 1 && (0..M).all(|k| last[k].l1_norm() <= share * size[k]) {
+        if series.len() > 1 && (0..M).all(|k| last[k].l1_norm() <= 1e-19 * size[k]) {
             series.pop();
         } else {
             break;
@@ -142,16 +132,7 @@ pub fn through<const D: usize>(
     forward: bool,
     square: f64,
 ) -> Option<Minors> {
-    let Whole { alpha, beta, mu, nu, d } = Whole::new(segment, forward, square);
-    along(start, |p, share, same, above| {
-        same[YT] += (beta * p[YM] - alpha * p[TV]) * share;
-        same[YV] -= p[TV] * (d * share);
-        same[YM] += (p[YV] * (2.0 * d) + alpha * p[VM]) * share;
-        same[TV] -= beta * p[VM] * share;
-        above[YM] -= p[YT] * (nu * share);
-        above[TV] += p[YT] * (mu * share);
-        above[VM] += (p[TV] * nu - p[YM] * mu) * share;
-    })
+    solution(start, &OfMinors(Whole::new(segment, forward, square)))
 }
 
 /// A state along a segment.
@@ -161,52 +142,41 @@ pub fn state_through<const D: usize>(
     forward: bool,
     square: f64,
 ) -> Option<State> {
-    let Whole { alpha, beta, mu, nu, d } = Whole::new(segment, forward, square);
-    along(start, |p, share, same, above| {
-        same[0] += (alpha * p[2] - p[1] * d) * share;
-        same[1] += beta * p[3] * share;
-        same[3] += p[2] * (d * share);
-        above[2] -= p[0] * (mu * share);
-        above[3] -= p[1] * (nu * share);
-    })
+    solution(start, &OfState(Whole::new(segment, forward, square)))
 }
 
-/// A Taylor series in the length of a linear equation.
-///
-/// `derivative` adds a share of the derivative at a term to the same power and to the next one.
-#[inline(always)]
-fn along<const M: usize>(
-    start: &Terms<M>,
-    derivative: impl Fn(&[Complex64; M], f64, &mut [Complex64; M], &mut [Complex64; M]),
-) -> Option<Terms<M>> {
-    let mut sum = start.clone();
-    let mut term = start.clone();
-    for order in 1..MOST_ORDERS {
-        let share = 1.0 / f64::from(order);
-        let mut next = vec![[Complex64::ZERO; M]; term.len() + 1];
-        for (k, p) in term.iter().enumerate() {
-            let (same, above) = next.split_at_mut(k + 1);
-            derivative(p, share, &mut same[k], &mut above[0]);
-        }
-        // Powers beyond what any line can see are dropped at once, or their number would grow with the order.
-        next.truncate(MOST_TERMS);
-        if sum.len() < next.len() {
-            sum.resize(next.len(), [Complex64::ZERO; M]);
-        }
-        let size = sizes(&sum);
-        let mut settled = true;
-        for (total, term) in sum.iter_mut().zip(&next) {
-            for k in 0..M {
-                settled &= term[k].l1_norm() <= 1e-18 * total[k].l1_norm().max(1e-4 * size[k]);
-                total[k] += term[k];
-            }
-        }
-        term = next;
-        // Some functions start at zero and wake up only after a few orders.
-        if settled && order > 4 {
-            return Some(sum);
-        }
-        drop_below(&mut term, &size, 1e-22);
+/// The equation of the minors.
+struct OfMinors(Whole);
+
+impl Equation<5> for OfMinors {
+    #[inline(always)]
+    fn derivative<S: Simd>(&self, p: &[C<S>; 5], share: f64) -> [[C<S>; 5]; 2] {
+        let Whole { alpha, beta, mu, nu, d } = self.0;
+        let [mut same, mut above] = [[C::zero(p[0].simd); 5]; 2];
+        same[YT] = (times(beta, p[YM]) - times(alpha, p[TV])).scale(share);
+        same[YV] = p[TV].scale(-d * share);
+        same[YM] = (p[YV].scale(2.0 * d) + times(alpha, p[VM])).scale(share);
+        same[TV] = times(-beta, p[VM]).scale(share);
+        above[YM] = p[YT].scale(-nu * share);
+        above[TV] = p[YT].scale(mu * share);
+        above[VM] = (p[TV].scale(nu) - p[YM].scale(mu)).scale(share);
+        [same, above]
     }
-    None
+}
+
+/// The equation of a state.
+struct OfState(Whole);
+
+impl Equation<4> for OfState {
+    #[inline(always)]
+    fn derivative<S: Simd>(&self, p: &[C<S>; 4], share: f64) -> [[C<S>; 4]; 2] {
+        let Whole { alpha, beta, mu, nu, d } = self.0;
+        let [mut same, mut above] = [[C::zero(p[0].simd); 4]; 2];
+        same[0] = (times(alpha, p[2]) - p[1].scale(d)).scale(share);
+        same[1] = times(beta, p[3]).scale(share);
+        same[3] = p[2].scale(d * share);
+        above[2] = p[0].scale(-mu * share);
+        above[3] = p[1].scale(-nu * share);
+        [same, above]
+    }
 }

@@ -9,14 +9,17 @@
 //! have huge rigid-body receptances that cancel in a plain coupling.
 
 use crate::error::{Error, Result};
+use crate::frequencies::{EMPTY, Frequencies};
 use crate::joint_change::REDUCTION_PLANES;
 use crate::joint_series::{SERIES_ROWS, joint_series};
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Motion, Spring};
+use crate::outputs::first_of;
 use crate::request::{Coordinate, Request, check};
 use crate::response::{Job, LINES_PER_TASK};
 use crate::small::{self, Mat};
 use crate::threads::on_threads;
+use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -41,7 +44,7 @@ pub struct JointReduction {
 pub fn reduce_joint(
     model: &Model,
     joint: usize,
-    w: &[Complex64],
+    lines: &Frequencies,
     response: Coordinate,
     excitation: Coordinate,
     threads: usize,
@@ -56,11 +59,13 @@ pub fn reduce_joint(
         parameters: Vec::new(),
         joint: Some(joint),
     };
-    check(model, w, &request)?;
-    if let Some(values) = joint_series(model, joint, w, response, excitation) {
+    let highest = check(model, lines, &request)?;
+    if lines.are_real()
+        && let Some(values) = joint_series(model, joint, highest, response, excitation)
+    {
         return Ok(JointReduction { rows: SERIES_ROWS, values });
     }
-    let values = planes(model, joint, w, &request, threads)?;
+    let values = planes(model, joint, lines, highest, &request, threads)?;
     Ok(JointReduction { rows: REDUCTION_PLANES, values })
 }
 
@@ -68,20 +73,22 @@ pub fn reduce_joint(
 fn planes(
     model: &Model,
     joint: usize,
-    w: &[Complex64],
+    lines: &Frequencies,
+    highest: f64,
     request: &Request,
     threads: usize,
 ) -> Result<Vec<f64>> {
     let (nodes, spring) = model.joints[joint];
     let first = Face::new(model, joint, nodes[0]);
     let second = Face::new(model, joint, nodes[1]);
-    let solve = |whole_branches| {
+    let solve = |whole_branches: bool| {
+        let whole = whole_branches.then_some((highest, lines.len()));
         let jobs = [
-            Job::new(model, request, w, whole_branches),
-            Job::new(&first.model, &first.request, w, whole_branches),
-            Job::new(&second.model, &second.request, w, whole_branches),
+            Job::new(model, request, whole),
+            Job::new(&first.model, &first.request, whole),
+            Job::new(&second.model, &second.request, whole),
         ];
-        reduce(&jobs, &spring, w, threads)
+        reduce(&jobs, &spring, lines, threads)
     };
     match solve(true) {
         // As for a receptance: the one denominator of a branch may be zero to the last bit.
@@ -108,17 +115,20 @@ impl Face {
     }
 }
 
-fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, w: &[Complex64], threads: usize) -> Result<Vec<f64>> {
-    let mut planes = vec![0.0; REDUCTION_PLANES * w.len()];
-    let mut tasks: Vec<(&[Complex64], Vec<&mut [f64]>)> =
-        w.chunks(LINES_PER_TASK).map(|lines| (lines, Vec::with_capacity(REDUCTION_PLANES))).collect();
-    for plane in planes.chunks_mut(w.len()) {
+fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, lines: &Frequencies, threads: usize) -> Result<Vec<f64>> {
+    let mut planes = vec![0.0; REDUCTION_PLANES * lines.len()];
+    let mut tasks: Vec<(Range<usize>, Vec<&mut [f64]>)> =
+        lines.tasks().into_iter().map(|range| (range, Vec::with_capacity(REDUCTION_PLANES))).collect();
+    for plane in planes.chunks_mut(lines.len()) {
         for (task, part) in tasks.iter_mut().zip(plane.chunks_mut(LINES_PER_TASK)) {
             task.1.push(part);
         }
     }
     let arch = Arch::new();
-    let broken = on_threads(threads, tasks, |(w, planes)| {
+    let at_least = jobs.iter().map(Job::a_task_takes).sum();
+    let broken = on_threads(threads, tasks, at_least, |(range, planes)| {
+        let mut room = EMPTY;
+        let w = lines.some(range, &mut room);
         let zeros = |a_line: usize| vec![Complex64::ZERO; w.len() * a_line];
         let (mut whole, mut force) = (zeros(PAIRS), zeros(SQUARE));
         let mut faces = [zeros(SQUARE), zeros(SQUARE)];
@@ -130,11 +140,7 @@ fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, w: &[Complex64], threads: usi
         arch.dispatch(Combine { spring, w, whole: &whole, force: &force, faces: &faces, planes });
         broken.into_iter().flatten().min()
     })?;
-    for (task, broken) in broken.into_iter().enumerate() {
-        if let Some(line) = broken.map(|line| task * LINES_PER_TASK + line) {
-            return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
-        }
-    }
+    first_of(&broken, lines)?;
     Ok(planes)
 }
 
@@ -287,18 +293,20 @@ mod tests {
         println!("seed {SEED}");
         let mut draw = Draw(SEED);
         let w = lines();
+        let all = Frequencies::complex(&w, 1.0);
+        let highest = all.highest().unwrap();
         for case in 0..40 {
             let model = draw.model();
             let node = if case % 2 == 0 { 0 } else { 7 };
             let tip = Coordinate { node, direction: case / 2 % 2 };
-            let series = joint_series(&model, 0, &w, tip, tip).unwrap();
+            let series = joint_series(&model, 0, highest, tip, tip).unwrap();
             let request = Request {
                 excitations: vec![tip, tip],
                 responses: vec![tip],
                 joint: Some(0),
                 ..Request::default()
             };
-            let planes = planes(&model, 0, &w, &request, 1).unwrap();
+            let planes = planes(&model, 0, &all, highest, &request, 1).unwrap();
             let mut reference = [0.0; SPRING_COLUMNS];
             let own = model.joints[0].1;
             reference[..3].copy_from_slice(&own.k);
@@ -307,16 +315,16 @@ mod tests {
             let joint = draw.joint(case % 3 > 0);
             let (mut other, request) = (model.clone(), derivatives(tip));
             other.joints[0].1 = Spring::new(&joint);
-            let whole = receptance(&other, &w, &request, 1).unwrap();
+            let whole = receptance(&other, &all, &request, 1).unwrap();
             for line in 0..w.len() {
                 let h = whole.receptance[line];
                 let plane: Vec<f64> = planes.chunks(w.len()).map(|plane| plane[line]).collect();
                 for (rows, values) in [(SERIES_ROWS, &series), (REDUCTION_PLANES, &plane)] {
                     // log(measured/H) is 1 for the first and i for the second, so that the products are J.
                     let measured = [h * 1.0_f64.exp(), h * Complex64::I.exp()];
+                    let one = Frequencies::complex(&w[line..=line], 1.0);
                     let reduced = [0, 1].map(|i| {
-                        Reduced::new(rows, values, &w[line..=line], &measured[i..=i], &[1.0], reference)
-                            .unwrap()
+                        Reduced::new(rows, values, one, &measured[i..=i], &[1.0], reference).unwrap()
                     });
                     let at = format!("case {case}, line {line}, {rows} rows");
                     for (i, one) in reduced.iter().enumerate() {
@@ -353,7 +361,7 @@ mod tests {
         let (model, w) = (draw.model(), lines());
         let tip = Coordinate { node: 0, direction: 0 };
         let rows = |model: &Model, w: &[Complex64], response, excitation| {
-            reduce_joint(model, 0, w, response, excitation, 1).unwrap().rows
+            reduce_joint(model, 0, &Frequencies::complex(w, 1.0), response, excitation, 1).unwrap().rows
         };
         assert_eq!(rows(&model, &w, tip, tip), SERIES_ROWS);
         let slope = Coordinate { node: 0, direction: 1 };

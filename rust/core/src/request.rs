@@ -1,6 +1,7 @@
 //! What is asked of a model, and whether the model can answer it.
 
 use crate::error::{Error, Result};
+use crate::frequencies::Frequencies;
 use crate::kernel::Segment;
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
 use crate::overlap::{self, Beside, Overlap};
@@ -40,6 +41,15 @@ pub struct Request {
     pub joint: Option<usize>,
 }
 
+impl Request {
+    /// The directions of response and excitation of each pair, as the pairs of a line are ordered.
+    pub(crate) fn directions(&self) -> impl Iterator<Item = [usize; 2]> {
+        self.responses.iter().flat_map(|response| {
+            self.excitations.iter().map(|excitation| [response.direction, excitation.direction])
+        })
+    }
+}
+
 /// Receptances and derivatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
@@ -51,19 +61,19 @@ pub struct Response {
     pub force: Vec<Complex64>,
 }
 
-/// Checks lines, coordinates, parameters and interfaces.
-pub(crate) fn check(model: &Model, w: &[Complex64], request: &Request) -> Result<()> {
-    check_lines(w)?;
+/// Checks lines, coordinates, parameters and interfaces; the largest modulus of an angular frequency.
+pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Result<f64> {
+    let highest = lines.highest()?;
     check_request(model, request)?;
-    check_waves(model, w)?;
-    check_interfaces(model, w)
+    check_waves(model, highest)?;
+    check_interfaces(model, lines)?;
+    Ok(highest)
 }
 
 /// Most wavelengths in one segment: next to its cut-off it is passed in pieces, which must stay countable.
 const MOST_WAVES: f64 = 1.6e4;
 
-fn check_waves(model: &Model, w: &[Complex64]) -> Result<()> {
-    let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr())).sqrt();
+fn check_waves(model: &Model, highest: f64) -> Result<()> {
     for (row, columns) in model.segments.iter().enumerate() {
         let square = match model.motion.degrees() {
             1 => Segment::<1>::new(columns, model.motion).wave_number_square(highest * highest),
@@ -82,16 +92,6 @@ fn check_waves(model: &Model, w: &[Complex64]) -> Result<()> {
         if exponent.is_nan() || exponent > most {
             let frequency_hz = highest / core::f64::consts::TAU;
             return Err(Error::Layer { row, frequency_hz, exponent, most });
-        }
-    }
-    Ok(())
-}
-
-fn check_lines(w: &[Complex64]) -> Result<()> {
-    for (line, value) in w.iter().enumerate() {
-        if !(value.re.is_finite() && value.im.is_finite() && value.re > 0.0) {
-            let expected = "a finite value with a positive real part";
-            return Err(Error::Frequency { line, re: value.re, im: value.im, expected });
         }
     }
     Ok(())
@@ -140,13 +140,13 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Resul
     Ok(())
 }
 
-fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
+fn check_interfaces(model: &Model, lines: &Frequencies) -> Result<()> {
     let degrees = model.motion.degrees();
     for (row, (_, spring)) in model.joints.iter().enumerate() {
         if spring.statically_regular(degrees) {
             continue;
         }
-        for &line in w {
+        for line in lines.iter() {
             let iw = Complex64::I * line;
             let entry =
                 |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
@@ -166,8 +166,8 @@ fn check_interfaces(model: &Model, w: &[Complex64]) -> Result<()> {
         }
     }
     for (row, overlap) in model.overlaps.iter().enumerate() {
-        if let (Some(_), Some(&line)) = (overlap.loose(true), w.first()) {
-            return Err(singular(overlap, row, line));
+        if overlap.loose(true).is_some() && !lines.is_empty() {
+            return Err(singular(overlap, row, lines.angular(0)));
         }
     }
     Ok(())

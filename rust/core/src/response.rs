@@ -3,15 +3,18 @@
 use crate::block::{Block, Prepared};
 use crate::branch::shorten;
 use crate::error::{Error, Result};
+use crate::frequencies::{EMPTY, Frequencies};
 use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
 use crate::layer_energy::DERIVATIVES;
 use crate::model::{Model, Step};
+use crate::outputs::{chunks, first_broken, first_of};
 use crate::request::{Coordinate, Request, Response, check};
 use crate::sensitivity;
 use crate::small::Mat;
 use crate::sweep::{Blind, Field, Record, Within};
 use crate::threads::on_threads;
+use crate::tip::Tip;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -21,6 +24,9 @@ pub(crate) const LINES_PER_TASK: usize = 32 * MAX_LANES;
 
 /// Most that the squared frequencies of the lines of one block may differ by, as a ratio.
 const MOST_APART: f64 = 16.0;
+
+/// What a step of a plan or a derivative takes at least for one line [ns].
+const A_STEP: f64 = 5.0;
 
 /// One load case: a unit load at the root of a plan.
 struct Load {
@@ -44,18 +50,23 @@ pub(crate) struct Job<'a, const D: usize> {
     nodes: usize,
     /// Whether responses are taken at the root only, without the way back.
     only_root: bool,
+    /// Responses at the root of a single branch.
+    tip: Option<Tip>,
 }
 
-/// Receptance and derivatives of a model at angular frequencies `w` (rad/s, complex where a window is).
+/// Receptance and derivatives of a model at frequency lines.
 ///
 /// # Errors
 /// A line that is not a positive frequency, a coordinate or parameter that the model does not have, a
 /// singular interface, or a resonance without damping met exactly.
-pub fn receptance(model: &Model, w: &[Complex64], request: &Request, threads: usize) -> Result<Response> {
-    check(model, w, request)?;
-    let solve = |whole_branches| match model.motion.degrees() {
-        1 => Job::<1>::new(model, request, w, whole_branches).run(w, threads),
-        _ => Job::<2>::new(model, request, w, whole_branches).run(w, threads),
+pub fn receptance(model: &Model, lines: &Frequencies, request: &Request, threads: usize) -> Result<Response> {
+    let highest = check(model, lines, request)?;
+    let solve = |whole_branches: bool| {
+        let whole = whole_branches.then_some((highest, lines.len()));
+        match model.motion.degrees() {
+            1 => Job::<1>::new(model, request, whole).run(lines, threads),
+            _ => Job::<2>::new(model, request, whole).run(lines, threads),
+        }
     };
     match solve(true) {
         // A free resonance without damping can make the one denominator of a branch zero to the last bit.
@@ -70,8 +81,11 @@ pub fn instruction_set() -> String {
 }
 
 impl<'a, const D: usize> Job<'a, D> {
-    /// Prepares what the lines `w` share; `whole_branches` where branches may be taken as one series.
-    pub(crate) fn new(model: &Model, request: &'a Request, w: &[Complex64], whole_branches: bool) -> Self {
+    /// Prepares what the lines share.
+    ///
+    /// `whole` has the largest modulus of an angular frequency and the number of lines, where branches may be taken
+    /// as one series.
+    pub(crate) fn new(model: &Model, request: &'a Request, whole: Option<(f64, usize)>) -> Self {
         let mut job = Self {
             prepared: Prepared::new(model),
             plans: Vec::new(),
@@ -84,6 +98,7 @@ impl<'a, const D: usize> Job<'a, D> {
             request,
             nodes: model.nodes,
             only_root: false,
+            tip: None,
         };
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
@@ -101,8 +116,8 @@ impl<'a, const D: usize> Job<'a, D> {
             && request.joint.is_none()
             && job.plans.len() == 1
             && request.responses.iter().all(|point| point.node == job.plans[0].0);
-        if whole_branches {
-            job.shorten(model, w);
+        if let Some((highest, lines)) = whole {
+            job.shorten(model, highest, lines);
         }
         for (_, plan) in &job.plans {
             job.prepared.follow(plan);
@@ -111,8 +126,7 @@ impl<'a, const D: usize> Job<'a, D> {
     }
 
     /// Takes branches in which nothing is observed or differentiated as a whole.
-    fn shorten(&mut self, model: &Model, w: &[Complex64]) {
-        let highest = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr())).sqrt();
+    fn shorten(&mut self, model: &Model, highest: f64, lines: usize) {
         let observed = |node: usize| {
             self.request.responses.iter().any(|point| point.node == node)
                 || self.gradients.iter().any(|gradient| gradient.node() == Some(node))
@@ -131,13 +145,18 @@ impl<'a, const D: usize> Job<'a, D> {
                 Step::Overlap { .. } | Step::Join | Step::Branch { .. } => true,
             };
             let whole = core::mem::take(plan);
-            *plan = shorten(model, &self.prepared.segments, whole, highest, w.len(), needed, &mut branches);
+            *plan = shorten(model, &self.prepared.segments, whole, highest, lines, needed, &mut branches);
         }
         let mut active = vec![false; model.segments.len()];
         for step in self.plans.iter().flat_map(|plan| &plan.1) {
             if let Step::Segment { row, .. } = step {
                 active[*row] = true;
             }
+        }
+        if let (true, [(_, plan)]) = (self.only_root, &self.plans[..])
+            && let [Step::Branch { .. }] = plan[..]
+        {
+            self.tip = branches.first().and_then(|branch| Tip::new(branch, self.request.directions()));
         }
         self.prepared.active = active;
         self.prepared.branches = branches;
@@ -159,29 +178,41 @@ impl<'a, const D: usize> Job<'a, D> {
         self.loads.len() - 1
     }
 
-    fn run(&self, w: &[Complex64], threads: usize) -> Result<Response> {
+    fn run(&self, lines: &Frequencies, threads: usize) -> Result<Response> {
         let [pairs, wide, forces] = self.a_line();
-        let mut receptance = vec![Complex64::ZERO; w.len() * pairs];
-        let mut derivative = vec![Complex64::ZERO; w.len() * wide];
-        let mut force = vec![Complex64::ZERO; w.len() * forces];
+        let count = lines.len();
+        // Zeros that nobody has written yet where the memory is new: the threads that fill it share that work too.
+        let zeros = |a_line: usize| bytemuck::zeroed_vec::<Complex64>(count * a_line);
+        let (mut receptance, mut derivative, mut force) = (zeros(pairs), zeros(wide), zeros(forces));
         let arch = Arch::new();
-        let tasks = w
-            .chunks(LINES_PER_TASK)
-            .zip(chunks(&mut receptance, pairs, w.len()))
-            .zip(chunks(&mut derivative, wide, w.len()))
-            .zip(chunks(&mut force, forces, w.len()))
+        let tasks = lines
+            .tasks()
+            .into_iter()
+            .zip(chunks(&mut receptance, pairs, count))
+            .zip(chunks(&mut derivative, wide, count))
+            .zip(chunks(&mut force, forces, count))
             .collect();
-        let broken = on_threads(threads, tasks, |(((w, h), dh), force)| self.lines(&arch, w, h, dh, force))?;
-        for (task, broken) in broken.into_iter().enumerate() {
-            if let Some(line) = broken.map(|line| task * LINES_PER_TASK + line) {
-                return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
+        let broken = on_threads(threads, tasks, self.a_task_takes(), |(((range, h), dh), force)| {
+            if let Some(tip) = &self.tip {
+                let finite = tip.fill(&arch, lines, range, h);
+                return if finite { None } else { first_broken([(h, pairs), (dh, wide), (force, forces)]) };
             }
-        }
+            let mut room = EMPTY;
+            self.lines(&arch, lines.some(range, &mut room), h, dh, force)
+        })?;
+        first_of(&broken, lines)?;
         Ok(Response { receptance, derivative, force })
     }
 }
 
 impl<const D: usize> Job<'_, D> {
+    /// What a task takes at least [ns].
+    pub(crate) fn a_task_takes(&self) -> f64 {
+        let steps: usize = self.plans.iter().map(|(_, plan)| plan.len()).sum();
+        let pairs = self.request.responses.len() * self.request.excitations.len();
+        (LINES_PER_TASK * (steps + pairs * self.gradients.len())) as f64 * A_STEP
+    }
+
     /// Numbers a line: receptances, derivatives, forces in the joint.
     fn a_line(&self) -> [usize; 3] {
         let pairs = self.request.responses.len() * self.request.excitations.len();
@@ -202,22 +233,6 @@ impl<const D: usize> Job<'_, D> {
         let [pairs, wide, forces] = self.a_line();
         first_broken([(h, pairs), (dh, wide), (force, forces)])
     }
-}
-
-/// The first line of a task with a value that is not finite, the values of a line standing together.
-fn first_broken(outputs: [(&mut [Complex64], usize); 3]) -> Option<usize> {
-    let lines = outputs.into_iter().filter_map(|(values, a_line)| {
-        values.iter().position(|value| !value.is_finite()).map(|index| index / a_line)
-    });
-    lines.min()
-}
-
-/// The parts of an output that belong to each task, empty ones where there is nothing a line.
-fn chunks(values: &mut [Complex64], a_line: usize, lines: usize) -> Vec<&mut [Complex64]> {
-    if a_line == 0 {
-        return (0..lines.div_ceil(LINES_PER_TASK)).map(|_| Default::default()).collect();
-    }
-    values.chunks_mut(LINES_PER_TASK * a_line).collect()
 }
 
 /// The lines of one task.

@@ -1,56 +1,189 @@
-//! Pools of threads, kept between calls and safe after a fork.
+//! Threads that help the caller, kept between calls and safe after a fork.
 
 use crate::error::{Error, Result};
-use rayon::prelude::*;
+use core::iter::Enumerate;
+use core::sync::atomic::{AtomicUsize, Ordering};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-
-/// Pools by (process, threads): after a fork the parent's threads do not exist, so the child makes its own.
-static POOLS: OnceLock<Mutex<Pools>> = OnceLock::new();
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+use std::vec::IntoIter;
 
 /// Bytes of stack: the kernels are inlined whole, which takes much in a build without optimisation.
 const STACK: usize = 16 << 20;
 
-/// By process and number of threads.
-type Pools = HashMap<(u32, usize), Arc<ThreadPool>>;
+/// What there must be left to do for each helper [ns]: to wake one takes some tens of microseconds.
+const WORTH: f64 = 100e3;
+
+/// How long the caller looks whether the helpers end before it sleeps, which would take as long again.
+const PATIENCE: Duration = Duration::from_micros(50);
+
+/// Tasks are handed out in runs of what is left over so many times the threads: in runs, because results that lie
+/// side by side are written to memory pages that threads would otherwise wait for, and few at the end.
+const RUNS: usize = 4;
 
 /// Does the tasks on at most `threads` threads (0: as many as this process may use); results in their order.
 ///
-/// With one thread or one task the caller's own thread works, so that callers do not wait for each other.
+/// The caller's own thread is one of them. Others are woken where what is left is worth it: by what a task takes
+/// `at_least` in nanoseconds, or once the caller alone has seen what they take.
 ///
 /// # Errors
 /// The threads could not be started.
 pub fn on_threads<T: Send, U: Send>(
     threads: usize,
     tasks: Vec<T>,
-    work: impl Fn(T) -> U + Send + Sync,
+    at_least: f64,
+    work: impl Fn(T) -> U + Sync,
 ) -> Result<Vec<U>> {
     let threads = match threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         given => given,
     };
-    let threads = threads.min(tasks.len());
-    if threads <= 1 {
+    let most = threads.min(tasks.len());
+    if most <= 1 {
         return Ok(tasks.into_iter().map(work).collect());
     }
-    let pool = pool(threads)?;
-    Ok(pool.install(|| tasks.into_par_iter().map(work).collect()))
+    let mut done = Vec::with_capacity(tasks.len());
+    let mut tasks = tasks.into_iter();
+    let began = Instant::now();
+    let mut worth = tasks.len() as f64 * at_least / WORTH;
+    while worth < 1.0 {
+        let Some(task) = tasks.next() else { return Ok(done) };
+        done.push(work(task));
+        let each = began.elapsed().as_nanos() as f64 / done.len() as f64;
+        worth = tasks.len() as f64 * each / WORTH;
+    }
+    let helpers = (most - 1).min(tasks.len()).min(worth as usize);
+    let queue = Queue::new(tasks, helpers + 1);
+    Helpers::idle(most - 1)?.share(helpers, || queue.drain(&work));
+    done.extend(queue.results());
+    Ok(done)
 }
 
-/// The pool of this process with so many threads.
-fn pool(threads: usize) -> Result<Arc<ThreadPool>> {
-    let mut pools = POOLS.get_or_init(Mutex::default).lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(pool) = pools.get(&(std::process::id(), threads)) {
-        return Ok(Arc::clone(pool));
+/// A lock, whether or not its last owner panicked: all that is behind these is always whole.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Tasks that several threads take from, and their results.
+struct Queue<T, U> {
+    waiting: Mutex<Enumerate<IntoIter<T>>>,
+    /// By the number of the first task of a run.
+    done: Mutex<Vec<(usize, Vec<U>)>>,
+    threads: usize,
+}
+
+impl<T, U> Queue<T, U> {
+    fn new(tasks: IntoIter<T>, threads: usize) -> Self {
+        Self { waiting: Mutex::new(tasks.enumerate()), done: Mutex::default(), threads }
     }
-    let pool = ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .stack_size(STACK)
-        .thread_name(|index| format!("receptance-{index}"))
-        .build()
-        .map_err(|error| Error::Threads { threads, reason: error.to_string() })?;
-    let pool = Arc::new(pool);
-    pools.insert((std::process::id(), threads), Arc::clone(&pool));
-    Ok(pool)
+
+    /// The next run of tasks.
+    fn run(&self) -> Vec<(usize, T)> {
+        let mut waiting = lock(&self.waiting);
+        let count = waiting.len().div_ceil(RUNS * self.threads);
+        waiting.by_ref().take(count).collect()
+    }
+
+    /// Works until there is nothing left.
+    fn drain(&self, work: &impl Fn(T) -> U) {
+        loop {
+            let run = self.run();
+            let Some(first) = run.first().map(|task| task.0) else { return };
+            let results = run.into_iter().map(|(_, task)| work(task)).collect();
+            lock(&self.done).push((first, results));
+        }
+    }
+
+    /// All results in the order of the tasks.
+    fn results(self) -> impl Iterator<Item = U> {
+        let mut runs = self.done.into_inner().unwrap_or_else(PoisonError::into_inner);
+        runs.sort_unstable_by_key(|run| run.0);
+        runs.into_iter().flat_map(|run| run.1)
+    }
+}
+
+/// Idle helpers by (process, number): after a fork the parent's threads do not exist, so the child makes its own.
+static IDLE: OnceLock<Mutex<HashMap<Key, Vec<ThreadPool>>>> = OnceLock::new();
+
+type Key = (u32, usize);
+
+/// Threads that one call has for itself, so that calls from several threads do not wait for each other's tasks.
+struct Helpers {
+    key: Key,
+    pool: ThreadPool,
+}
+
+impl Helpers {
+    /// So many helpers that are idle, or new ones.
+    fn idle(count: usize) -> Result<Self> {
+        let key = (std::process::id(), count);
+        let kept = lock(IDLE.get_or_init(Mutex::default)).get_mut(&key).and_then(Vec::pop);
+        if let Some(pool) = kept {
+            return Ok(Self { key, pool });
+        }
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(count)
+            .stack_size(STACK)
+            .thread_name(|index| format!("receptance-{index}"))
+            .build()
+            .map_err(|error| Error::Threads { threads: count, reason: error.to_string() })?;
+        Ok(Self { key, pool })
+    }
+
+    /// Lets the caller and so many helpers do the same.
+    fn share(self, count: usize, work: impl Fn() + Sync) {
+        let ended = AtomicUsize::new(0);
+        self.pool.in_place_scope(|scope| {
+            for _ in 0..count {
+                scope.spawn(|_| {
+                    work();
+                    ended.fetch_add(1, Ordering::Release);
+                });
+            }
+            work();
+            let finished = Instant::now();
+            while ended.load(Ordering::Acquire) < count && finished.elapsed() < PATIENCE {
+                core::hint::spin_loop();
+            }
+        });
+        lock(IDLE.get_or_init(Mutex::default)).entry(self.key).or_default().push(self.pool);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Something that takes some microseconds and has a result.
+    fn work(number: usize) -> f64 {
+        (0..2000).fold(number as f64, |sum, step| (sum + f64::from(step)).sqrt())
+    }
+
+    #[test]
+    fn results_are_in_the_order_of_the_tasks() {
+        for count in [0, 1, 2, 3, 7, 100, 1000] {
+            let expected: Vec<f64> = (0..count).map(work).collect();
+            for threads in [0, 1, 2, 3, 8] {
+                for at_least in [0.0, 1e9] {
+                    let found = on_threads(threads, (0..count).collect(), at_least, work).unwrap();
+                    assert!(found == expected, "{count} tasks, {threads} threads");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tasks_may_share_their_work_again_and_callers_do_not_meet() {
+        let inner = |number: usize| -> f64 {
+            on_threads(2, (number..number + 50).collect(), 1e9, work).unwrap().iter().sum()
+        };
+        let expected: Vec<f64> = (0..20).map(inner).collect();
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| assert!(on_threads(3, (0..20).collect(), 1e9, inner).unwrap() == expected));
+            }
+        });
+    }
 }

@@ -5,7 +5,7 @@
 use num_complex::Complex64;
 use proptest::prelude::*;
 use receptance_core::{
-    Coordinate, Model, Motion, Request, Response, Tables, natural_frequencies, receptance,
+    Coordinate, Frequencies, Model, Motion, Request, Response, Tables, natural_frequencies, receptance,
 };
 
 const TAU: f64 = core::f64::consts::TAU;
@@ -30,7 +30,7 @@ fn both_ends(model: &Model, w: &[Complex64], far: usize, threads: usize) -> Resp
     let points = |node| [0, 1].map(|direction| Coordinate { node, direction });
     let all: Vec<Coordinate> = points(0).into_iter().chain(points(far)).collect();
     let request = Request { excitations: all.clone(), responses: all, ..Request::default() };
-    receptance(model, w, &request, threads).unwrap()
+    receptance(model, &Frequencies::complex(w, 1.0), &request, threads).unwrap()
 }
 
 fn lines(count: usize, highest_hz: f64) -> Vec<Complex64> {
@@ -108,6 +108,41 @@ fn the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
+fn lines_in_hertz_are_lines_in_radians_a_second() {
+    let model = model(&[segment(0, 0.06, 0.012, 1e-3), segment(1, 0.1, 0.04, 1e-3)], &[]);
+    let hertz: Vec<f64> = (1..=700).map(|line| 7.3 * f64::from(line)).collect();
+    let windowed: Vec<Complex64> = hertz.iter().map(|f| Complex64::new(*f, -0.3)).collect();
+    let angular = |lines: &[Complex64]| -> Vec<Complex64> {
+        lines.iter().map(|f| Complex64::new(f.re * TAU, f.im * TAU)).collect()
+    };
+    let as_complex: Vec<Complex64> = hertz.iter().map(|f| (*f).into()).collect();
+    let tip = vec![Coordinate { node: 0, direction: 0 }];
+    let request = Request { excitations: tip.clone(), responses: tip, ..Request::default() };
+    let all = |lines: Frequencies| receptance(&model, &lines, &request, 1).unwrap().receptance;
+    let expected = all(Frequencies::complex(&angular(&as_complex), 1.0));
+    assert!(all(Frequencies::real(&hertz, TAU)) == expected);
+    assert!(all(Frequencies::complex(&as_complex, TAU)) == expected);
+    let expected = all(Frequencies::complex(&angular(&windowed), 1.0));
+    assert!(all(Frequencies::complex(&windowed, TAU)) == expected);
+}
+
+#[test]
+fn a_line_that_is_no_frequency_is_named() {
+    let model = model(&[segment(0, 0.06, 0.012, 1e-3)], &[]);
+    let request = Request::default();
+    let mut hertz: Vec<f64> = (1..=100).map(f64::from).collect();
+    for (line, value) in [(0, 0.0), (37, f64::NAN), (64, -1.0), (99, f64::INFINITY), (50, 1e308)] {
+        let right = core::mem::replace(&mut hertz[line], value);
+        let complex: Vec<Complex64> = hertz.iter().map(|f| (*f).into()).collect();
+        for lines in [Frequencies::real(&hertz, TAU), Frequencies::complex(&complex, TAU)] {
+            let error = receptance(&model, &lines, &request, 1).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("frequency line {line}:")), "{error}");
+        }
+        hertz[line] = right;
+    }
+}
+
+#[test]
 fn a_stiff_joint_is_no_joint_and_a_branch_by_its_series_is_the_same_branch() {
     let whole = model(&[segment(0, 0.06, 0.012, 1e-3), segment(1, 0.1, 0.04, 1e-3)], &[]);
     let mut behind = segment(2, 0.1, 0.04, 1e-3);
@@ -116,10 +151,12 @@ fn a_stiff_joint_is_no_joint_and_a_branch_by_its_series_is_the_same_branch() {
     let joined = model(&[segment(0, 0.06, 0.012, 1e-3), behind], &[joint]);
     let tip = vec![Coordinate { node: 0, direction: 0 }];
     let request = Request { excitations: tip.clone(), responses: tip, ..Request::default() };
+    let tip_of = |model: &Model, count| {
+        let w = lines(count, 12e3);
+        receptance(model, &Frequencies::complex(&w, 1.0), &request, 1).unwrap().receptance
+    };
     // 600 lines are taken by the series of the branch, 100 segment by segment.
-    let many = receptance(&whole, &lines(600, 12e3), &request, 1).unwrap().receptance;
-    let few = receptance(&whole, &lines(100, 12e3), &request, 1).unwrap().receptance;
-    let stiff = receptance(&joined, &lines(600, 12e3), &request, 1).unwrap().receptance;
+    let (many, few, stiff) = (tip_of(&whole, 600), tip_of(&whole, 100), tip_of(&joined, 600));
     for line in 0..100 {
         assert!((many[6 * line + 5] - few[line]).norm() <= 1e-10 * few[line].norm());
     }

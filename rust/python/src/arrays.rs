@@ -1,13 +1,34 @@
 //! Views of NumPy arrays, checked for shape and layout.
 
 use crate::errors::CoreError;
+use num_complex::Complex64;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Coordinate, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table, Tables,
-    overlap, section,
+    Coordinate, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table,
+    Tables, overlap, section,
 };
+
+/// Frequency lines as they come, real or complex.
+#[derive(FromPyObject)]
+pub enum Lines<'py> {
+    /// Real.
+    Real(PyReadonlyArray1<'py, f64>),
+    /// Complex.
+    Complex(PyReadonlyArray1<'py, Complex64>),
+}
+
+impl Lines<'_> {
+    /// The lines, which times the scale are in rad/s.
+    pub fn frequencies(&self, scale: f64) -> PyResult<Frequencies<'_>> {
+        let name = "angular_frequency";
+        Ok(match self {
+            Self::Real(lines) => Frequencies::real(contiguous(name, lines.as_slice())?, scale),
+            Self::Complex(lines) => Frequencies::complex(contiguous(name, lines.as_slice())?, scale),
+        })
+    }
+}
 
 /// The values of a C-contiguous table with a given number of columns.
 pub fn table<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>, columns: usize) -> PyResult<&'a [f64]> {

@@ -1,6 +1,6 @@
 //! The functions of the extension that fit a joint to reduced receptances.
 
-use crate::arrays::{c_contiguous, contiguous, indices};
+use crate::arrays::{Lines, c_contiguous, contiguous, indices};
 use crate::errors::CoreError;
 use crate::functions::shaped;
 use num_complex::Complex64;
@@ -25,7 +25,7 @@ fn seven(name: &str, values: &[f64]) -> PyResult<[f64; COLUMNS]> {
 pub fn joint_normal_matrix<'py>(
     py: Python<'py>,
     reduction: PyReadonlyArray2<'py, f64>,
-    angular_frequency: PyReadonlyArray1<'py, Complex64>,
+    angular_frequency: Lines<'py>,
     measured: PyReadonlyArray1<'py, Complex64>,
     weights: PyReadonlyArray1<'py, f64>,
     reference: PyReadonlyArray1<'py, f64>,
@@ -45,7 +45,7 @@ pub fn joint_normal_matrix<'py>(
     let reduced = Reduced::new(
         reduction.as_array().nrows(),
         c_contiguous("reduction", &reduction)?,
-        contiguous("angular_frequency", angular_frequency.as_slice())?,
+        angular_frequency.frequencies(1.0)?,
         contiguous("measured", measured.as_slice())?,
         contiguous("weights", weights.as_slice())?,
         seven("reference", contiguous("reference", reference.as_slice())?)?,
@@ -63,7 +63,7 @@ pub fn joint_normal_matrix<'py>(
 pub fn joint_residual<'py>(
     py: Python<'py>,
     reduction: PyReadonlyArray2<'py, f64>,
-    angular_frequency: PyReadonlyArray1<'py, Complex64>,
+    angular_frequency: Lines<'py>,
     measured: PyReadonlyArray1<'py, Complex64>,
     weights: PyReadonlyArray1<'py, f64>,
     reference: PyReadonlyArray1<'py, f64>,
@@ -74,7 +74,7 @@ pub fn joint_residual<'py>(
     let reduced = Reduced::new(
         reduction.as_array().nrows(),
         c_contiguous("reduction", &reduction)?,
-        contiguous("angular_frequency", angular_frequency.as_slice())?,
+        angular_frequency.frequencies(1.0)?,
         contiguous("measured", measured.as_slice())?,
         contiguous("weights", weights.as_slice())?,
         seven("reference", contiguous("reference", reference.as_slice())?)?,
@@ -97,7 +97,7 @@ pub fn joint_residual<'py>(
 pub fn fit_joint<'py>(
     py: Python<'py>,
     reductions: Vec<PyReadonlyArray2<'py, f64>>,
-    angular_frequency: Vec<PyReadonlyArray1<'py, Complex64>>,
+    angular_frequency: Vec<Lines<'py>>,
     measured: Vec<PyReadonlyArray1<'py, Complex64>>,
     weights: Vec<PyReadonlyArray1<'py, f64>>,
     references: PyReadonlyArray2<'py, f64>,
@@ -136,7 +136,7 @@ pub fn fit_joint<'py>(
         let reduced = Reduced::new(
             reductions[i].as_array().nrows(),
             c_contiguous("reductions", &reductions[i])?,
-            contiguous("angular_frequency", angular_frequency[i].as_slice())?,
+            angular_frequency[i].frequencies(1.0)?,
             contiguous("measured", measured[i].as_slice())?,
             contiguous("weights", weights[i].as_slice())?,
             references[i],

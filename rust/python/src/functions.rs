@@ -1,10 +1,10 @@
 //! The functions of the extension.
 
-use crate::arrays::{contiguous, coordinates, model, parameters};
+use crate::arrays::{Lines, coordinates, model, parameters};
 use crate::errors::CoreError;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use receptance_core::{Request, receptance as core_receptance};
@@ -15,13 +15,15 @@ pub(crate) fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
 }
 
 /// Receptance (n_freq, n_responses, n_excitations) and its derivative (..., n_parameters).
+///
+/// The lines times `scale` are angular frequencies in rad/s.
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, excitations, responses,
-                    parameters, threads, overlaps=None))]
+                    parameters, threads, overlaps=None, scale=1.0))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn receptance<'py>(
     py: Python<'py>,
-    angular_frequency: PyReadonlyArray1<'py, Complex64>,
+    angular_frequency: Lines<'py>,
     motion: usize,
     segments: PyReadonlyArray2<'py, f64>,
     joints: PyReadonlyArray2<'py, f64>,
@@ -32,8 +34,9 @@ pub fn receptance<'py>(
     parameters: PyReadonlyArray2<'py, f64>,
     threads: usize,
     overlaps: Option<PyReadonlyArray2<'py, f64>>,
+    scale: f64,
 ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
-    let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
+    let lines = angular_frequency.frequencies(scale)?;
     let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
     let request = Request {
         excitations: coordinates("excitations", &excitations)?,
@@ -41,8 +44,8 @@ pub fn receptance<'py>(
         parameters: self::parameters(&parameters)?,
         joint: None,
     };
-    let result = py.detach(|| core_receptance(&model, w, &request, threads)).map_err(CoreError::from)?;
-    let (n, p) = (w.len(), request.parameters.len());
+    let result = py.detach(|| core_receptance(&model, &lines, &request, threads)).map_err(CoreError::from)?;
+    let (n, p) = (lines.len(), request.parameters.len());
     let (rows, columns) = (request.responses.len(), request.excitations.len());
     let h = shaped(Array3::from_shape_vec((n, rows, columns), result.receptance))?;
     let dh = shaped(Array4::from_shape_vec((n, rows, columns, p), result.derivative))?;
@@ -82,14 +85,14 @@ pub fn instruction_set() -> String {
 }
 
 /// Reduction of a model to one joint, for `joint_normal_matrix`: real planes (16, n_freq), or where they serve
-/// power series in w^2, (29, n_terms).
+/// power series in w^2, (29, n_terms). `scale` as in `receptance`.
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, segments, joints, masses, grounds, joint, response, excitation, threads,
-                    overlaps=None))]
+                    overlaps=None, scale=1.0))]
 #[allow(clippy::too_many_arguments)]
 pub fn reduce_joint<'py>(
     py: Python<'py>,
-    angular_frequency: PyReadonlyArray1<'py, Complex64>,
+    angular_frequency: Lines<'py>,
     segments: PyReadonlyArray2<'py, f64>,
     joints: PyReadonlyArray2<'py, f64>,
     masses: PyReadonlyArray2<'py, f64>,
@@ -99,8 +102,9 @@ pub fn reduce_joint<'py>(
     excitation: PyReadonlyArray2<'py, f64>,
     threads: usize,
     overlaps: Option<PyReadonlyArray2<'py, f64>>,
+    scale: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
+    let lines = angular_frequency.frequencies(scale)?;
     let model = model(0, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
     let one = |name: &str, array: &PyReadonlyArray2<'py, f64>| {
         let points = coordinates(name, array)?;
@@ -111,7 +115,7 @@ pub fn reduce_joint<'py>(
     };
     let (response, excitation) = (one("response", &response)?, one("excitation", &excitation)?);
     let found = py
-        .detach(|| receptance_core::reduce_joint(&model, joint, w, response, excitation, threads))
+        .detach(|| receptance_core::reduce_joint(&model, joint, &lines, response, excitation, threads))
         .map_err(CoreError::from)?;
     let shape = (found.rows, found.values.len() / found.rows);
     Ok(shaped(Array2::from_shape_vec(shape, found.values))?.into_pyarray(py))
