@@ -11,6 +11,7 @@ overlaps (n, 31), optional: node where the shank goes on, node where the sleeve 
 For motion 1 (axial) and 2 (torsion) a node has one degree of freedom; then k_y, c_y, loss_factor and the first
 inertia column act along it.
 excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
+added (n_freq * n_joints * 2), optional: complex stiffness in y and theta besides that of the columns.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
 """
 
@@ -46,6 +47,7 @@ def receptance(
     parameters: NDArray[np.float64],
     threads: int,
     overlaps: NDArray[np.float64] | None = None,
+    added: NDArray[np.complex128] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
 def natural_frequencies(
     upper: float,

@@ -119,6 +119,7 @@ impl<'a, const D: usize> Job<'a, D> {
         };
         let joint = |row: usize| {
             self.request.joint == Some(row)
+                || !self.request.added.is_empty()
                 || self.gradients.iter().any(|gradient| gradient.joint() == Some(row))
         };
         let mut branches = Vec::new();
@@ -170,8 +171,11 @@ impl<'a, const D: usize> Job<'a, D> {
             .zip(chunks(&mut receptance, pairs, w.len()))
             .zip(chunks(&mut derivative, wide, w.len()))
             .zip(chunks(&mut force, forces, w.len()))
+            .enumerate()
             .collect();
-        let broken = on_threads(threads, tasks, |(((w, h), dh), force)| self.lines(&arch, w, h, dh, force))?;
+        let broken = on_threads(threads, tasks, |(task, (((w, h), dh), force))| {
+            self.lines(&arch, w, self.added(task, w.len()), h, dh, force)
+        })?;
         for (task, broken) in broken.into_iter().enumerate() {
             if let Some(line) = broken.map(|line| task * LINES_PER_TASK + line) {
                 return Err(Error::Resonance { line, frequency_hz: w[line].re / core::f64::consts::TAU });
@@ -189,16 +193,24 @@ impl<const D: usize> Job<'_, D> {
         [pairs, pairs * self.gradients.len(), forces]
     }
 
+    /// What joints have besides their columns on the lines of a task.
+    fn added(&self, task: usize, lines: usize) -> &[Complex64] {
+        let a_line = 2 * self.prepared.joints.len();
+        let start = task * LINES_PER_TASK * a_line;
+        self.request.added.get(start..start + lines * a_line).unwrap_or_default()
+    }
+
     /// Evaluates the lines of one task; the first line that has no finite value, if there is one.
     pub(crate) fn lines(
         &self,
         arch: &Arch,
         w: &[Complex64],
+        added: &[Complex64],
         h: &mut [Complex64],
         dh: &mut [Complex64],
         force: &mut [Complex64],
     ) -> Option<usize> {
-        arch.dispatch(Lines { job: self, w, h: &mut *h, dh: &mut *dh, force: &mut *force });
+        arch.dispatch(Lines { job: self, w, added, h: &mut *h, dh: &mut *dh, force: &mut *force });
         let [pairs, wide, forces] = self.a_line();
         first_broken([(h, pairs), (dh, wide), (force, forces)])
     }
@@ -224,6 +236,7 @@ fn chunks(values: &mut [Complex64], a_line: usize, lines: usize) -> Vec<&mut [Co
 struct Lines<'a, const D: usize> {
     job: &'a Job<'a, D>,
     w: &'a [Complex64],
+    added: &'a [Complex64],
     h: &'a mut [Complex64],
     dh: &'a mut [Complex64],
     force: &'a mut [Complex64],
@@ -234,7 +247,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Lines { job, w, h, dh, force } = self;
+        let Lines { job, w, added, h, dh, force } = self;
         let mut block = Block::empty(simd);
         let mut records: Vec<Record<S, D>> = Vec::new();
         let (segments, overlaps) = (job.prepared.segments.len(), job.prepared.overlaps.len());
@@ -251,7 +264,9 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
             let start = next;
             let lines = together(&w[start..w.len().min(start + S::F64_LANES)]);
             next += lines.len();
-            job.prepared.block(simd, lines, false, &mut block);
+            let a_line = added.len() / w.len();
+            let added = &added[a_line * start..a_line * next];
+            job.prepared.block(simd, lines, false, added, &mut block);
             for (index, (root, plan)) in job.plans.iter().enumerate() {
                 block.upwards(simd, plan, &job.prepared.branches, &mut records, &mut Blind);
                 let Some(top) = records.last() else { continue };

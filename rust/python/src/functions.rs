@@ -15,9 +15,11 @@ pub(crate) fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
 }
 
 /// Receptance (n_freq, n_responses, n_excitations) and its derivative (..., n_parameters).
+///
+/// `added`, flat of (n_freq, n_joints, 2), is complex stiffness besides that of the columns.
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, excitations, responses,
-                    parameters, threads, overlaps=None))]
+                    parameters, threads, overlaps=None, added=None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn receptance<'py>(
     py: Python<'py>,
@@ -32,6 +34,7 @@ pub fn receptance<'py>(
     parameters: PyReadonlyArray2<'py, f64>,
     threads: usize,
     overlaps: Option<PyReadonlyArray2<'py, f64>>,
+    added: Option<PyReadonlyArray1<'py, Complex64>>,
 ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
     let w = contiguous("angular_frequency", angular_frequency.as_slice())?;
     let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
@@ -40,6 +43,10 @@ pub fn receptance<'py>(
         responses: coordinates("responses", &responses)?,
         parameters: self::parameters(&parameters)?,
         joint: None,
+        added: match &added {
+            Some(added) => contiguous("added", added.as_slice())?.to_vec(),
+            None => Vec::new(),
+        },
     };
     let result = py.detach(|| core_receptance(&model, w, &request, threads)).map_err(CoreError::from)?;
     let (n, p) = (w.len(), request.parameters.len());
