@@ -102,8 +102,8 @@ class Assembly:
         `<part>.segment[i].length`, `.outer_diameter`, `.inner_diameter`, `.youngs_modulus`, `.density`,
         `.poisson_ratio`, `.loss_factor` and `.core.youngs_modulus` and so on; `<joint>.k_y` and its six
         companions, a spread joint's `.length`, `.shank.outer_diameter` and so on, a collet's `.inner.k_y` and
-        `.mass`, a joint's `.slip_y`, `.level` and so on where it slips; `<mass>.mass`, `.inertia`;
-        `<ground>.k_y` and so on. `segment[*]` stands for all segments of a part together.
+        `.mass`, a slipping one's `.slip_y`, `.level` and so on; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on.
+        `segment[*]` stands for all segments of a part together.
         """
         return tuple(self._flatten(()).entries)
 
@@ -171,7 +171,7 @@ class Assembly:
         Returns
         -------
         receptance, derivative : ndarray
-            The receptance and, with one more axis at the end, its derivative per SI unit of each parameter.
+            As in `receptance`, and with one more axis at the end its derivative per SI unit of each parameter.
 
         Examples
         --------
@@ -274,10 +274,8 @@ class Assembly:
             As the core takes them: `(29, n_terms)`, the series of (T7a) in the theory after the reference frequency,
             or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`.
         """
-        if not isinstance(self._elements.get(joint), PointJoint):
-            raise ValueError(f"there is no joint {joint!r} in {self!r}")
-        if self._flatten(()).microslips:
-            raise ValueError(f"a joint in micro-slip is no part of what stays as it is in {self!r}")
+        if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).microslips:
+            raise ValueError(f"there is no joint {joint!r} in {self!r}, or another one is in micro-slip")
         w = _checks.angular_frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
@@ -377,8 +375,7 @@ class Assembly:
             return flat.entries[address]
         owner, rest = self._owner(address)
         if isinstance(owner, Part):
-            name = address.split(".", 1)[0]
-            fields = segment_fields(address, owner, rest)
+            name, fields = address.split(".", 1)[0], segment_fields(address, owner, rest)
             return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
         raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names_in(owner)}")
 
