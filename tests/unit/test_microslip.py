@@ -101,7 +101,8 @@ def test_every_parameter_has_its_derivative(force: float | None, places: dict[st
         value = assembly.get(name)
         step = 1e-4 * value
         sides = [
-            assembly.replace({name: value + s * step}).receptance(LINES[::3], force=force, **places) for s in (-2, -1, 1, 2)
+            assembly.replace({name: value + s * step}).receptance(LINES[::3], force=force, **places)
+            for s in (-2, -1, 1, 2)
         ]
         expected = (sides[0] - 8.0 * sides[1] + 8.0 * sides[2] - sides[3]) / (12.0 * step)
         if name.endswith(("level",) if force else ("reference_y", "reference_theta")):
