@@ -11,7 +11,7 @@ structure between the sides of the joints, d = (1 + G K_added(l))^-1 d_0, and di
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -122,7 +122,7 @@ def force_amplitudes(
         raise ValueError(f"force belongs to one excitation, and there are {excitations}")
     if np.any(w.imag):
         raise ValueError("a stepped sine of a given force has real lines; complex ones belong to a decaying window")
-    for value in array.reshape(-1):
+    for value in array.reshape(-1)[~(array.reshape(-1) > 0.0) | ~np.isfinite(array.reshape(-1))]:
         _checks.positive("receptance", "force", value, unit="N")
     return np.broadcast_to(array.astype(np.float64), w.shape)
 
@@ -317,42 +317,39 @@ def solved(
     x = np.log(first.min(axis=1, keepdims=True) * linear)
     off = np.full(len(x), np.inf)
     left = np.arange(len(x))
+    value, slope = _balance(slots, start, compliance, factor, x)
     for _ in range(_MOST_STEPS):
-        here = (slots, start[left], compliance[left], factor[left])
-        value, slope = _balance(*here, x[left])
         off[left] = np.abs(value).max(axis=1)
         kept = off[left] > _CONVERGED
         if not kept.any():
             break
         left, value, slope = left[kept], value[kept], slope[kept]
-        step: NDArray[np.float64] = np.asarray(np.linalg.solve(slope, -value[:, :, None])[:, :, 0], dtype=np.float64)
+        step = -(_inverse(slope) @ value[:, :, None])[:, :, 0]
         step = step * np.minimum(1.0, _LONGEST / np.maximum(np.abs(step).max(axis=1), _LEAST_LEVEL))[:, None]
-        share = _help(slots, start[left], compliance[left], factor[left], x[left], step, value)
-        x[left] += share[:, None] * step
+        x[left], value, slope = _stepped((slots, start[left], compliance[left], factor[left]), x[left], step, value)
     return np.where(factor > 0.0, np.exp(x), 0.0), off
 
 
-def _help(
-    slots: Slots,
-    start: NDArray[np.complex128],
-    compliance: NDArray[np.complex128],
-    factor: NDArray[np.float64],
-    x: NDArray[np.float64],
-    step: NDArray[np.float64],
-    value: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the share of a step, 1, 1/2, 1/4 and so on, with which each line comes nearer to its balance."""
-    share = np.ones(len(x))
+Lines = tuple[Slots, "NDArray[np.complex128]", "NDArray[np.complex128]", "NDArray[np.float64]"]
+
+
+def _stepped(
+    lines: Lines, x: NDArray[np.float64], step: NDArray[np.float64], value: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return where each line is after as much of its step, 1, 1/2, 1/4 and so on, as helps, and the balance there."""
+    slots, start, compliance, factor = lines
     size = np.linalg.norm(value, axis=1)
-    waiting = np.arange(len(x))
+    new = x + step
+    found, slope = _balance(slots, start, compliance, factor, new)
+    share = 1.0
     for _ in range(_MOST_HALVES):
-        place = x[waiting] + share[waiting, None] * step[waiting]
-        found, _ = _balance(slots, start[waiting], compliance[waiting], factor[waiting], place)
-        waiting = waiting[np.linalg.norm(found, axis=1) > (1.0 - 1e-4 * share[waiting]) * size[waiting]]
-        if not waiting.size:
+        left = np.flatnonzero(np.linalg.norm(found, axis=1) > (1.0 - 1e-4 * share) * size)
+        if not left.size:
             break
-        share[waiting] *= 0.5
-    return share
+        share *= 0.5
+        new[left] = x[left] + share * step[left]
+        found[left], slope[left] = _balance(slots, start[left], compliance[left], factor[left], new[left])
+    return new, found, slope
 
 
 def _balance(
@@ -365,7 +362,7 @@ def _balance(
     """Return log l - log |d(l)| - log (F / a_ref) at x = log l, `(n, s)`, and its derivative `(n, s, s)`."""
     levels = np.exp(x)
     unit = np.eye(slots.count)
-    inverse = np.linalg.inv(unit + compliance * slots.added(levels)[:, None, :])
+    inverse = _inverse(unit + compliance * slots.added(levels)[:, None, :])
     motion = (inverse @ start[:, :, None])[:, :, 0]
     motion = np.where(np.abs(motion) > _LEAST_LEVEL, motion, _LEAST_LEVEL)
     counted = factor > 0.0
@@ -373,3 +370,11 @@ def _balance(
     moved = -(inverse @ compliance) * (motion * slots.slope(levels) * levels)[:, None, :]
     slope = np.where(counted[:, :, None], unit - (moved / motion[:, :, None]).real, unit)
     return value, slope
+
+
+def _inverse(matrices: NDArray[Any]) -> NDArray[Any]:
+    """Return inverses, `(n, s, s)`; of two rows by hand, which is many times faster than one call a matrix."""
+    if matrices.shape[1] != 2:
+        return np.asarray(np.linalg.inv(matrices))
+    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
+    return np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
