@@ -2,8 +2,15 @@
 
 from receptance.assembly import Assembly
 from receptance.beams import Part, Section, Segment
+from receptance.collet import ColletJoint
 from receptance.coordinates import Coordinate
-from receptance.errors import ReceptanceError, ReceptanceWarning, ResonanceError, SingularInterfaceError
+from receptance.errors import (
+    GrossSlipError,
+    ReceptanceError,
+    ReceptanceWarning,
+    ResonanceError,
+    SingularInterfaceError,
+)
 from receptance.frf import FRF
 from receptance.identification import (
     Identification,
@@ -15,6 +22,7 @@ from receptance.identification import (
 )
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import CARBIDE, STEEL, Material
+from receptance.microslip import MicroslipJoint
 from receptance.spread import SpreadJoint
 
 __all__ = [
@@ -22,12 +30,15 @@ __all__ = [
     "FRF",
     "STEEL",
     "Assembly",
+    "ColletJoint",
     "Coordinate",
+    "GrossSlipError",
     "GroundSpring",
     "Identification",
     "Material",
     "MeasuredFRF",
     "MeasuredFrequencies",
+    "MicroslipJoint",
     "Part",
     "PointJoint",
     "PointMass",

@@ -8,21 +8,27 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from receptance._flatten import BEAM_COLUMN, MATERIAL_FIELDS, Flat
-from receptance.beams import Part
+from receptance._flatten import MATERIAL_FIELDS, Flat
+from receptance.beams import Part, Section
+from receptance.collet import ColletJoint
 from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.microslip import MicroslipJoint
 from receptance.spread import SpreadJoint
 
-_KIND = {Part: "part", PointJoint: "joint", SpreadJoint: "joint", PointMass: "mass", GroundSpring: "ground"}
+_JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
+_KIND = {Part: "part", **dict.fromkeys(_JOINTS, "joint"), PointMass: "mass", GroundSpring: "ground"}
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
 def check_chain(elements: Sequence[Any], points: Sequence[Any]) -> None:
     """Raise where elements do not make a chain from the tip on, or points are none."""
     for index, element in enumerate(elements):
-        if not isinstance(element, (Part, PointJoint, SpreadJoint)):
-            raise TypeError(f"Assembly: chain[{index}] is {element!r}, expected a Part, a PointJoint or a SpreadJoint")
+        if not isinstance(element, (Part, *_JOINTS)):
+            kinds = ", ".join(kind.__name__ for kind in _JOINTS[:-1])
+            raise TypeError(
+                f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {kinds} and {_JOINTS[-1].__name__}"
+            )
     for index, point in enumerate(points):
         if not isinstance(point, (PointMass, GroundSpring)):
             raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
@@ -32,7 +38,7 @@ def check_chain(elements: Sequence[Any], points: Sequence[Any]) -> None:
         if not isinstance(elements[index - 1], Part) and not isinstance(elements[index], Part):
             raise ValueError(
                 f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
-                "springs in series are one PointJoint"
+                "springs in series are one PointJoint, or a ColletJoint"
             )
 
 
@@ -112,24 +118,32 @@ def replace_in_segment(segment: Any, fields: dict[str, float]) -> Any:
 
 def value_in(owner: Any, rest: str) -> float:
     """Return a value of a joint or a point element."""
-    beam, dot, field = rest.partition(".")
-    return value_in_segment(getattr(owner, beam), field) if dot else float(getattr(owner, rest))
+    member, dot, field = rest.partition(".")
+    if not dot:
+        return float(getattr(owner, rest))
+    inside = getattr(owner, member)
+    return value_in_segment(inside, field) if isinstance(inside, Section) else float(getattr(inside, field))
 
 
 def replace_in(owner: Any, fields: Mapping[str, float]) -> Any:
     """Return the joint or point element with other values of some fields."""
     changes: dict[str, Any] = {name: value for name, value in fields.items() if "." not in name}
-    for beam in BEAM_COLUMN:
-        own = {name.removeprefix(f"{beam}."): value for name, value in fields.items() if name.startswith(f"{beam}.")}
-        if own:
-            changes[beam] = replace_in_segment(getattr(owner, beam), own)
+    for member in dict.fromkeys(name.split(".", 1)[0] for name in fields if "." in name):
+        first = f"{member}."
+        own = {name.removeprefix(first): value for name, value in fields.items() if name.startswith(first)}
+        inside = getattr(owner, member)
+        changes[member] = replace_in_segment(inside, own) if isinstance(inside, Section) else replace(inside, **own)
     return replace(owner, **changes)
 
 
 def names_in(owner: Any) -> str:
     """Return what a joint or a point element has, for a message."""
-    beams = " and shank. or sleeve. with a section's" if isinstance(owner, SpreadJoint) else ""
-    return ", ".join(owner.columns_of) + beams
+    more = {
+        SpreadJoint: " and shank. or sleeve. with a section's",
+        ColletJoint: f" and inner. or outer. with {', '.join(PointJoint.columns_of)}",
+        MicroslipJoint: f", {', '.join(MicroslipJoint.amplitude_of)}",
+    }
+    return ", ".join(owner.columns_of) + more.get(type(owner), "")
 
 
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
@@ -138,13 +152,11 @@ def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def interfaces_by_name(elements: Mapping[str, Any], flat: Flat) -> Iterator[None]:
+def interfaces_by_name(flat: Flat) -> Iterator[None]:
     """Call a singular interface by the joint's name: the core knows only its row."""
     try:
         yield
     except SingularInterfaceError as error:
-        kinds = {"joint": PointJoint, "overlap": SpreadJoint}
-        joints = {kind: [name for name, of in elements.items() if isinstance(of, kinds[kind])] for kind in kinds}
-        rows = {(kind, flat.entries[f"{name}.k_y"][0][1]): name for kind in kinds for name in joints[kind]}
-        text = re.sub(r"^(joint|overlap) (\d+)", lambda found: f"joint {rows[found[1], int(found[2])]!r}", str(error))
+        titles = flat.titles
+        text = re.sub(r"^(joint|overlap) (\d+)", lambda found: f"joint {titles[found[1], int(found[2])]!r}", str(error))
         raise SingularInterfaceError(text) from None

@@ -12,6 +12,7 @@ For motion 1 (axial) and 2 (torsion) a node has one degree of freedom; then k_y,
 inertia column act along it.
 excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
 angular_frequency (n): real or complex; where there is a `scale`, what the lines are multiplied with to be in rad/s.
+added (n_freq * n_joints * 2), optional: complex stiffness in y and theta besides that of the columns.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
 """
 
@@ -50,6 +51,7 @@ def receptance(
     threads: int,
     overlaps: NDArray[np.float64] | None = None,
     scale: float = 1.0,
+    added: NDArray[np.complex128] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
 def natural_frequencies(
     upper: float,

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.beams import Part
+from receptance.collet import ColletJoint
 from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.microslip import MicroslipJoint
 from receptance.spread import SpreadJoint
 
 if TYPE_CHECKING:
@@ -26,7 +28,9 @@ SEGMENT_COLUMN = {
     **{name: 5 + i for i, name in enumerate(MATERIAL_FIELDS)},
     **{f"core.{name}": 9 + i for i, name in enumerate(MATERIAL_FIELDS)},
 }
-SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS = range(5)
+SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS, MICROSLIP = range(6)
+"""The core's tables, and last what it does not know: the fields of joints in micro-slip."""
+MICROSLIP_FIELDS = ("k_y", "k_theta", *MicroslipJoint.amplitude_of)
 OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
 BEAM_COLUMN = {"shank": 3, "sleeve": 14}
 SECTION_FIELDS = tuple(SEGMENT_COLUMN)[1:]
@@ -35,6 +39,7 @@ Entry = tuple[int, int, int, float]
 """Table, row, column and weight: how fast the entry grows with the parameter."""
 
 
+Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint
 Tables = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]
 
 
@@ -47,6 +52,8 @@ class Flat:
     masses: list[list[float]] = field(default_factory=list)
     grounds: list[list[float]] = field(default_factory=list)
     overlaps: list[list[float]] = field(default_factory=list)
+    microslips: list[tuple[int, str, MicroslipJoint]] = field(default_factory=list)
+    titles: dict[tuple[str, int], str] = field(default_factory=dict)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
     points: dict[tuple[Coordinate, ...], NDArray[np.float64]] = field(default_factory=dict)
@@ -91,7 +98,7 @@ def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def flatten(
-    chain: Sequence[tuple[str, Part | PointJoint | SpreadJoint]],
+    chain: Sequence[tuple[str, Element]],
     attachments: Sequence[tuple[str, PointMass | GroundSpring, str, float]],
     positions: dict[str, set[float]],
 ) -> Flat:
@@ -107,6 +114,8 @@ def flatten(
             node = _add_part(flat, name, element, node, sorted(positions.get(name, ())))
         elif isinstance(element, SpreadJoint):
             node = _add_spread(flat, name, element, node)
+        elif isinstance(element, ColletJoint):
+            node = _add_collet(flat, name, element, node)
         else:
             node = _add_joint(flat, name, element, node)
     for name, attachment, part, position in attachments:
@@ -114,18 +123,32 @@ def flatten(
     return flat
 
 
-def _add_joint(flat: Flat, name: str, joint: PointJoint, node: int) -> int:
+def _add_joint(flat: Flat, name: str, joint: PointJoint | MicroslipJoint, node: int) -> int:
     far = flat.new_node()
     row = len(flat.joints)
+    flat.titles["joint", row] = name
     flat.joints.append([float(node), float(far), *joint.columns()])
     for i, quantity in enumerate(joint.columns_of):
         flat.entries[f"{name}.{quantity}"] = [(JOINTS, row, 2 + i, 1.0)]
+    if isinstance(joint, MicroslipJoint):
+        for i, quantity in enumerate(MICROSLIP_FIELDS):
+            flat.entries[f"{name}.{quantity}"] = [(MICROSLIP, len(flat.microslips), i, 1.0)]
+        flat.microslips.append((row, name, joint))
     return far
+
+
+def _add_collet(flat: Flat, name: str, joint: ColletJoint, node: int) -> int:
+    middle = _add_joint(flat, f"{name}.inner", joint.inner, node)
+    for i, quantity in enumerate(joint.columns_of):
+        flat.entries[f"{name}.{quantity}"] = [(MASSES, len(flat.masses), 1 + i, 1.0)]
+    flat.masses.append([float(middle), joint.mass, joint.inertia])
+    return _add_joint(flat, f"{name}.outer", joint.outer, middle)
 
 
 def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
     far = flat.new_node()
     row = len(flat.overlaps)
+    flat.titles["overlap", row] = name
     flat.overlaps.append([float(node), float(far), *joint.columns()])
     for quantity, column in OVERLAP_COLUMN.items():
         flat.entries[f"{name}.{quantity}"] = [(OVERLAPS, row, column, 1.0)]

@@ -24,11 +24,11 @@ from receptance._addresses import (
     value_in,
     value_in_segment,
 )
-from receptance._flatten import Flat, constant, flatten
+from receptance._evaluation import modes, responses
+from receptance._flatten import Element, Flat, constant, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
-from receptance.spread import SpreadJoint
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -36,19 +36,19 @@ if TYPE_CHECKING:
 __all__ = ["Assembly"]
 
 Attachment = PointMass | GroundSpring
-Element = Part | PointJoint | SpreadJoint
 
 
 class Assembly:
     """Parts and joints in a row from the tip to the far end, with masses and ground springs attached.
 
     Two parts that follow each other are rigidly connected; a `PointJoint` between them makes the connection
-    elastic (Matthias et al. 2016, eqs. 2 to 5), a `SpreadJoint` spreads it along the insertion. Every number is a
-    parameter with an address: see `parameters`.
+    elastic (Matthias et al. 2016, eqs. 2 to 5), a `SpreadJoint` spreads it along the insertion, a `ColletJoint` puts a
+    mass between two of them, and a `MicroslipJoint` depends on its amplitude. Every number is a parameter with an
+    address: see `parameters`.
 
     Parameters
     ----------
-    chain : iterable of Part, PointJoint and SpreadJoint
+    chain : iterable of parts and joints
         From the tip on; begins and ends with a part. Unnamed elements are called `part`, `joint`, numbered
         where there are several.
     attachments : iterable of PointMass and GroundSpring, optional
@@ -73,7 +73,7 @@ class Assembly:
     """
 
     def __init__(self, chain: Iterable[Element], attachments: Iterable[Attachment] = ()) -> None:
-        elements = tuple(chain) if not isinstance(chain, (Part, PointJoint, SpreadJoint)) else (chain,)
+        elements = tuple(chain) if not isinstance(chain, Element) else (chain,)
         points = tuple(attachments)
         check_chain(elements, points)
         # An assembly never changes, so it is flattened once for each set of coordinates.
@@ -101,8 +101,9 @@ class Assembly:
 
         `<part>.segment[i].length`, `.outer_diameter`, `.inner_diameter`, `.youngs_modulus`, `.density`,
         `.poisson_ratio`, `.loss_factor` and `.core.youngs_modulus` and so on; `<joint>.k_y` and its six
-        companions, a spread joint's `.length`, `.shank.outer_diameter` and so on; `<mass>.mass`, `.inertia`;
-        `<ground>.k_y` and so on. `segment[*]` stands for all segments of a part together.
+        companions, a spread joint's `.length`, `.shank.outer_diameter` and so on, a collet's `.inner.k_y` and
+        `.mass`, a slipping one's `.slip_y`, `.level` and so on; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on.
+        `segment[*]` stands for all segments of a part together.
         """
         return tuple(self._flatten(()).entries)
 
@@ -113,6 +114,7 @@ class Assembly:
         response: Coordinate | Sequence[Coordinate] | None = None,
         excitation: Coordinate | Sequence[Coordinate] | None = None,
         threads: int | None = None,
+        force: ArrayLike | None = None,
     ) -> NDArray[np.complex128]:
         """Receptance between coordinates; by default y over force at the tip.
 
@@ -124,6 +126,9 @@ class Assembly:
             Where motion is seen and where the load acts.
         threads : int, optional
             Threads over frequency lines; by default RECEPTANCE_THREADS or all that this process may use.
+        force : array_like, optional
+            Amplitude in N (N m), one number or `(n,)`, of a stepped sine: joints in micro-slip then have the level that
+            it brings about on each line, and not the stated one.
 
         Returns
         -------
@@ -139,8 +144,10 @@ class Assembly:
             A joint that some direction of the interface is not held by.
         ResonanceError
             A line that meets an undamped resonance exactly.
+        GrossSlipError
+            A line on which a joint slides as a whole under the force.
         """
-        return self._evaluate(frequency_hz, (), response, excitation, threads)[0]
+        return self._evaluate(frequency_hz, (), response, excitation, threads, force)[0]
 
     def derivatives(
         self,
@@ -150,6 +157,7 @@ class Assembly:
         response: Coordinate | Sequence[Coordinate] | None = None,
         excitation: Coordinate | Sequence[Coordinate] | None = None,
         threads: int | None = None,
+        force: ArrayLike | None = None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Receptance and its derivative with respect to parameters, in one call.
 
@@ -157,13 +165,13 @@ class Assembly:
         ----------
         parameters : sequence of str
             Addresses, see `parameters`.
-        frequency_hz, response, excitation, threads
+        frequency_hz, response, excitation, threads, force
             As in `receptance`.
 
         Returns
         -------
         receptance, derivative : ndarray
-            The receptance and, with one more axis at the end, its derivative per SI unit of each parameter.
+            As in `receptance`, and with one more axis at the end its derivative per SI unit of each parameter.
 
         Examples
         --------
@@ -174,7 +182,7 @@ class Assembly:
         >>> slope.shape
         (2, 2)
         """
-        return self._evaluate(frequency_hz, listed(parameters), response, excitation, threads)
+        return self._evaluate(frequency_hz, listed(parameters), response, excitation, threads, force)
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies up to `upper_hz`, ascending, in Hz; rigid-body modes are left out.
@@ -267,8 +275,8 @@ class Assembly:
             or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`, real where
             the lines are.
         """
-        if not isinstance(self._elements.get(joint), PointJoint):
-            raise ValueError(f"there is no joint {joint!r} in {self!r}")
+        if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).microslips:
+            raise ValueError(f"there is no joint {joint!r} in {self!r}, or another one is in micro-slip")
         w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
@@ -278,7 +286,7 @@ class Assembly:
         if at is not None:
             tables = (tables[0], tables[1].copy(), *tables[2:])
             tables[1][row, 2:] = at.columns()
-        with interfaces_by_name(self._elements, flat):
+        with interfaces_by_name(flat):
             return _core.reduce_joint(w, *tables, row, points[0], points[1], count, flat.beside()), w
 
     def _evaluate(
@@ -288,6 +296,7 @@ class Assembly:
         response: Coordinate | Sequence[Coordinate] | None,
         excitation: Coordinate | Sequence[Coordinate] | None,
         threads: int | None,
+        force: ArrayLike | None = None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
@@ -295,9 +304,7 @@ class Assembly:
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
-        with interfaces_by_name(self._elements, flat):
-            request = (points[1], points[0], rows, count, flat.beside(), 2.0 * np.pi)
-            h, dh = _core.receptance(lines, 0, *flat.tables(), *request)
+        h, dh = responses(flat, lines, points, rows, count, force)
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -309,8 +316,7 @@ class Assembly:
         upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
         flat = self._flatten(())
         rows, matrix = self._weights(flat, addresses)
-        with interfaces_by_name(self._elements, flat):
-            angular, slope = _core.natural_frequencies(upper, 2**31, 0, *flat.tables(), rows, flat.beside())
+        angular, slope = modes(flat, upper, rows)
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
@@ -374,8 +380,7 @@ class Assembly:
             return flat.entries[address]
         owner, rest = self._owner(address)
         if isinstance(owner, Part):
-            name = address.split(".", 1)[0]
-            fields = segment_fields(address, owner, rest)
+            name, fields = address.split(".", 1)[0], segment_fields(address, owner, rest)
             return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
         raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names_in(owner)}")
 

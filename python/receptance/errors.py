@@ -2,7 +2,11 @@
 
 from receptance._core import ReceptanceError, ResonanceError, SingularInterfaceError
 
-__all__ = ["ReceptanceError", "ReceptanceWarning", "ResonanceError", "SingularInterfaceError"]
+__all__ = ["GrossSlipError", "ReceptanceError", "ReceptanceWarning", "ResonanceError", "SingularInterfaceError"]
+
+
+class GrossSlipError(ReceptanceError):
+    """A joint of which the whole interface slides under the given force: nothing describes what follows."""
 
 
 class ReceptanceWarning(UserWarning):

@@ -43,7 +43,7 @@ PAIR = Assembly([TOOL, JOINT, HOLDER])
             ValueError,
             r"chain\[1\] and chain\[2\] are both joints",
         ),
-        ([TOOL, BAR], TypeError, r"chain\[1\] is Segment.*, expected a Part, a PointJoint or a SpreadJoint"),
+        ([TOOL, BAR], TypeError, r"chain\[1\] is Segment.*, expected a Part or one of PointJoint"),
         ([TOOL, None], TypeError, r"chain\[1\] is None"),
         ("tool", TypeError, r"chain\[0\] is 't'"),
         ([TOOL, TOOL], ValueError, "the name 'tool' is given to two elements"),

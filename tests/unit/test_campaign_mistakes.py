@@ -45,7 +45,11 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         ('core = "carbide"', 'core = "carbid"', 'expected one of "carbide", "steel" (did you mean "carbide"?)'),
         ('{ mass = "0.02 g" }', '{ mass = "0.02 mm" }', "sensors.accelerometer.tolerance.mass: "),
         ("[joints.joint]", "[joints.joint]\nk_x = 3", 'joints.joint.k_x: is no known key; did you mean "k_y"?'),
-        ("[joints.joint]", '[joints.joint]\nkind = "layer"', 'joints.joint.kind: is "layer", expected "point"'),
+        (
+            "[joints.joint]",
+            '[joints.joint]\nkind = "layer"',
+            'joints.joint: has the kind "layer", expected one of "point"',
+        ),
         ("[joints.joint]", "[joints.tool]", "joints.tool: is the name of one of the parts too"),
         ("[joints.joint]", '[joints."a b"]', 'joints."a b": is "a b", expected one word'),
         (

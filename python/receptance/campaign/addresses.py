@@ -20,6 +20,14 @@ _SPRING = {
     "loss_factor": "a loss factor",
 }
 SPRING_FIELDS = tuple(_SPRING)
+_SLIP = {
+    "slip_y": "a share",
+    "slip_theta": "a share",
+    "exponent": "an exponent",
+    "level": "a level",
+    "reference_y": "an amplitude",
+    "reference_theta": "an angle",
+}
 _SEGMENT = {"length": "a length", "outer_diameter": "a length", "inner_diameter": "a length or zero"}
 _MATERIAL = {
     "youngs_modulus": "a modulus",
@@ -30,10 +38,11 @@ _MATERIAL = {
 FIELDS: dict[str, Kind] = {
     field: KINDS[name]
     for field, name in (
-        {**_SPRING, **_SEGMENT, **_MATERIAL, "mass": "a mass", "inertia": "a moment of inertia"}.items()
+        {**_SPRING, **_SLIP, **_SEGMENT, **_MATERIAL, "mass": "a mass", "inertia": "a moment of inertia"}.items()
     )
 }
-_ADDRESS = re.compile(r"(?P<owner>[^\W\d]\w*)\.(?:segment\[(?:\d+|\*)\]\.(?:core\.)?)?(?P<field>\w+)")
+_INSIDE = r"(?:segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
+_ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 
 def kind_of(address: str) -> Kind:

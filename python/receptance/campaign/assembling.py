@@ -12,10 +12,11 @@ from receptance.campaign.suggestions import did_you_mean, one_of
 from receptance.campaign.workshop import expected
 from receptance.coordinates import Coordinate
 from receptance.identification.unknowns import covered
-from receptance.joints import PointJoint, PointMass
+from receptance.joints import PointMass
 
 if TYPE_CHECKING:
     from receptance.campaign.building import Built
+    from receptance.campaign.joint_building import AnyJoint
     from receptance.campaign.lines import Path
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.models import AssemblyTable, CoordinateTable
@@ -36,7 +37,7 @@ def build_assemblies(table: CampaignTable, built: Built, workshop: Workshop) -> 
 
 
 def _plain(path: Path, table: AssemblyTable, built: Built, workshop: Workshop) -> Assembly | None:
-    elements: dict[str, Part | PointJoint] = {**built.parts, **built.joints}
+    elements: dict[str, Part | AnyJoint] = {**built.parts, **built.joints}
     points = built.attachments
     if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
         return None

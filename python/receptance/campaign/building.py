@@ -9,10 +9,11 @@ from receptance.beams import Part, Segment
 from receptance.campaign.addresses import SPRING_FIELDS, parse_position, value_at
 from receptance.campaign.conditions import parse_condition
 from receptance.campaign.deviations import parse_share
+from receptance.campaign.joint_building import AnyJoint, build_joint, given, started
 from receptance.campaign.workshop import Workshop
 from receptance.identification.laws import Law, Power
 from receptance.identification.unknowns import Unknown
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointMass
 from receptance.materials import STEEL, Material
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class Built:
 
     materials: dict[str, Material] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
-    joints: dict[str, PointJoint] = field(default_factory=dict)
+    joints: dict[str, AnyJoint] = field(default_factory=dict)
     attachments: dict[str, PointMass | GroundSpring] = field(default_factory=dict)
     sensors: dict[str, PointMass] = field(default_factory=dict)
     unknowns: dict[str, Unknown] = field(default_factory=dict)
@@ -53,11 +54,11 @@ def build_elements(table: CampaignTable, workshop: Workshop) -> Built:
     for address, unknown in table.unknowns.items():
         _keep(built.unknowns, address, _unknown(address, unknown, table, workshop))
     for name in table.joints:
-        _keep(built.joints, name, _joint(name, table, built, workshop))
+        _keep(built.joints, name, build_joint(name, table, built, workshop))
     for name in table.attachments:
         _keep(built.attachments, name, _attachment(name, table, built, workshop))
     for name, sensor in table.sensors.items():
-        values = _started(name, sensor, ("mass", "inertia"), built)
+        values = started(name, sensor, ("mass", "inertia"), built)
         _keep(built.sensors, name, workshop.make(("sensors", name), PointMass, **values, name=name))
     return built
 
@@ -87,20 +88,20 @@ def _unknown(address: str, table: UnknownTable, campaign: CampaignTable, worksho
     if lower is None or upper is None:
         return None
     if start is None:
-        start = _given(address, campaign)
+        start = given(address, campaign)
         if start is not None and not lower <= start <= upper:
             workshop.problems.add(
                 path,
                 f"has bounds without the {start:g} that the joint is given, expected wider bounds or another start",
             )
             return None
-    given = {"address": address, "lower": lower, "upper": upper, "start": start, "scale": table.scale}
+    fields = {"address": address, "lower": lower, "upper": upper, "start": start, "scale": table.scale}
     if table.power_of is None and not table.free and table.individual is None:
         if table.reference is not None or table.exponent is not None:
             workshop.problems.add(path, "has a reference or an exponent, but no `power_of`")
             return None
-        return workshop.make(path, Unknown, **given)
-    return _law(path, table, given, workshop)
+        return workshop.make(path, Unknown, **fields)
+    return _law(path, table, fields, workshop)
 
 
 def _law(path: Path, table: UnknownTable, given: dict[str, Any], workshop: Workshop) -> Law | None:
@@ -126,30 +127,6 @@ def _law(path: Path, table: UnknownTable, given: dict[str, Any], workshop: Works
     return workshop.make(path, Law, **given, powers=powers, free=table.free, individual=individual)
 
 
-def _given(address: str, campaign: CampaignTable) -> float | None:
-    """Return the value that the file gives a joint's parameter: where the fit starts unless it says otherwise."""
-    owner, _, name = address.partition(".")
-    joint = campaign.joints.get(owner)
-    return getattr(joint, name) if joint is not None and name in joint.model_fields_set else None
-
-
-def _started(name: str, table: Any, fields: tuple[str, ...], built: Built) -> dict[str, float]:
-    """Return the values of an element; what is unknown and not given is where its fit starts."""
-    values: dict[str, float] = {}
-    for key in fields:
-        unknown = built.unknowns.get(f"{name}.{key}")
-        start = None if unknown is None or key in table.model_fields_set else unknown.start
-        values[key] = getattr(table, key) if start is None else start
-    return values
-
-
-def _joint(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> PointJoint | None:
-    table = campaign.joints[name]
-    if any(workshop.problems.at(("unknowns", f"{name}.{key}")) for key in SPRING_FIELDS):
-        return None  # what is wrong with the unknown has been said; that the joint lacks it only follows from that
-    return workshop.make(("joints", name), PointJoint, **_started(name, table, SPRING_FIELDS, built), name=name)
-
-
 def _attachment(
     name: str, campaign: CampaignTable, built: Built, workshop: Workshop
 ) -> PointMass | GroundSpring | None:
@@ -159,7 +136,7 @@ def _attachment(
     if position is None:
         return None
     if table.kind == "mass":
-        values = _started(name, table, ("mass", "inertia"), built)
+        values = started(name, table, ("mass", "inertia"), built)
         return workshop.make(path, PointMass, **values, part=table.part, position=position, name=name)
-    values = _started(name, table, SPRING_FIELDS, built)
+    values = started(name, table, SPRING_FIELDS, built)
     return workshop.make(path, GroundSpring, **values, part=table.part, position=position, name=name)

@@ -151,4 +151,5 @@ def observe(
                 )
             chosen |= inside
         frf = frf.with_(usable=chosen)
-    return MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor)
+    force = table.force if table.kind == "frf" else None
+    return MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)

@@ -192,6 +192,9 @@ def _validated(data: dict[str, Any], problems: Problems) -> tuple[CampaignTable,
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
     broken |= {section for section in ("materials", "parts", "assemblies") if section not in data}
     rest = copy.deepcopy(data)
+    for joint in rest["joints"].values() if isinstance(rest.get("joints"), dict) else ():
+        if isinstance(joint, dict):
+            joint.setdefault("kind", "point")
     while True:
         try:
             return CampaignTable.model_validate(rest), named, frozenset(broken)

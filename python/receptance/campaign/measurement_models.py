@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag
 
 from receptance.campaign.candidate_models import CandidateTable
+from receptance.campaign.joint_models import JointTable
 from receptance.campaign.models import (
     AssemblyTable,
     AttachmentTable,
     CoordinateTable,
-    JointTable,
     MaterialTable,
     Name,
     PartTable,
@@ -53,6 +53,8 @@ class _Measured(Table):
     """name of the sensor that sat at the response coordinate; none for a laser"""
     conditions: dict[str, Written] = Field(default={})
     """numbers with units that describe the measurement: a force level, a temperature"""
+    level: Annotated[str | float | None, OneOf(str, int, float, what='a number, or a force such as "50 N"')] = None
+    """level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"""
 
 
 class EntryTable(Table):
@@ -106,6 +108,8 @@ class FRFTable(_Response):
     """of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from coherence and averages"""
     decay_rate: Rate | None = None
     """of an exponential window on both channels, where the file does not say"""
+    force: Force | None = None
+    """amplitude of a stepped sine: joints in micro-slip are then at the level that it brings about on each line"""
 
 
 class HammerTable(_Response):
@@ -238,6 +242,8 @@ class PredictionTable(Table):
     """where the load acts"""
     level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
     """level of the intervals"""
+    force: Force | None = None
+    """amplitude of a stepped sine, for FRFs with joints in micro-slip; by default these are at their stated level"""
 
 
 class CampaignTable(Table):

@@ -14,14 +14,15 @@ __all__ = [
     "AttachmentTable",
     "CoordinateTable",
     "GroundTable",
-    "JointTable",
+    "MassSpread",
     "MassTable",
     "MaterialTable",
     "Name",
     "PartTable",
-    "PointJointTable",
     "SegmentTable",
     "SensorTable",
+    "SpringFields",
+    "SpringSpread",
     "Table",
     "Word",
     "Written",
@@ -129,7 +130,9 @@ class PartTable(Table):
     """one or more, `[[parts.NAME.segments]]`, in order from the tip-side end"""
 
 
-class _Spring(Table):
+class SpringFields(Table):
+    """A spring and dashpot; the base of joints and ground springs."""
+
     k_y: _Stiffness = 0.0
     """translational stiffness"""
     k_theta: _Rotational = 0.0
@@ -163,18 +166,6 @@ class SpringSpread(Table):
     """of c_ytheta"""
     loss_factor: Annotated[Deviation | None, Spread(KINDS["a loss factor"])] = None
     """of the loss factor"""
-
-
-class PointJointTable(_Spring):
-    """A joint at a point between two parts. What is among the unknowns need not be given."""
-
-    kind: Literal["point"] = "point"
-    """what kind of joint it is"""
-    tolerance: SpringSpread = SpringSpread()
-    """standard deviations, by the same keys"""
-
-
-JointTable = PointJointTable
 
 
 class MassSpread(Table):
@@ -220,7 +211,7 @@ class MassTable(_Placed):
     """standard deviations, by the same keys"""
 
 
-class GroundTable(_Placed, _Spring):
+class GroundTable(_Placed, SpringFields):
     """A spring and dashpot from a part to ground: a suspension, a fixture."""
 
     kind: Literal["ground"]

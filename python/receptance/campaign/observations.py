@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from receptance.campaign.assembling import place, with_sensor
 from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.frequencies import deviations_of, frequencies_of
+from receptance.campaign.levels import at_level
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class _Reader:
 
     def __init__(self, name: str, campaign: CampaignTable, built: Built, folder: FilePath, workshop: Workshop) -> None:
         self.name = name
+        self.campaign = campaign
         self.table = campaign.measurements[name]
         self.path: Path = ("measurements", name)
         self.built = built
@@ -84,6 +86,8 @@ class _Reader:
         """Return the observation, or None after its mistakes are added."""
         there = not any(self.workshop.problems.at((*self.path, key)) for key in ("file", "coherence"))
         assembly = self.built.assemblies.get(self.table.assembly)
+        if assembly is not None:
+            assembly = at_level(self.path, self.table.level, assembly, self.campaign, self.workshop)
         sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
         if assembly is None or (self.table.sensor is not None and sensor is None):
             return None

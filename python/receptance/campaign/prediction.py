@@ -218,7 +218,7 @@ def _held_out_frf(
     seen = measured.observation
     assert isinstance(seen, MeasuredFRF)
     found, real, imaginary = propagation.receptance(
-        assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects, at
+        assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects, at, seen.force
     )
     peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
     deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
@@ -268,7 +268,9 @@ def _unmeasured(
     else:
         notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
     places = campaign.places[name]
-    receptance, real, imaginary = propagation.receptance(assembly, lines, places[0], places[1], effects, at)
+    asked = campaign.table.prediction.force
+    force = None if asked is None else np.full(lines.size, asked)
+    receptance, real, imaginary = propagation.receptance(assembly, lines, places[0], places[1], effects, at, force)
     return frequencies, PredictedFRF(
         name=name,
         assembly=name,

@@ -149,10 +149,11 @@ class Propagation:
         excitation: Coordinate,
         effects: Effects,
         at: Where = NOWHERE,
+        force: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.complex128], Scatter, Scatter]:
         """Return a receptance and the scatter of the real and of the imaginary part of its logarithm."""
         placed = self._placed(assembly, effects, at)
-        found, slope = frf_slopes(assembly, frequency_hz, response, excitation, placed.addresses)
+        found, slope = frf_slopes(assembly, frequency_hz, response, excitation, placed.addresses, force)
         real, imaginary = (self._scatter(part, placed) for part in (slope.real, slope.imag))
         return found, real, imaginary
 
@@ -228,9 +229,12 @@ def frf_slopes(
     response: Coordinate,
     excitation: Coordinate,
     addresses: Sequence[str],
+    force: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return a receptance `(n,)` and the derivatives of its logarithm per SI unit, `(n, p)`."""
-    found, slope = assembly.derivatives(frequency_hz, list(addresses), response=response, excitation=excitation)
+    found, slope = assembly.derivatives(
+        frequency_hz, list(addresses), response=response, excitation=excitation, force=force
+    )
     return found, slope / found[:, None]
 
 
@@ -239,10 +243,11 @@ def _weighted_frf(
 ) -> NDArray[np.float64]:
     lines = frf.frequency_hz
     if unit == "percent":
-        lines = lines[within(frf, find_bands(frf, width_percent=width_percent))]
-        _, slope = frf_slopes(assembly, lines, frf.response, frf.excitation, addresses)
+        chosen = within(frf, find_bands(frf, width_percent=width_percent))
+        force = None if frf.force is None else frf.force[chosen]
+        _, slope = frf_slopes(assembly, lines[chosen], frf.response, frf.excitation, addresses, force)
         return 100.0 * slope.real
-    _, slope = frf_slopes(assembly, lines, frf.response, frf.excitation, addresses)
+    _, slope = frf_slopes(assembly, lines, frf.response, frf.excitation, addresses, frf.force)
     if unit == "standard deviations" and frf.standard_deviation is not None:
         slope = slope / frf.standard_deviation[:, None]
     return np.vstack([slope.real, slope.imag])

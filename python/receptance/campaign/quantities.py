@@ -78,6 +78,11 @@ KINDS = {
         Kind("a time", "s", "2 ms"),
         Kind("a time or zero", "s", "2 ms", "zero or more"),
         Kind("a loss factor", "", "0.002", "zero or more"),
+        Kind("a share", "", "0.1", "zero or more"),
+        Kind("an exponent", "", "1.0", "above zero", 4.0),
+        Kind("a level", "", "2.0", "zero or more"),
+        Kind("an amplitude", "m", "1 um", "zero or more"),
+        Kind("an angle", "rad", "1e-5 rad", "zero or more"),
         Kind("a Poisson's ratio", "", "0.22", "any", 0.5),
     )
 }

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from receptance.campaign.addresses import kind_of, parse_position, value_at
 from receptance.campaign.conditions import parse_condition
 from receptance.campaign.deviations import parse_deviation
+from receptance.campaign.levels import parse_level
 from receptance.campaign.suggestions import did_you_mean
 from receptance.campaign.workshop import OWNERS, Workshop, expected
 
@@ -39,6 +40,10 @@ def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop:
         for index, segment in enumerate(_list(part.get("segments"))):
             for key in ("material", "core"):
                 _known((*path, "segments", index, key), segment, key, workshop, "materials")
+    for path, joint in _tables(data, "joints"):
+        for section in ("shank", "sleeve"):
+            for key in ("material", "core"):
+                _known((*path, section, key), joint.get(section), key, workshop, "materials")
     for path, attachment in _tables(data, "attachments"):
         _known((*path, "part"), attachment, "part", workshop, "parts")
     for path, assembly in _tables(data, "assemblies"):
@@ -74,6 +79,7 @@ def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | 
     _check_conditions(path, table, workshop)
     if folder is None:
         return
+    _check_level(path, table, workshop)
     written = table.get("file")
     if isinstance(written, str):
         _check_file((*path, "file"), written, folder, workshop)
@@ -106,6 +112,14 @@ def _check_unknown(path: Path, table: Mapping[str, Any], workshop: Workshop) -> 
     for key in ("lower", "upper", "start"):
         if isinstance(table.get(key), (str, int, float)):
             workshop.make((*path, key), value_at, address, table[key])
+
+
+def _check_level(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
+    level = table.get("level")
+    if isinstance(level, (str, int, float)) and not isinstance(level, bool):
+        workshop.make((*path, "level"), parse_level, level)
+    if level is not None and table.get("force") is not None:
+        workshop.problems.add((*path, "level"), "is given with a force, which says the level, expected one of the two")
 
 
 def _check_names(workshop: Workshop) -> None:

@@ -83,17 +83,33 @@ def _inherited(
     """Yield address, place in the file and deviation of what the parts of an assembly bring with them."""
     for name in assembly.elements:
         if name in campaign.joints:
-            yield from _fields(("joints", name), name, campaign.joints[name].tolerance)
+            yield from _of_joint(name, campaign)
             continue
         for index, segment in enumerate(campaign.parts[name].segments):
             place: Path = ("parts", name, "segments", index)
             first = f"{name}.segment[{index}]"
             yield from _fields(place, first, segment.tolerance)
-            for prefix, material in ((first, segment.material), (f"{first}.core", segment.core)):
-                if material in campaign.materials:
-                    yield from _fields(("materials", material), prefix, campaign.materials[material].tolerance)
+            yield from _of_materials(first, segment, campaign)
     for name in attachments:
         yield from _fields(("attachments", name), name, campaign.attachments[name].tolerance)
+
+
+def _of_joint(name: str, campaign: CampaignTable) -> Iterator[tuple[str, Path, Deviation]]:
+    table = campaign.joints[name]
+    yield from _fields(("joints", name), name, table.tolerance)
+    for member in ("inner", "outer", "shank", "sleeve"):
+        inside = getattr(table, member, None)
+        if inside is not None:
+            yield from _fields(("joints", name, member), f"{name}.{member}", inside.tolerance)
+            if member in ("shank", "sleeve"):
+                yield from _of_materials(f"{name}.{member}", inside, campaign)
+
+
+def _of_materials(first: str, table: Any, campaign: CampaignTable) -> Iterator[tuple[str, Path, Deviation]]:
+    """Yield what the materials of a segment or section bring with them."""
+    for prefix, material in ((first, table.material), (f"{first}.core", table.core)):
+        if material in campaign.materials:
+            yield from _fields(("materials", material), prefix, campaign.materials[material].tolerance)
 
 
 def _fields(place: Path, owner: str, spread: Any) -> Iterator[tuple[str, Path, Deviation]]:

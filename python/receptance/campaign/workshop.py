@@ -19,7 +19,21 @@ __all__ = ["OWNERS", "Workshop"]
 OWNERS = ("parts", "joints", "attachments", "sensors")
 """Sections whose names are first words of addresses."""
 _SINGULAR = {"assemblies": "an assembly", "attachments": "an attachment", "materials": "a material", "parts": "a part"}
-_KINDS = ("Material", "Segment", "Part", "PointJoint", "PointMass", "GroundSpring", "Assembly", "Unknown", "Candidate")
+_KINDS = (
+    "Material",
+    "Segment",
+    "Section",
+    "Part",
+    "PointJoint",
+    "SpreadJoint",
+    "ColletJoint",
+    "MicroslipJoint",
+    "PointMass",
+    "GroundSpring",
+    "Assembly",
+    "Unknown",
+    "Candidate",
+)
 _Made = TypeVar("_Made")
 
 

@@ -56,6 +56,8 @@ class MeasuredFRF:
         Name of the configuration that was measured, for laws and tolerances; by default the label.
     conditions : mapping of str to float, optional
         Numbers that describe it, in SI units, for laws: {"torque": 40.0}.
+    force : array_like, optional
+        Amplitude of a stepped sine in N, one number or `(n,)`: joints in micro-slip are at the level it brings about.
 
     Attributes
     ----------
@@ -90,6 +92,7 @@ class MeasuredFRF:
     notes: tuple[str, ...]
     configuration: str
     conditions: Mapping[str, float]
+    force: NDArray[np.float64] | None
 
     def __init__(
         self,
@@ -105,6 +108,7 @@ class MeasuredFRF:
         notes: Sequence[str] = (),
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
+        force: ArrayLike | None = None,
     ) -> None:
         owner = _owner("MeasuredFRF", label, assembly)
         lines = _numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
@@ -115,12 +119,12 @@ class MeasuredFRF:
             raise ValueError(
                 f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
             )
-        spread = None
-        if standard_deviation is not None:
-            spread = _spread(owner, "standard_deviation", standard_deviation, lines.shape)
+        sd = standard_deviation
+        spread = None if sd is None else _spread(owner, "standard_deviation", sd, lines.shape)
+        forces = None if force is None else _spread(owner, "force", force, lines.shape)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
-        notes = tuple(str(note) for note in notes)
+        notes = tuple(map(str, notes))
         if lines.size and lines[0].real == 0.0:
             notes = (*notes, f"{owner}: the line at 0 Hz is dropped")
             warnings.warn(
@@ -129,8 +133,10 @@ class MeasuredFRF:
                 stacklevel=2,
             )
             lines, values = lines[1:], values[1:]
-            spread = spread if spread is None else spread[1:]
+            spread, forces = (given if given is None else given[1:] for given in (spread, forces))
         lines = _decaying(owner, _ascending(owner, lines))
+        if forces is not None and lines.dtype.kind == "c":
+            raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
         values = values.astype(np.complex128)
         for wrong, what in ((~np.isfinite(values), "a finite number"), (values == 0.0, "something else than zero")):
             bad = np.flatnonzero(wrong)
@@ -159,6 +165,7 @@ class MeasuredFRF:
             notes=notes,
             configuration=str(configuration or label),
             conditions=_conditions(owner, conditions),
+            force=forces,
         )
 
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFRF:
@@ -184,6 +191,7 @@ class MeasuredFRF:
         label: str | None = None,
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
+        force: float | None = None,
     ) -> MeasuredFRF:
         """Return one entry of an FRF as an observation of an assembly.
 
@@ -207,7 +215,7 @@ class MeasuredFRF:
             has a part that grows with the slope as well.
         label : str, optional
             For people; by default that of the FRF.
-        configuration, conditions : optional
+        configuration, conditions, force : optional
             As on creation.
 
         Raises
@@ -228,7 +236,7 @@ class MeasuredFRF:
         from receptance.identification.measured import observe
 
         fields = observe(frf, response, excitation, low_hz, high_hz, floor, label)
-        return cls(assembly=assembly, **fields, configuration=configuration, conditions=conditions)
+        return cls(assembly=assembly, **fields, configuration=configuration, conditions=conditions, force=force)
 
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real

@@ -7,7 +7,7 @@ observation (a compressed residual, many points at once) is another class here a
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
@@ -125,7 +125,7 @@ class FRFResidual:
         select: NDArray[np.bool_] | slice = slice(None) if chosen is None else chosen
         self._model = _Model(frf.assembly, variables)
         self._places = [_Place(frf.assembly, place) for place in (frf.response, frf.excitation)]
-        self._threads = threads
+        self._options: Any = {"threads": threads, "force": None if frf.force is None else frf.force[select]}
         self.unit = unit
         self._percentage = unit == "percent"
         self._count = len(variables.addresses)
@@ -148,7 +148,7 @@ class FRFResidual:
         response, excitation = (place.on(assembly) for place in self._places)
         try:
             h, dh = assembly.derivatives(
-                self._lines, model.addresses, response=response, excitation=excitation, threads=self._threads
+                self._lines, model.addresses, response=response, excitation=excitation, **self._options
             )
         except (ReceptanceError, ValueError) as error:
             raise InfeasibleError(str(error)) from None
@@ -165,7 +165,7 @@ class FRFResidual:
         assembly = self._model.at(values)
         response, excitation = (place.on(assembly) for place in self._places)
         try:
-            h = assembly.receptance(self._lines, response=response, excitation=excitation, threads=self._threads)
+            h = assembly.receptance(self._lines, response=response, excitation=excitation, **self._options)
         except (ReceptanceError, ValueError) as error:
             raise InfeasibleError(str(error)) from None
         ratio = self._measured / h

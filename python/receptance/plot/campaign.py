@@ -54,7 +54,9 @@ def draw_identification(found: CampaignIdentification) -> Figure:
     for (measured, assembly), cell in zip(frfs, cells, strict=False):
         seen = measured.observation
         assert isinstance(seen, MeasuredFRF)
-        model = assembly.receptance(seen.frequency_hz, response=seen.response, excitation=seen.excitation)
+        model = assembly.receptance(
+            seen.frequency_hz, response=seen.response, excitation=seen.excitation, force=seen.force
+        )
         top, below = _pair(cell)
         _magnitude(top, measured.name, _FORMS[seen.response.direction, seen.excitation.direction])
         lines = seen.frequency_hz.real

@@ -199,9 +199,12 @@ def stability_lobes(
     '0.298 mm'
     """
     owner = "stability_lobes"
-    lines = _checks.frequencies(frequency_hz)
-    if lines.dtype.kind == "c" or lines.size < 2:
-        raise ValueError(f"{owner}: frequency_hz has {lines.size} {lines.dtype} lines, expected two or more real ones")
+    checked = _checks.frequencies(frequency_hz)
+    if checked.dtype.kind == "c" or checked.size < 2:
+        raise ValueError(
+            f"{owner}: frequency_hz has {checked.size} {checked.dtype} lines, expected two or more real ones"
+        )
+    lines = checked.real
     speeds = np.atleast_1d(np.asarray(speeds_rpm, dtype=np.float64))
     if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():
         raise ValueError(f"{owner}: speeds_rpm must be finite and more than zero, one dimension")

@@ -102,7 +102,7 @@ class TipModes:
 
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Receptance `(n, 2, 2)` of the tip in x and y, in m/N, at lines `(n,)` in Hz."""
-        w = _checks.angular_frequencies(frequency_hz)[:, None]
+        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)[:, None]
         w_r = 2.0 * np.pi * self.frequency_hz
         each = 1.0 / (w_r**2 - w**2 + 2j * self.damping_ratio * w_r * w)
         return np.asarray(np.einsum("nk,ki,kj->nij", each, self.shapes, self.shapes))

@@ -4,7 +4,7 @@ use crate::beside::Lanes;
 use crate::branch::Branch;
 use crate::combine::Centre;
 use crate::kernel::{Choice, Kernel, Segment};
-use crate::lane::C;
+use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Spring, Step};
 use crate::overlap::Beside;
 use crate::small::{self, Mat};
@@ -123,9 +123,17 @@ impl<const D: usize> Prepared<D> {
         }
     }
 
-    /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series.
+    /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series. `added` is what
+    /// joints have besides their columns, as in a request.
     #[inline(always)]
-    pub fn block<S: Simd>(&self, simd: S, w: &[Complex64], pieces_only: bool, into: &mut Block<S, D>) {
+    pub fn block<S: Simd>(
+        &self,
+        simd: S,
+        w: &[Complex64],
+        pieces_only: bool,
+        added: &[Complex64],
+        into: &mut Block<S, D>,
+    ) {
         let line = C::load(simd, w);
         into.most = w.iter().fold(0.0_f64, |most, w| most.max(w.norm_sqr()));
         into.real = w.iter().all(|w| w.im == 0.0);
@@ -147,8 +155,19 @@ impl<const D: usize> Prepared<D> {
         into.compliances.clear();
         into.centres.clear();
         into.coupled.clear();
-        for joint in &self.joints {
-            let stiffness = joint.stiffness::<S, D>(simd, into.iw);
+        for (row, joint) in self.joints.iter().enumerate() {
+            let mut stiffness = joint.stiffness::<S, D>(simd, into.iw);
+            if !added.is_empty() {
+                for i in 0..D {
+                    let mut lanes = [Complex64::ZERO; MAX_LANES];
+                    for (lane, value) in
+                        lanes.iter_mut().zip(added[2 * row + i..].iter().step_by(2 * self.joints.len()))
+                    {
+                        *lane = *value;
+                    }
+                    stiffness[i][i] = stiffness[i][i] + C::load(simd, &lanes[..w.len()]);
+                }
+            }
             into.compliances.push(small::inverse(&stiffness));
             into.centres.push(Centre::new(&stiffness, joint.couples()));
             into.coupled.push(D == 2 && joint.couples());

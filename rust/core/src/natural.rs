@@ -187,7 +187,7 @@ impl<const D: usize> WithSimd for Count<'_, D> {
                 to.re = *from;
             }
             let mut negatives = Negatives { count: [0; MAX_LANES] };
-            self.search.prepared.block(simd, &w[..lines.len()], true, &mut block);
+            self.search.prepared.block(simd, &w[..lines.len()], true, &[], &mut block);
             block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
             if let Some(top) = records.last() {
                 let (u, f) = top.plane.basis();
@@ -294,7 +294,7 @@ impl<const D: usize> Search<D> {
         let simd = Scalar::new();
         let mut block = Block::empty(simd);
         let mut records = Vec::new();
-        self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, &mut block);
+        self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, &[], &mut block);
         block.upwards(simd, &self.plan, &[], &mut records, &mut Blind);
         let Some(top) = records.last() else {
             return Vec::new();

@@ -56,8 +56,8 @@ pub fn reduce_joint(
     let request = Request {
         excitations: vec![excitation, response],
         responses: vec![response],
-        parameters: Vec::new(),
         joint: Some(joint),
+        ..Request::default()
     };
     let highest = check(model, lines, &request)?;
     if lines.are_real()
@@ -133,9 +133,9 @@ fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, lines: &Frequencies, threads:
         let (mut whole, mut force) = (zeros(PAIRS), zeros(SQUARE));
         let mut faces = [zeros(SQUARE), zeros(SQUARE)];
         let broken = [
-            jobs[0].lines(&arch, w, &mut whole, &mut [], &mut force),
-            jobs[1].lines(&arch, w, &mut faces[0], &mut [], &mut []),
-            jobs[2].lines(&arch, w, &mut faces[1], &mut [], &mut []),
+            jobs[0].lines(&arch, w, &[], &mut whole, &mut [], &mut force),
+            jobs[1].lines(&arch, w, &[], &mut faces[0], &mut [], &mut []),
+            jobs[2].lines(&arch, w, &[], &mut faces[1], &mut [], &mut []),
         ];
         arch.dispatch(Combine { spring, w, whole: &whole, force: &force, faces: &faces, planes });
         broken.into_iter().flatten().min()
@@ -351,7 +351,7 @@ mod tests {
             excitations: vec![tip],
             responses: vec![tip],
             parameters: (0..SPRING_COLUMNS).map(parameter).collect(),
-            joint: None,
+            ..Request::default()
         }
     }
 

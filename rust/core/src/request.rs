@@ -39,6 +39,9 @@ pub struct Request {
     pub parameters: Vec<Parameter>,
     /// A joint whose force is wanted under each excitation.
     pub joint: Option<usize>,
+    /// Complex stiffness that each joint has besides its columns, `(n_freq, n_joints, 2)` for y and theta, as that of
+    /// an amplitude may differ from line to line; empty where none has any.
+    pub added: Vec<Complex64>,
 }
 
 impl Request {
@@ -65,9 +68,25 @@ pub struct Response {
 pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Result<f64> {
     let highest = lines.highest()?;
     check_request(model, request)?;
+    check_added(model, lines.len(), &request.added)?;
     check_waves(model, highest)?;
     check_interfaces(model, lines)?;
     Ok(highest)
+}
+
+fn check_added(model: &Model, lines: usize, added: &[Complex64]) -> Result<()> {
+    let count = lines * model.joints.len() * 2;
+    if !added.is_empty() && added.len() != count {
+        let (what, value) = ("number of stiffnesses added to joints", added.len() as f64);
+        return Err(Error::Index { what, index: 0, value, expected: format!("none or {count}") });
+    }
+    match added.iter().position(|value| !value.is_finite()) {
+        Some(index) => {
+            let (what, value) = ("stiffness added to joints", added[index].re);
+            Err(Error::Index { what, index, value, expected: "a finite number".into() })
+        }
+        None => Ok(()),
+    }
 }
 
 /// Most wavelengths in one segment: next to its cut-off it is passed in pieces, which must stay countable.

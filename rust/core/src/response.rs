@@ -15,6 +15,7 @@ use crate::small::Mat;
 use crate::sweep::{Blind, Field, Record, Within};
 use crate::threads::on_threads;
 use crate::tip::Tip;
+use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -133,6 +134,7 @@ impl<'a, const D: usize> Job<'a, D> {
         };
         let joint = |row: usize| {
             self.request.joint == Some(row)
+                || !self.request.added.is_empty()
                 || self.gradients.iter().any(|gradient| gradient.joint() == Some(row))
         };
         let mut branches = Vec::new();
@@ -198,7 +200,8 @@ impl<'a, const D: usize> Job<'a, D> {
                 return if finite { None } else { first_broken([(h, pairs), (dh, wide), (force, forces)]) };
             }
             let mut room = EMPTY;
-            self.lines(&arch, lines.some(range, &mut room), h, dh, force)
+            let added = self.added(&range);
+            self.lines(&arch, lines.some(range, &mut room), added, h, dh, force)
         })?;
         first_of(&broken, lines)?;
         Ok(Response { receptance, derivative, force })
@@ -220,16 +223,23 @@ impl<const D: usize> Job<'_, D> {
         [pairs, pairs * self.gradients.len(), forces]
     }
 
+    /// What joints have besides their columns on the lines of a task.
+    fn added(&self, lines: &Range<usize>) -> &[Complex64] {
+        let a_line = 2 * self.prepared.joints.len();
+        self.request.added.get(lines.start * a_line..lines.end * a_line).unwrap_or_default()
+    }
+
     /// Evaluates the lines of one task; the first line that has no finite value, if there is one.
     pub(crate) fn lines(
         &self,
         arch: &Arch,
         w: &[Complex64],
+        added: &[Complex64],
         h: &mut [Complex64],
         dh: &mut [Complex64],
         force: &mut [Complex64],
     ) -> Option<usize> {
-        arch.dispatch(Lines { job: self, w, h: &mut *h, dh: &mut *dh, force: &mut *force });
+        arch.dispatch(Lines { job: self, w, added, h: &mut *h, dh: &mut *dh, force: &mut *force });
         let [pairs, wide, forces] = self.a_line();
         first_broken([(h, pairs), (dh, wide), (force, forces)])
     }
@@ -239,6 +249,7 @@ impl<const D: usize> Job<'_, D> {
 struct Lines<'a, const D: usize> {
     job: &'a Job<'a, D>,
     w: &'a [Complex64],
+    added: &'a [Complex64],
     h: &'a mut [Complex64],
     dh: &'a mut [Complex64],
     force: &'a mut [Complex64],
@@ -249,7 +260,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Lines { job, w, h, dh, force } = self;
+        let Lines { job, w, added, h, dh, force } = self;
         let mut block = Block::empty(simd);
         let mut records: Vec<Record<S, D>> = Vec::new();
         let (segments, overlaps) = (job.prepared.segments.len(), job.prepared.overlaps.len());
@@ -266,7 +277,9 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
             let start = next;
             let lines = together(&w[start..w.len().min(start + S::F64_LANES)]);
             next += lines.len();
-            job.prepared.block(simd, lines, false, &mut block);
+            let a_line = added.len() / w.len();
+            let added = &added[a_line * start..a_line * next];
+            job.prepared.block(simd, lines, false, added, &mut block);
             for (index, (root, plan)) in job.plans.iter().enumerate() {
                 block.upwards(simd, plan, &job.prepared.branches, &mut records, &mut Blind);
                 let Some(top) = records.last() else { continue };

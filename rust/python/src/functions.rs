@@ -1,10 +1,10 @@
 //! The functions of the extension.
 
-use crate::arrays::{Lines, coordinates, model, parameters};
+use crate::arrays::{Lines, contiguous, coordinates, model, parameters};
 use crate::errors::CoreError;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use receptance_core::{Request, receptance as core_receptance};
@@ -16,10 +16,11 @@ pub(crate) fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
 
 /// Receptance (n_freq, n_responses, n_excitations) and its derivative (..., n_parameters).
 ///
-/// The lines times `scale` are angular frequencies in rad/s.
+/// The lines times `scale` are angular frequencies in rad/s. `added`, flat of (n_freq, n_joints, 2), is complex
+/// stiffness besides that of the columns.
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, excitations, responses,
-                    parameters, threads, overlaps=None, scale=1.0))]
+                    parameters, threads, overlaps=None, scale=1.0, added=None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn receptance<'py>(
     py: Python<'py>,
@@ -35,6 +36,7 @@ pub fn receptance<'py>(
     threads: usize,
     overlaps: Option<PyReadonlyArray2<'py, f64>>,
     scale: f64,
+    added: Option<PyReadonlyArray1<'py, Complex64>>,
 ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
     let lines = angular_frequency.frequencies(scale)?;
     let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
@@ -43,6 +45,10 @@ pub fn receptance<'py>(
         responses: coordinates("responses", &responses)?,
         parameters: self::parameters(&parameters)?,
         joint: None,
+        added: match &added {
+            Some(added) => contiguous("added", added.as_slice())?.to_vec(),
+            None => Vec::new(),
+        },
     };
     let result = py.detach(|| core_receptance(&model, &lines, &request, threads)).map_err(CoreError::from)?;
     let (n, p) = (lines.len(), request.parameters.len());
