@@ -6,7 +6,10 @@ from receptance.identification.floor import Floor
 from receptance.identification.laws import Law, Power, Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.priors import Prior
+from receptance.identification.prediction import PredictedReceptance
 from receptance.identification.result import Identification, Start
+from receptance.identification.transfer import transfer
+from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
 from receptance.identification.unknowns import Unknown
 
 __all__ = [
@@ -16,10 +19,16 @@ __all__ = [
     "MeasuredFRF",
     "MeasuredFrequencies",
     "Power",
+    "PredictedReceptance",
     "Prior",
+    "Split",
     "Start",
     "Tolerance",
+    "Transfer",
+    "TransferredFRF",
+    "TransferredMode",
     "Unknown",
     "find_bands",
     "identify",
+    "transfer",
 ]
