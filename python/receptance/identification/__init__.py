@@ -5,8 +5,8 @@ from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
 from receptance.identification.laws import Law, Power, Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.priors import Prior
 from receptance.identification.prediction import PredictedReceptance
+from receptance.identification.priors import Prior
 from receptance.identification.result import Identification, Start
 from receptance.identification.transfer import transfer
 from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode

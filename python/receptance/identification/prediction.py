@@ -102,6 +102,8 @@ class Forecast:
         What was found.
     assembly, configuration, conditions, tolerances
         As in `Identification.apply`.
+    label : str, optional
+        Of a measurement that has errors of its own.
 
     Attributes
     ----------
@@ -120,9 +122,10 @@ class Forecast:
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
+        label: str = "",
     ) -> None:
         fresh: list[str] = []
-        place = Place(assembly, configuration, "", conditions or {})
+        place = Place(assembly, configuration, label, conditions or {})
         self._placed = fit.task.parameters.at(place, tolerances, fresh)
         if not self._placed.addresses:
             raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(fit.addresses)}")

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["Split", "Transfer", "TransferredFRF", "TransferredMode"]
 
 _DECIBEL = 20.0 / np.log(10.0)
+_MISFIT = 1.5
+"""Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
 _COLUMNS = ("held out", "mode", "measured Hz", "predicted Hz", "error %", "interval Hz", "inside")
 
 
@@ -148,11 +150,15 @@ class Transfer:
         Level of the intervals.
     seed : int
         Of starts and draws.
+    propagated : bool
+        Whether fits take dimensions as exact and their tolerances go through them, as campaigns may; else the errors
+        are fitted.
     """
 
     splits: tuple[Split, ...]
     level: float
     seed: int
+    propagated: bool = False
 
     @property
     def modes(self) -> tuple[TransferredMode, ...]:
@@ -170,6 +176,24 @@ class Transfer:
         return tuple(dict.fromkeys(reason for split in self.splits for reason in split.not_predicted))
 
     @property
+    def advice(self) -> dict[str, int]:
+        """What the fits advise, and in how many splits."""
+        said = [text for split in self.splits if split.identified is not None for text in split.identified.advice]
+        return {text: said.count(text) for text in dict.fromkeys(said)}
+
+    @property
+    def narrow(self) -> tuple[str, ...]:
+        """Held-out groups whose fit leaves residuals well above the stated standard deviations.
+
+        The model lacks something there, or the standard deviations are too small; intervals are then too narrow.
+        """
+        return tuple(
+            ", ".join(split.held_out)
+            for split in self.splits
+            if split.identified is not None and split.identified.known_scatter and split.identified.rms > _MISFIT
+        )
+
+    @property
     def rms_percent(self) -> float | None:
         """Root mean square error of the natural frequencies; None where none was predicted."""
         errors = [mode.error_percent for mode in self.modes if mode.error_percent is not None]
@@ -185,6 +209,23 @@ class Transfer:
     def inside(self) -> tuple[int, int]:
         """How many natural frequencies are in their intervals, of how many."""
         return sum(mode.inside for mode in self.modes), len(self.modes)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of the intervals."""
+        if self.propagated:
+            return (
+                "every fit takes dimensions and materials as exact; their tolerances widen the intervals, through the "
+                "fit too",
+            )
+        if not self.narrow:
+            return ()
+        most = max(split.identified.rms for split in self.splits if split.identified is not None)
+        return (
+            f"in {len(self.narrow)} of {len(self.splits)} splits the residuals of the fit are up to {most:.2g} times "
+            "what the standard deviations explain: the model lacks something, or they are too small, and the "
+            "intervals are then too narrow",
+        )
 
     @property
     def identified(self) -> dict[str, list[float | None]]:
@@ -209,6 +250,7 @@ class Transfer:
             known = [value for value in values if value is not None]
             lines.append(f"{name}: {min(known):.4g} to {max(known):.4g} over the splits")
         lines += [f"not predicted: {reason}" for reason in self.not_predicted]
+        lines += [f"note: {text}" for text in self.notes]
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
