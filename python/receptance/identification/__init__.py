@@ -3,6 +3,7 @@
 from receptance.identification.bands import find_bands
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
+from receptance.identification.held import Held, hold
 from receptance.identification.laws import Law, Power, Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.prediction import PredictedReceptance
@@ -14,6 +15,7 @@ from receptance.identification.unknowns import Unknown
 
 __all__ = [
     "Floor",
+    "Held",
     "Identification",
     "Law",
     "MeasuredFRF",
@@ -29,6 +31,7 @@ __all__ = [
     "TransferredMode",
     "Unknown",
     "find_bands",
+    "hold",
     "identify",
     "transfer",
 ]

@@ -70,13 +70,15 @@ def draw_transfer(found: Transfer, title: str = "") -> Figure:
     columns = 1 if not frfs else 2
     rows = max(len(frfs), 1)
     tall = 1.6 + _ROW * len(found.modes)
-    height = max(tall, 2.9 * rows) + 0.5
+    height = max(tall, 2.9 * rows) + 0.6
     figure = new_figure(7.2 + 6.2 * (columns - 1), height)
-    keep_clear(figure, 1.0 - 0.5 / height)
+    keep_clear(figure, 1.0 - 0.6 / height)
     hits, count = found.inside
     title = title or "Transfer"
-    text = f"{title}: {hits} of {count} natural frequencies in their {100 * found.level:g} % intervals"
-    figure.text(0.5, 1.0 - 0.26 / height, text, ha="center", va="center", fontsize=13, color=INK)
+    text = f"{hits} of {count} natural frequencies in their {100 * found.level:g} % intervals"
+    size = 13 if len(title) < 50 * columns else 10
+    figure.text(0.5, 1.0 - 0.2 / height, title, ha="center", va="center", fontsize=size, color=INK)
+    figure.text(0.5, 1.0 - 0.45 / height, text, ha="center", va="center", fontsize=10, color=INK)
     cells = figure.subfigures(1, columns, squeeze=False, width_ratios=[7.2, 6.2][:columns])[0]
     _draw_modes(cells[0].subplots(), found)
     if frfs:
