@@ -114,3 +114,32 @@ def clamped_rods(
     console = output()
     print_clamped_rods(console, result)
     targets.name(console)
+
+
+@studies.command()
+def table3(
+    json_file: Json = None,
+    plot: Plot = None,
+    coherence: Annotated[float, typer.Option("--coherence", help="Of every line of the simulated tests.")] = 0.98,
+    averages: Annotated[int, typer.Option("--averages", help="Of the simulated tests.")] = 10,
+    seed: Seed = 0,
+) -> None:
+    """VIRTUAL: what one tip response in a simulated machine says of the joint, the four sets of table 3, what helps."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.table3 import print_table3
+    from receptance.studies import table3 as study
+
+    with input_errors():
+        measuring = study.Measuring(coherence=coherence, averages=averages)
+        settings = study.Table3Settings(measuring=measuring, seed=seed)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_table3
+
+        return draw_table3(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_table3(console, result)
+    targets.name(console)

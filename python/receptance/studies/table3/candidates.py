@@ -1,4 +1,4 @@
-"""Which measurement next: candidates are simulated for joints that the data so far allow, and everything is fitted again.
+"""Which measurement next: candidates are simulated for joints that the data allow, and everything is fitted again.
 
 The interval that a candidate promises depends on where the joint really is, which nobody knows yet; so it is found for
 several joints on the profile of what is known worst, and the widest counts.
@@ -82,7 +82,9 @@ def expect(
         worst = dict.fromkeys(STIFFNESSES, 0.0)
         for point in points:
             # Without noise: the data that are expected if this joint is the true one.
-            new = machine.measure(candidate.name, candidate.overhang_mm, free=candidate.free, values=point, errors=point)
+            new = machine.measure(
+                candidate.name, candidate.overhang_mm, free=candidate.free, values=point, errors=point
+            )
             old = [_as_expected(machine, one, point) for one in measured]
             again = fit_all(machine, [*old, new], near=point, staged=False)
             for name, one in again.profiles(STIFFNESSES, level=level).items():
@@ -106,14 +108,12 @@ def fit_all(
     if near is not None:
         ends.append(identify(measured, _started(machine.unknowns, near), tolerances=tolerances, starts=1, seed=seed))
     if staged or not ends:
-        ends.append(
-            identify(measured, machine.unknowns, tolerances=tolerances, strategy="staged", starts=1, seed=seed)
-        )
+        ends.append(identify(measured, machine.unknowns, tolerances=tolerances, strategy="staged", starts=1, seed=seed))
     return min(ends, key=lambda end: end.starts[0].cost)
 
 
 def _started(unknowns: Sequence[Unknown], near: Mapping[str, float]) -> list[Unknown]:
-    return [replace(u, start=float(np.clip(near.get(u.name, u.start), u.lower, u.upper))) for u in unknowns]
+    return [replace(u, start=float(np.clip(near[u.name], u.lower, u.upper))) for u in unknowns]
 
 
 def _as_expected(machine: VirtualMachine, one: MeasuredFRF, point: Mapping[str, float]) -> MeasuredFRF:
@@ -124,7 +124,7 @@ def _as_expected(machine: VirtualMachine, one: MeasuredFRF, point: Mapping[str, 
 
 
 def _compatible(fit: Identification, profile: Profile) -> list[dict[str, float]]:
-    """Return the fit and the ends of a profile that are within its interval, all with everything else that goes along."""
+    """Return the fit and the ends of a profile within its interval, with everything else that goes along."""
     inside = profile.paths[profile.rise <= profile.threshold]
     order = np.argsort(inside[:, fit.addresses.index(profile.name)])
     chosen = [inside[order[0]], inside[order[-1]]]

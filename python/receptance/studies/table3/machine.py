@@ -32,7 +32,7 @@ _CARBIDE_LOSS = 0.001
 _TRUE_C_Y = 200.0
 """N s/m. The paper prints c_theta for its curve-fitted set but no c_y; this is assumed."""
 _MOST_LOSS = 0.12
-"""Loss factor of the true stiffness, at the tool's mode, that no metallic interface exceeds: the bound of the dampings."""
+"""Loss factor of the true stiffness at the tool's mode that no metallic interface exceeds: bounds the dampings."""
 _TOOL_MODE_HZ = 720.0
 _BOUNDS = {"joint.k_y": (1e6, 1e13), "joint.k_theta": (1e2, 1e13)}
 
@@ -111,7 +111,12 @@ class VirtualMachine:
                 carbide=replace(holder.carbide, loss_factor=_CARBIDE_LOSS),
             ),
             published=published,
-            truth={"joint.k_y": true.k_y, "joint.k_theta": true.k_theta, "joint.c_y": _TRUE_C_Y, "joint.c_theta": damping},
+            truth={
+                "joint.k_y": true.k_y,
+                "joint.k_theta": true.k_theta,
+                "joint.c_y": _TRUE_C_Y,
+                "joint.c_theta": damping,
+            },
             measuring=measuring or Measuring(),
         )
 
@@ -173,7 +178,7 @@ class VirtualMachine:
         )
         found = [Tolerance(name=name, moves=moves, relative=relative) for name, moves, relative in shared]
         found += [
-            Tolerance(name=f"overhang, {name}", moves={"tool.segment[0].length": 1e-4}, configurations=name)
+            Tolerance(name=f"overhang, {name}", moves={"tool.segment[0].length": 1e-4}, configurations=(name,))
             for name in places
         ]
         return [t for t in found if any(covered(a, p) for a in t.moves for p in places.values())]

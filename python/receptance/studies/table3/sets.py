@@ -78,9 +78,7 @@ class SetVerdict:
         return None if self.held is None else self.held.rejected(level)
 
 
-def judge_sets(
-    machine: VirtualMachine, measured: MeasuredFRF, fit: Identification | None
-) -> tuple[SetVerdict, ...]:
+def judge_sets(machine: VirtualMachine, measured: MeasuredFRF, fit: Identification | None) -> tuple[SetVerdict, ...]:
     """Compare every set of table 3 with a measurement."""
     return tuple(_judge(machine, measured, fit, one) for one in machine.published.parameter_sets)
 
