@@ -143,3 +143,32 @@ def table3(
     console = output()
     print_table3(console, result)
     targets.name(console)
+
+
+@studies.command()
+def clamping(
+    json_file: Json = None,
+    plot: Plot = None,
+    resolution: Resolution = 1.0,
+    seed: Seed = 0,
+) -> None:
+    """Insertion, material and damping as VIRTUAL studies, published torque and diameter as laws with their evidence."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.clamping import print_clamping
+    from receptance.studies import clamping as study
+    from receptance.studies.er32 import Resolution as Steps
+
+    with input_errors():
+        steps = Steps(fine_hz=resolution, coarse_hz=10.0 * resolution)
+        settings = study.ClampingSettings(resolution=steps, seed=seed)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_clamping
+
+        return draw_clamping(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_clamping(console, result)
+    targets.name(console)

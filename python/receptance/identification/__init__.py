@@ -1,6 +1,7 @@
 """Joint parameters, or any others, from measured receptances and natural frequencies."""
 
 from receptance.identification.bands import find_bands
+from receptance.identification.evidence import log_evidence
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
 from receptance.identification.held import Held, hold
@@ -33,5 +34,6 @@ __all__ = [
     "find_bands",
     "hold",
     "identify",
+    "log_evidence",
     "transfer",
 ]

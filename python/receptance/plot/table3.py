@@ -42,8 +42,8 @@ def draw_table3(study: Table3Study) -> Figure:
     title = "Table 3 found by the program: VIRTUAL, all measurements simulated"
     figure.text(0.5, 0.97, title, ha="center", va="center", fontsize=15, color=INK)
     panels = figure.subplots(2, 2)
-    _responses(panels[0, 0], study, study.measured, study.sets, "In the machine: all sets look right")
-    _responses(panels[0, 1], study, study.free, study.free_sets, "Free: they part")
+    _responses(panels[0, 0], study, study.measured, study.sets, "In the machine")
+    _responses(panels[0, 1], study, study.free, study.free_sets, study.chosen.name.capitalize())
     for axes, name in zip(panels[1], ("joint.k_y", "joint.k_theta"), strict=True):
         _profiles(axes, study, name)
     return figure

@@ -43,12 +43,12 @@ def _on_simulation(study: Table3Study) -> Iterator[str]:
     )
     bounds = damping_bounds(truth["joint.k_y"], truth["joint.k_theta"])
     yield (
-        f"Noise: coherence {measuring.coherence:g} from {measuring.averages} averages, so {100 * measuring.noise:.1f} % "
-        f"on every line, {measuring.step_hz:g} Hz apart, with a floor of 0.3 % and of 0.01 % of frequency; in the "
+        f"Noise: coherence {measuring.coherence:g} from {measuring.averages} averages, so {100 * measuring.noise:.1f} "
+        f"% on every line, {measuring.step_hz:g} Hz apart, with a floor of 0.3 % and of 0.01 % of frequency; in the "
         f"machine {measuring.machine_hz[0]:g} to {measuring.machine_hz[1]:g} Hz, free {measuring.free_hz[0]:g} to "
-        f"{measuring.free_hz[1]:g} Hz. Tolerances (standard deviations, drawn for the simulation and fitted): carbide E "
-        "1 % and density 0.5 %, blank 5 um, steel E 1 %, holder 0.1 mm, every overhang 0.1 mm, taper and bearings 10 %. "
-        f"Bounds of the dampings: c_y up to {bounds['joint.c_y'][1]:.3g} N s/m, c_theta up to "
+        f"{measuring.free_hz[1]:g} Hz. Tolerances (standard deviations, drawn for the simulation and fitted): carbide "
+        "E 1 % and density 0.5 %, blank 5 um, steel E 1 %, holder 0.1 mm, every overhang 0.1 mm, taper and bearings 10 "
+        f"%. Bounds of the dampings: c_y up to {bounds['joint.c_y'][1]:.3g} N s/m, c_theta up to "
         f"{bounds['joint.c_theta'][1]:.2g} N m s/rad, a loss factor of 0.12 of the true stiffness at the tool's mode."
     )
 
@@ -64,8 +64,8 @@ def _on_sets(study: Table3Study) -> Iterator[str]:
         verdict = "rejected" if one.rejected(study.settings.level) else "not rejected"
         yield (
             f"{one.name}: by hand it passes in the machine unless frequencies are read better than to "
-            f"{_small(one.reading_percent)} (counting modes that show no peak as well, {_small(one.all_modes_percent)}); at "
-            f"the stated noise, everything else fitted again, it is {verdict} at {level:g} % ({_p(one)})."
+            f"{_small(one.reading_percent)} (with modes that show no peak {_small(one.all_modes_percent)}); "
+            f"at the stated noise, everything else fitted again, it is {verdict} at {level:g} % ({_p(one)})."
         )
     for one in study.free_sets:
         worst = max((mode for mode in one.modes if mode.peak), key=lambda mode: abs(mode.percent), default=None)
