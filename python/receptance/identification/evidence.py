@@ -19,8 +19,8 @@ def log_evidence(found: Identification) -> float:
     """Return the natural logarithm of the evidence, by Laplace's approximation at the fit.
 
     What is compared must be fits of the same observations with the same standard deviations: what depends on these
-    alone is left out. Unknowns without a prior are flat over their bounds, on the scale of the fit; errors and individual
-    parts are standard normal. A difference of 3 is a factor of 20 in probability, one of 10 settles it.
+    alone is left out. Unknowns without a prior are flat over their bounds, on the scale of the fit; errors and
+    individual parts are standard normal. A difference of 3 is a factor of 20 in probability, one of 10 settles it.
 
     Parameters
     ----------

@@ -75,8 +75,8 @@ def _evidence(axes: Axes, study: ClampingStudy) -> None:
         axes.plot(at, values, _MARKS[i], color=COLOURS[i], markersize=7, label=name)
     axes.set_xticks(range(len(cases)), [f"{case.ratio:g}" for case in cases])
     axes.set_yscale("symlog", linthresh=1.0)
-    axes.set_ylim(axes.get_ylim()[1], -0.6)
-    axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none", loc="lower left")
+    axes.set_ylim(1e4 * max(axes.get_ylim()), -0.6)
+    axes.legend(fontsize=8, frameon=False, loc="lower left", ncols=2)
 
 
 def _material(axes: Axes, study: ClampingStudy) -> None:
@@ -150,7 +150,7 @@ def _diameter(axes: Axes, study: ClampingStudy) -> None:
         axes.plot([low, high], [row, row], color=COLOURS[row], linewidth=3.0, alpha=0.5)
         axes.plot(law.exponent, row, "o", color=COLOURS[row], markersize=7)
         text = f"scatter {law.scatter_percent:.0f} %, log evidence {law.log_evidence:+.1f} against a constant"
-        axes.annotate(text, (law.exponent, row), xytext=(0, 10), textcoords="offset points", ha="center", fontsize=9)
+        axes.annotate(text, (0.0, row), xytext=(8, 12), textcoords="offset points", fontsize=9)
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set_yticks(range(len(study.diameter)), [law.quantity for law in study.diameter])
     axes.set_ylim(-0.6, len(study.diameter) - 0.3)

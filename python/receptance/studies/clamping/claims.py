@@ -21,7 +21,8 @@ CLAIMS = (
         "insertion",
         "figures 12 and 13, text",
         "For a tool diameter of 9.53 mm, 11.11 mm, 12.7 mm and 16 mm the stiffness is almost constant [over insertions "
-        "of 40, 30 and 20 mm]. A reason for this is that the clamping interface can be modeled as two springs in series.",
+        "of 40, 30 and 20 mm]. A reason for this is that the clamping interface can be modeled as two springs "
+        "in series.",
     ),
     Claim(
         "material",

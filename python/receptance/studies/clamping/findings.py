@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["findings"]
 
-_CLAIMED_K_Y = (10.0, 31.0)
-"""Percent between the materials, as the paper says in words."""
+_SETTLED = 3.0
+"""Difference of log evidence, a factor of 20 in probability, below which two laws are not told apart."""
 
 
 def findings(study: ClampingStudy) -> tuple[tuple[str, str], ...]:
@@ -45,8 +45,8 @@ def _on_insertion(study: ClampingStudy) -> Iterator[str]:
     yield (
         f"By eq. 15, {INSERTIONS_MM[0]:g} to {last:g} mm changes k_y by less than 10 % only where the inner contact is "
         f"at least {needed_ratio(1.0):.0f} times as stiff as the collet's outer one, and k_theta only from "
-        f"{needed_ratio(3.0):.0f} times on: that k_theta hardly depends on the insertion asks for much more than k_y, or "
-        "for a pressure that moves along."
+        f"{needed_ratio(3.0):.0f} times on: that k_theta hardly depends on the insertion asks for much more than k_y, "
+        "or for a pressure that moves along."
     )
 
 
@@ -55,7 +55,7 @@ def _on_case(case: InsertionCase) -> str:
     text = (
         f"k2 = {case.ratio:g} k1: over the insertions the total k_y changes by {case.change_percent['k_y']:+.0f} %, "
         f"k_theta by {case.change_percent['k_theta']:+.0f} %, the first two natural frequencies by "
-        f"{case.frequency_percent[0]:+.1f} and {case.frequency_percent[1]:+.1f} %. Most likely: {case.found.name} (log "
+        f"{case.frequency_percent[0]:+.1f} and {case.frequency_percent[1]:+.1f} %. {_which(case)} (log "
         f"evidence {_evidence(case.margin)} above the next, rms of its residuals {case.found.fit.rms:.2f})"
     )
     if case.found.name == SERIES and all(share is not None for share in shares):
@@ -67,12 +67,19 @@ def _on_case(case: InsertionCase) -> str:
     return text + "."
 
 
+def _which(case: InsertionCase) -> str:
+    if case.margin >= _SETTLED:
+        return f"Most likely: {case.found.name}"
+    first, second = (one.name for one in case.hypotheses[:2])
+    return f"Not told apart: {first}, and {second}"
+
+
 def _on_material(study: ClampingStudy) -> Iterator[str]:
     material = study.material
     yield (
         "VIRTUAL: blanks of high-speed steel (E "
-        f"{material.material.youngs_modulus / 1e9:g} GPa, {material.material.density:g} kg/m3, assumed) with the joints of "
-        "table 5, identified from two exact natural frequencies. Without a slip the joint comes back to "
+        f"{material.material.youngs_modulus / 1e9:g} GPa, {material.material.density:g} kg/m3, assumed) with the joints "
+        "of table 5, identified from two exact natural frequencies. Without a slip the joint comes back to "
         f"{max(material.control_percent, 1e-6):.0e} %."
     )
     for slip in dict.fromkeys(one.slip for one in material.changes):
@@ -88,8 +95,8 @@ def _on_material(study: ClampingStudy) -> Iterator[str]:
     share = 100.0 * CLAIMED_SHARE
     yield (
         f"The shank in the nose makes up to {y:.0f} % of k_y and {theta:.0f} % of k_theta, "
-        f"{'less than' if theta < share else 'as much as'} the {share:g} % that are claimed of k_theta. A modulus of the "
-        f"steel that is off by {needed} alone would make {share:g} %; the paper does not print the one that it used. "
+        f"{'less than' if theta < share else 'as much as'} the {share:g} % that are claimed of k_theta. A modulus of "
+        f"the steel that is off by {needed} alone would make {share:g} %; the paper does not print the one that it used. "
         "Before a joint is said to depend on the tool's material, the bare blank has to be measured."
     )
 
@@ -104,8 +111,8 @@ def _on_damping(study: ClampingStudy) -> Iterator[str]:
         allowed = study.damping.allowed[case.test]
         far = f"at {allowed:.2g} times" if np.isfinite(allowed) else "not even at a thousand times"
         yield (
-            f"{case.test}: neglecting it makes the highest peak {case.peak_percent:+.1f} % and the least real part, which "
-            f"decides the stability limit, {case.real_percent:+.1f} % too large; {study.damping.worth_percent:g} % are "
+            f"{case.test}: neglecting it makes the highest peak {case.peak_percent:+.1f} % and the least real part, "
+            f"which decides the stability limit, {case.real_percent:+.1f} % too large; {study.damping.worth_percent:g} % are "
             f"reached {far} this damping."
         )
     fine = [c.test for c in study.damping.of_published() if abs(c.real_percent) < study.damping.worth_percent]
@@ -120,7 +127,8 @@ def _on_torque(study: ClampingStudy) -> Iterator[str]:
     resolution, (low, high) = study.settings.resolution, study.trends.torque_range_nm
     yield (
         f"Published: k_y over torque, {low:g} to {high:g} N m, from table 4's frequencies; steps of "
-        f"{resolution.fine_hz:g} Hz below {resolution.change_hz / 1e3:g} kHz and {resolution.coarse_hz:g} Hz from there on."
+        f"{resolution.fine_hz:g} Hz below {resolution.change_hz / 1e3:g} kHz and {resolution.coarse_hz:g} Hz from there "
+        "on."
     )
     for verdict in study.torque:
         yield _on_tool(verdict, low, high)
@@ -135,9 +143,9 @@ def _on_tool(verdict: TorqueVerdict, low: float, high: float) -> str:
     first, last = ("open" if end is None else f"{end:+.1f}" for end in ends)
     change, least, most = verdict.law.change_percent(low, high)
     return (
-        f"{verdict.diameter_mm:g} mm: {verdict.trend.change_percent:+.1f} %, {first} to {last} % by the resolution alone: "
-        f"{'more than noise' if verdict.trend.exceeds else 'within the resolution'}. As a power law with the scatter of "
-        f"its states, torque^{verdict.law.exponent:.2f}: {change:+.1f} % ({least:+.1f} to {most:+.1f} %), log evidence "
+        f"{verdict.diameter_mm:g} mm: {verdict.trend.change_percent:+.1f} %, {first} to {last} % by the resolution "
+        f"alone: {'more than noise' if verdict.trend.exceeds else 'within the resolution'}. As a power law with the scatter "
+        f"of its states, torque^{verdict.law.exponent:.2f}: {change:+.1f} % ({least:+.1f} to {most:+.1f} %), log evidence "
         f"{verdict.law.log_evidence:+.1f} against a constant: {_told(verdict.law)}. If clamped anew each time: "
         f"{verdict.reclamped.log_evidence:+.1f}, {_told(verdict.reclamped)}."
     )
@@ -151,8 +159,8 @@ def _on_diameter(study: ClampingStudy) -> Iterator[str]:
     for law in study.diameter:
         low, high = law.interval
         yield (
-            f"Published: {law.quantity} as d^{law.exponent:.2f} ({low:.2f} to {high:.2f}), scatter of the tools about it "
-            f"{law.scatter_percent:.0f} %, log evidence {law.log_evidence:+.1f} against a constant: {_told(law)}. Five "
+            f"Published: {law.quantity} as d^{law.exponent:.2f} ({low:.2f} to {high:.2f}), scatter of the tools about "
+            f"it {law.scatter_percent:.0f} %, log evidence {law.log_evidence:+.1f} against a constant: {_told(law)}. Five "
             "tools in one holder; each sits at another place of its collet's range."
         )
     published = next(one for one in study.trends.diameter if one.quantity == "k_y")
