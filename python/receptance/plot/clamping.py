@@ -76,7 +76,7 @@ def _evidence(axes: Axes, study: ClampingStudy) -> None:
     axes.set_xticks(range(len(cases)), [f"{case.ratio:g}" for case in cases])
     axes.set_yscale("symlog", linthresh=1.0)
     axes.set_ylim(1e4 * max(axes.get_ylim()), -0.6)
-    axes.legend(fontsize=8, frameon=False, loc="lower left", ncols=2)
+    axes.legend(fontsize=7, frameon=False, loc="lower left", ncols=2, columnspacing=0.8, handletextpad=0.2)
 
 
 def _material(axes: Axes, study: ClampingStudy) -> None:

@@ -78,8 +78,8 @@ def _on_material(study: ClampingStudy) -> Iterator[str]:
     material = study.material
     yield (
         "VIRTUAL: blanks of high-speed steel (E "
-        f"{material.material.youngs_modulus / 1e9:g} GPa, {material.material.density:g} kg/m3, assumed) with the joints "
-        "of table 5, identified from two exact natural frequencies. Without a slip the joint comes back to "
+        f"{material.material.youngs_modulus / 1e9:g} GPa, {material.material.density:g} kg/m3, assumed) with the "
+        "joints of table 5, identified from two exact natural frequencies. Without a slip the joint comes back to "
         f"{max(material.control_percent, 1e-6):.0e} %."
     )
     for slip in dict.fromkeys(one.slip for one in material.changes):
@@ -96,8 +96,8 @@ def _on_material(study: ClampingStudy) -> Iterator[str]:
     yield (
         f"The shank in the nose makes up to {y:.0f} % of k_y and {theta:.0f} % of k_theta, "
         f"{'less than' if theta < share else 'as much as'} the {share:g} % that are claimed of k_theta. A modulus of "
-        f"the steel that is off by {needed} alone would make {share:g} %; the paper does not print the one that it used. "
-        "Before a joint is said to depend on the tool's material, the bare blank has to be measured."
+        f"the steel that is off by {needed} alone would make {share:g} %; the paper does not print the one that it "
+        "used. Before a joint is said to depend on the tool's material, the bare blank has to be measured."
     )
 
 
@@ -112,8 +112,8 @@ def _on_damping(study: ClampingStudy) -> Iterator[str]:
         far = f"at {allowed:.2g} times" if np.isfinite(allowed) else "not even at a thousand times"
         yield (
             f"{case.test}: neglecting it makes the highest peak {case.peak_percent:+.1f} % and the least real part, "
-            f"which decides the stability limit, {case.real_percent:+.1f} % too large; {study.damping.worth_percent:g} % are "
-            f"reached {far} this damping."
+            f"which decides the stability limit, {case.real_percent:+.1f} % too large; {study.damping.worth_percent:g} "
+            f"% are reached {far} this damping."
         )
     fine = [c.test for c in study.damping.of_published() if abs(c.real_percent) < study.damping.worth_percent]
     bad = [c.test for c in study.damping.of_published() if c.test not in fine]
@@ -127,8 +127,8 @@ def _on_torque(study: ClampingStudy) -> Iterator[str]:
     resolution, (low, high) = study.settings.resolution, study.trends.torque_range_nm
     yield (
         f"Published: k_y over torque, {low:g} to {high:g} N m, from table 4's frequencies; steps of "
-        f"{resolution.fine_hz:g} Hz below {resolution.change_hz / 1e3:g} kHz and {resolution.coarse_hz:g} Hz from there "
-        "on."
+        f"{resolution.fine_hz:g} Hz below {resolution.change_hz / 1e3:g} kHz and {resolution.coarse_hz:g} Hz from "
+        "there on."
     )
     for verdict in study.torque:
         yield _on_tool(verdict, low, high)
@@ -144,10 +144,10 @@ def _on_tool(verdict: TorqueVerdict, low: float, high: float) -> str:
     change, least, most = verdict.law.change_percent(low, high)
     return (
         f"{verdict.diameter_mm:g} mm: {verdict.trend.change_percent:+.1f} %, {first} to {last} % by the resolution "
-        f"alone: {'more than noise' if verdict.trend.exceeds else 'within the resolution'}. As a power law with the scatter "
-        f"of its states, torque^{verdict.law.exponent:.2f}: {change:+.1f} % ({least:+.1f} to {most:+.1f} %), log evidence "
-        f"{verdict.law.log_evidence:+.1f} against a constant: {_told(verdict.law)}. If clamped anew each time: "
-        f"{verdict.reclamped.log_evidence:+.1f}, {_told(verdict.reclamped)}."
+        f"alone: {'more than noise' if verdict.trend.exceeds else 'within the resolution'}. As a power law with the "
+        f"scatter of its states, torque^{verdict.law.exponent:.2f}: {change:+.1f} % ({least:+.1f} to {most:+.1f} %), "
+        f"log evidence {verdict.law.log_evidence:+.1f} against a constant: {_told(verdict.law)}. If clamped anew each "
+        f"time: {verdict.reclamped.log_evidence:+.1f}, {_told(verdict.reclamped)}."
     )
 
 
@@ -160,8 +160,8 @@ def _on_diameter(study: ClampingStudy) -> Iterator[str]:
         low, high = law.interval
         yield (
             f"Published: {law.quantity} as d^{law.exponent:.2f} ({low:.2f} to {high:.2f}), scatter of the tools about "
-            f"it {law.scatter_percent:.0f} %, log evidence {law.log_evidence:+.1f} against a constant: {_told(law)}. Five "
-            "tools in one holder; each sits at another place of its collet's range."
+            f"it {law.scatter_percent:.0f} %, log evidence {law.log_evidence:+.1f} against a constant: {_told(law)}. "
+            "Five tools in one holder; each sits at another place of its collet's range."
         )
     published = next(one for one in study.trends.diameter if one.quantity == "k_y")
     first = published.steps[:2]

@@ -38,8 +38,10 @@ class FittedLaw:
     ----------
     quantity, of : str
         Stiffness, and what it is a power of.
-    exponent, deviation : float
-        Mean and standard deviation over all scatters, by their evidence.
+    exponent : float
+        Mean over all scatters, by their evidence.
+    interval : tuple of float
+        Middle 95 % of it: its distribution is a normal one for each scatter, weighed by the evidence of the scatter.
     scatter_percent : float
         The most likely scatter about the power law.
     log_evidence : float
@@ -51,15 +53,10 @@ class FittedLaw:
     quantity: str
     of: str
     exponent: float
-    deviation: float
+    interval: tuple[float, float]
     scatter_percent: float
     log_evidence: float
     reclamped: bool
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of the exponent."""
-        return self.exponent - 1.96 * self.deviation, self.exponent + 1.96 * self.deviation
 
     @property
     def told(self) -> bool:
@@ -167,15 +164,12 @@ def _compare(
     share /= share.sum()
     name = _POWERFUL.format(quantity, of)
     exponents = np.array([fit.values[name] for fit in fits[True]])
-    variances = np.array([fit.standard_errors[name] ** 2 for fit in fits[True]])
-    mean = float(share @ exponents)
-    # Variance of a mixture: that within its members, and that of their means.
-    variance = float(share @ (variances + (exponents - mean) ** 2))
+    deviations = np.array([fit.standard_errors[name] for fit in fits[True]])
     return FittedLaw(
         quantity=quantity,
         of=of,
-        exponent=mean,
-        deviation=variance**0.5,
+        exponent=float(share @ exponents),
+        interval=_middle(share, exponents, deviations),
         scatter_percent=100.0 * SCATTERS[int(share.argmax())],
         log_evidence=_mean(evidence[True]) - _mean(evidence[False]),
         reclamped=reclamped,
@@ -223,6 +217,21 @@ def _fit(
         if reclamped
     ]
     return identify(measured, unknowns, tolerances=tolerances, starts=1)
+
+
+def _middle(share: np.ndarray, means: np.ndarray, deviations: np.ndarray) -> tuple[float, float]:
+    """Return the ends of the middle 95 % of a mixture of normal distributions."""
+    from scipy.special import ndtr  # the light part of scipy.stats
+
+    ends = []
+    for below in (0.025, 0.975):
+        low, high = float(np.min(means - 9.0 * deviations)), float(np.max(means + 9.0 * deviations))
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            inside = float(share @ ndtr((middle - means) / deviations)) < below
+            low, high = (middle, high) if inside else (low, middle)
+        ends.append(0.5 * (low + high))
+    return ends[0], ends[1]
 
 
 def _finite(value: float) -> float:
