@@ -11,6 +11,7 @@ import pytest
 from receptance.cli import main
 from receptance.studies.table3 import Measuring, Table3Settings, Table3Study, VirtualMachine, as_dict, findings, run
 from receptance.studies.table3.candidates import STIFFNESSES, half_width_percent
+from receptance.studies.table3.sets import judge_sets
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +19,20 @@ def study() -> Table3Study:
     return run()
 
 
+def test_by_hand_every_set_passes_in_the_machine_and_free_only_the_right_one() -> None:
+    """The paper's figures 7 and 8, without a fit."""
+    machine = VirtualMachine.load()
+    tests = {}
+    for free in (False, True):
+        measured = machine.measure("x", machine.long_mm, free=free, values=machine.truth, errors={})
+        tests[free] = judge_sets(machine, measured, None)
+    assert all(one.all_modes_percent < 4.0 for one in tests[False])
+    assert all(abs(one.modes[0].percent) < 4.0 for one in tests[True]), "the first mode still fits"
+    assert [one.reading_percent > 3.0 for one in tests[True]] == [False, True, True, True]
+    assert all(one.rejected(0.95) is None for one in tests[True])
+
+
+@pytest.mark.slow
 def test_the_machine_alone_leaves_the_joint_open(study: Table3Study) -> None:
     widths = {name: half_width_percent(study.profiles[name]) for name in STIFFNESSES}
     assert widths["joint.k_y"] > 50.0
@@ -26,11 +41,13 @@ def test_the_machine_alone_leaves_the_joint_open(study: Table3Study) -> None:
     assert all(profile.statement for profile in study.profiles.values())
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_was_simulated(study: Table3Study) -> None:
     for profiles in (study.profiles, study.both_profiles, study.best_profiles):
         assert all(study.holds_truth(profiles)[name] for name in STIFFNESSES)
 
 
+@pytest.mark.slow
 def test_every_set_passes_by_hand_in_the_machine_and_only_the_right_one_at_the_noise(study: Table3Study) -> None:
     assert [one.name for one in study.sets] == ["curve_fitted", "manual_1", "manual_2", "manual_3"]
     # By hand, as the paper tuned them: within a few per cent of every mode of the band.
@@ -42,6 +59,7 @@ def test_every_set_passes_by_hand_in_the_machine_and_only_the_right_one_at_the_n
         assert one.reading_percent == max(read)
 
 
+@pytest.mark.slow
 def test_free_the_manual_sets_fail_by_hand_too(study: Table3Study) -> None:
     """The paper's figure 8: the first mode still fits all of them, the others only the curve-fitted set."""
     for one in study.free_sets[1:]:
@@ -50,6 +68,7 @@ def test_free_the_manual_sets_fail_by_hand_too(study: Table3Study) -> None:
     assert study.free_sets[0].reading_percent < 1e-6
 
 
+@pytest.mark.slow
 def test_it_proposes_the_free_test_and_that_closes_the_intervals(study: Table3Study) -> None:
     assert study.expected[0].candidate.free
     assert study.expected[0].worst_percent < 10.0
@@ -87,6 +106,7 @@ def test_noise_is_what_coherence_and_averages_make() -> None:
     assert np.std(ratio.imag) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_it_says_that_it_is_virtual(study: Table3Study) -> None:
     form = json.loads(json.dumps(as_dict(study), allow_nan=False))
     assert form["virtual"] is True

@@ -71,10 +71,11 @@ def _sets(verdicts: tuple[SetVerdict, ...], title: str) -> Group:
 def _expected(study: Table3Study) -> Group:
     rows = []
     for one in study.expected:
-        rows.append((one.candidate.name, *(_percent(value) for value in one.percent.values())))
+        values = (*one.percent.values(), *one.at_fit.values())
+        rows.append((one.candidate.name, *(_percent(value) for value in values)))
     now = [half_width_percent(study.profiles[name]) for name in study.expected[0].percent]
-    rows.append(("(nothing more)", *(_percent(value) for value in now)))
-    names = [f"{name}\n[%]" for name in study.expected[0].percent]
+    rows.append(("(nothing more)", "", "", *(_percent(value) for value in now)))
+    names = [f"{name}\n{where} [%]" for where in ("widest", "at the fit") for name in study.expected[0].percent]
     title = "Half-width of the interval that a test promises, the widest over three joints that the data allow"
     return table(title, ("<test", *names), rows)
 

@@ -37,16 +37,22 @@ class Expected:
     """What a candidate promises.
 
     `percent` is by parameter the half-width of the 95 % profile interval after it, in percent, the widest over the
-    joints that were tried; infinite where a side stays open.
+    joints that were tried; infinite where a side stays open. `at_fit` is the same for the joint that fits best.
     """
 
     candidate: Candidate
     percent: dict[str, float]
+    at_fit: dict[str, float]
 
     @property
     def worst_percent(self) -> float:
         """Of the parameter that is then known worst."""
         return max(self.percent.values())
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What candidates are compared by: no test bounds a joint that may be rigid, so the best fit decides then."""
+        return self.worst_percent, max(self.at_fit.values())
 
 
 def menu(machine: VirtualMachine) -> tuple[Candidate, ...]:
@@ -80,6 +86,7 @@ def expect(
     for candidate in menu(machine):
         say(f"expecting of {candidate.name}")
         worst = dict.fromkeys(STIFFNESSES, 0.0)
+        at_fit: dict[str, float] = {}
         for point in points:
             # Without noise: the data that are expected if this joint is the true one.
             new = machine.measure(
@@ -87,10 +94,11 @@ def expect(
             )
             old = [_as_expected(machine, one, point) for one in measured]
             again = fit_all(machine, [*old, new], near=point, staged=False)
-            for name, one in again.profiles(STIFFNESSES, level=level).items():
-                worst[name] = max(worst[name], half_width_percent(one))
-        found.append(Expected(candidate=candidate, percent=worst))
-    return tuple(sorted(found, key=lambda one: one.worst_percent))
+            percent = {n: half_width_percent(p) for n, p in again.profiles(STIFFNESSES, level=level).items()}
+            worst = {name: max(worst[name], value) for name, value in percent.items()}
+            at_fit = at_fit or percent
+        found.append(Expected(candidate=candidate, percent=worst, at_fit=at_fit))
+    return tuple(sorted(found, key=lambda one: one.rank))
 
 
 def fit_all(

@@ -158,6 +158,7 @@ def as_dict(study: Table3Study) -> dict[str, Any]:
                 "overhang_mm": one.candidate.overhang_mm,
                 "free": one.candidate.free,
                 "half_width_percent": {name: _finite(value) for name, value in one.percent.items()},
+                "half_width_percent_at_fit": {name: _finite(value) for name, value in one.at_fit.items()},
             }
             for one in study.expected
         ],
