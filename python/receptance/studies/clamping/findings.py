@@ -152,7 +152,12 @@ def _on_tool(verdict: TorqueVerdict, low: float, high: float) -> str:
 
 
 def _told(law: FittedLaw) -> str:
-    return "more than scatter" if law.told else "not told from scatter"
+    if law.told:
+        return "more than scatter"
+    low, high = law.interval
+    if low > 0.0 or high < 0.0:
+        return "suspected at most, zero is outside the interval but the evidence is not for a law"
+    return "not told from scatter"
 
 
 def _on_diameter(study: ClampingStudy) -> Iterator[str]:

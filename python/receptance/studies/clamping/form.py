@@ -20,6 +20,7 @@ def as_dict(study: ClampingStudy) -> dict[str, Any]:
     """Return the result as what JSON holds: what is not finite is None."""
     low, high = study.trends.torque_range_nm
     return {
+        "study": "clamping",
         "settings": {
             "seed": study.settings.seed,
             "noise": study.settings.measuring.noise,

@@ -137,6 +137,7 @@ def as_dict(study: Table3Study) -> dict[str, Any]:
     """Return the result as what JSON holds: an open end is None."""
     measuring = study.settings.measuring
     return {
+        "study": "table3",
         "virtual": True,
         "settings": {
             "seed": study.settings.seed,
