@@ -129,7 +129,7 @@ def test_other_noise_is_refused_or_obeyed() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [101, 102])
 def test_other_errors_and_noise(seed: int) -> None:
-    """Whether a joint that is as good as rigid (manual 2) is rejected in the machine depends on the draw; free it is."""
+    """Whether a joint as good as rigid (manual 2) is rejected in the machine depends on the draw; free it is."""
     found = run(Table3Settings(seed=seed))
     assert found.closes
     assert found.expected[0].candidate.free

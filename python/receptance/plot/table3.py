@@ -58,7 +58,7 @@ def _responses(
     dampings = {name: study.machine.truth[name] for name in ("joint.c_y", "joint.c_theta")}
     for i, one in enumerate(verdicts):
         moved = measured.assembly.replace({"joint.k_y": one.k_y, "joint.k_theta": one.k_theta, **dampings})
-        label = f"{one.name.replace('_', ' ')}: worst mode {one.reading_percent:.1f} %"
+        label = f"{one.name.replace('_', ' ')}: worst peak {one.reading_percent + 0.0:.2f} %"
         size = np.abs(moved.receptance(lines))
         axes.plot(lines, size, color=COLOURS[i], linewidth=1.2, linestyle=_DASHES[i], label=label)
     axes.set_yscale("log")
