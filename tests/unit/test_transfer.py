@@ -220,6 +220,21 @@ def test_what_cannot_be_predicted_is_said() -> None:
     assert "not predicted: lonely" in found.summary()
 
 
+def test_a_band_that_cannot_be_drawn_is_linear_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    from receptance import ReceptanceError
+    from receptance.identification.prediction import Forecast
+
+    def none_has_a_model(self: Forecast, draws: int, seed: int) -> list[Assembly]:
+        if draws:
+            raise ReceptanceError("none has a model")
+        return []
+
+    monkeypatch.setattr(Forecast, "drawn", none_has_a_model)
+    found = transfer(responses(), [*STIFFNESSES, *DAMPINGS], splits=["80 mm"], starts=1)
+    assert found.notes == ("80 mm: its band is linear, because none has a model",)
+    assert found.frfs[0].share_inside > 0.88
+
+
 def test_bad_input_is_refused() -> None:
     with pytest.raises(ValueError, match="two or more"):
         transfer(MODES[:1], STIFFNESSES)

@@ -12,7 +12,7 @@ from receptance.identification.fit import identify
 from receptance.identification.laws import Law, Tolerance
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.peaks import match_peaks
-from receptance.identification.prediction import Forecast
+from receptance.identification.prediction import Forecast, PredictedReceptance
 from receptance.identification.spread import quantile
 from receptance.identification.task import Observation, place_of
 from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
@@ -166,7 +166,8 @@ def _split(
         fit = identify(kept, here, tolerances=near, seed=seed, **options)
     modes: list[TransferredMode] = []
     receptances: list[TransferredFRF] = []
-    reasons = []
+    reasons: list[str] = []
+    notes: list[str] = []
     for one in held:
         missing = [u.address for u in lost if _there((u.address,), u.configurations, None, [place_of(one, 0)])]
         shared = any(_there((u.address,), u.configurations, None, [place_of(one, 0)]) for u in here)
@@ -177,7 +178,7 @@ def _split(
         try:
             forecast = Forecast(fit, one.assembly, one.configuration, one.conditions, errors, one.label)
             if isinstance(one, MeasuredFRF):
-                frf = _frf(one, fit, forecast, level, draws, seed)
+                frf = _frf(one, fit, forecast, level, draws, seed, notes)
                 receptances.append(frf)
                 modes += _peaks(frf, forecast, fit, level)
             else:
@@ -191,6 +192,7 @@ def _split(
         modes=tuple(modes),
         frfs=tuple(receptances),
         not_predicted=tuple(dict.fromkeys(reasons)),
+        notes=tuple(notes),
     )
 
 
@@ -228,9 +230,22 @@ def _modes(one: Any, forecast: Forecast, fit: Identification, level: float) -> l
 
 
 def _frf(
-    one: MeasuredFRF, fit: Identification, forecast: Forecast, level: float, draws: int, seed: int
+    one: MeasuredFRF,
+    fit: Identification,
+    forecast: Forecast,
+    level: float,
+    draws: int,
+    seed: int,
+    notes: list[str],
 ) -> TransferredFRF:
-    predicted = forecast.receptance(one.frequency_hz, one.response, one.excitation, draws, seed, None)
+    def predict(draws: int) -> PredictedReceptance:
+        return forecast.receptance(one.frequency_hz, one.response, one.excitation, draws, seed, None)
+
+    try:
+        predicted = predict(draws)
+    except ReceptanceError as error:
+        notes.append(f"{one.label or one.configuration}: its band is linear, because {error}")
+        predicted = predict(0)
     noise = one.standard_deviation
     if noise is None or not fit.known_scatter:
         units = [unit for unit in fit.units if unit == "logarithm"]

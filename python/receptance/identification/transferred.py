@@ -128,6 +128,8 @@ class Split:
         Receptances.
     not_predicted : tuple of str
         What could not be predicted, and why.
+    notes : tuple of str
+        What a person should know of it.
     """
 
     held_out: tuple[str, ...]
@@ -136,6 +138,7 @@ class Split:
     modes: tuple[TransferredMode, ...]
     frfs: tuple[TransferredFRF, ...]
     not_predicted: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,15 +216,18 @@ class Transfer:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know of the intervals."""
+        own = tuple(dict.fromkeys(note for split in self.splits for note in split.notes))
         if self.propagated:
             return (
+                *own,
                 "every fit takes dimensions and materials as exact; their tolerances widen the intervals, through the "
                 "fit too",
             )
         if not self.narrow:
-            return ()
+            return own
         most = max(split.identified.rms for split in self.splits if split.identified is not None)
         return (
+            *own,
             f"in {len(self.narrow)} of {len(self.splits)} splits the residuals of the fit are up to {most:.2g} times "
             "what the standard deviations explain: the model lacks something, or they are too small, and the "
             "intervals are then too narrow",
