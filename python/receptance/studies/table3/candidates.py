@@ -2,6 +2,7 @@
 
 The interval that a candidate promises depends on where the joint really is, which nobody knows yet; so it is found for
 several joints on the profile of what is known worst, and the widest counts.
+Every candidate is really simulated and fitted; `expect` is the one place to put a cheaper expected information.
 """
 
 from __future__ import annotations
