@@ -230,3 +230,46 @@ def test_interrupted_at_work(tmp_path: Path) -> None:
     assert b"Traceback" not in err
     assert out == b""
     assert left() == {"campaign.toml"}
+
+
+def test_every_assembly_from_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """One tool of the published campaign, three overhangs: each predicted from the other two."""
+    from dataclasses import replace
+
+    from receptance import campaign, examples
+
+    read = campaign.load(examples.write("er32", "er32")[0])
+    kept = {name: one for name, one in read.measurements.items() if one.assembly.startswith("d9_")}
+    unknowns = tuple(one for one in read.unknowns if one.address.startswith("joint_d9."))
+    one_tool = replace(read, measurements=kept, unknowns=unknowns)
+    monkeypatch.setattr(campaign, "load", lambda *_, **__: one_tool)
+    assert call(monkeypatch, "transfer", "er32", "--json", "t.json", "--plot", "t.png") == 0
+    text = capsys.readouterr().out
+    assert "7 of 7 measured natural frequencies are in their 95 % intervals" in text
+    assert "every fit takes dimensions and materials as exact" in text
+    found = json.loads(Path("t.json").read_text())
+    assert [split["held_out"] for split in found["splits"]] == [["d9_medium"], ["d9_short"], ["d9_long"]]
+    assert all("d9" in name for split in found["splits"] for name in split["fitted"])
+    assert 0.3 < found["rms_percent"] < 1.5
+    assert Path("t.png").read_bytes().startswith(PNG)
+    # The same, with the tolerances fitted: readings that are only rounded then decide more than they can.
+    settings = read.table.settings.model_copy(update={"tolerances": "fit", "starts": 1})
+    fitted = replace(one_tool, table=read.table.model_copy(update={"settings": settings}))
+    assert fitted.transfer().found.inside[1] == 7
+
+
+def test_a_transfer_that_cannot_be(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "example", "er32") == 0
+    assert call(monkeypatch, "transfer", "er32", "--splits", "some") == 2
+    assert "--splits is 'some', expected leave-one-out or one-for-all" in capsys.readouterr().err
+    from dataclasses import replace
+
+    from receptance import campaign
+
+    read = campaign.load("er32")
+    first = next(iter(read.measurements))
+    alone = replace(read, measurements={first: read.measurements[first]})
+    with pytest.raises(campaign.CampaignError, match="two or more"):
+        alone.transfer()
+    with pytest.raises(campaign.CampaignError, match="nothing to identify"):
+        replace(read, unknowns=()).transfer()

@@ -12,6 +12,7 @@ from receptance.campaign.prediction import CampaignPrediction
 from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.propagation import Propagation, Scatter
 from receptance.campaign.schema import field_tables, json_schema
+from receptance.campaign.transfer import CampaignTransfer
 
 __all__ = [
     "Campaign",
@@ -20,6 +21,7 @@ __all__ = [
     "CampaignInversion",
     "CampaignNext",
     "CampaignPrediction",
+    "CampaignTransfer",
     "Condition",
     "Measurement",
     "Peak",

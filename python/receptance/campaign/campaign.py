@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from receptance.assembly import Assembly
 from receptance.campaign.conditions import Condition
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
+    from receptance.campaign.transfer import CampaignTransfer
 
 __all__ = ["Campaign"]
 
@@ -202,6 +203,34 @@ class Campaign:
         from receptance.campaign.prediction import predict_campaign
 
         return predict_campaign(self, identified, threads=threads, progress=progress)
+
+    def transfer(
+        self,
+        *,
+        splits: Literal["leave-one-out", "one-for-all"] = "leave-one-out",
+        draws: int = 200,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignTransfer:
+        """Predict every measured assembly from the others, whatever the roles of the measurements.
+
+        Parameters
+        ----------
+        splits : {"leave-one-out", "one-for-all"}, optional
+            Each assembly from all others, or all others from each.
+        draws : int, optional
+            As in `receptance.identification.transfer`.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            Nothing is unknown, or fewer than two assemblies were measured; or as in `identify`.
+        """
+        from receptance.campaign.transfer import transfer_campaign
+
+        return transfer_campaign(self, splits=splits, draws=draws, threads=threads, progress=progress)
 
     def __repr__(self) -> str:
         counts = [

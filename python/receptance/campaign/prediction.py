@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF, match_peaks
+from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, Where, tolerances_of
 from receptance.identification import MeasuredFRF
+from receptance.identification.peaks import match_peaks
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import covered
 

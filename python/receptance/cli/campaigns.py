@@ -1,11 +1,11 @@
-"""The commands `example`, `identify`, `predict` and `schema`."""
+"""The commands `example`, `identify`, `predict`, `transfer` and `schema`."""
 
 from __future__ import annotations
 
 import json
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -15,7 +15,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
 
-__all__ = ["example", "identify", "predict", "schema"]
+__all__ = ["example", "identify", "predict", "schema", "transfer"]
 
 ANSWER_IS_NO = 3
 """Exit code where a verdict was asked to fail on."""
@@ -120,6 +120,34 @@ def predict(
         console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
         if no:
             raise typer.Exit(ANSWER_IS_NO)
+
+
+def transfer(
+    campaign: File,
+    json_file: Json = None,
+    plot: Plot = None,
+    splits: Annotated[
+        str, typer.Option("--splits", help="leave-one-out: each assembly from all others; one-for-all: all from each.")
+    ] = "leave-one-out",
+) -> None:
+    """Predict every measured assembly of a campaign from the others, all splits, compared with what was measured."""
+    targets = Targets(json_file, plot)
+    from receptance.campaign import CampaignError
+    from receptance.cli.transfer import print_transfer
+
+    if splits not in ("leave-one-out", "one-for-all"):
+        raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
+    way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
+    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        read = _loaded(campaign, targets)
+        found = with_progress(lambda say: read.transfer(splits=way, progress=say))
+    if plot is not None and not found.found.modes and not found.found.frfs:
+        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.found.not_predicted)}")
+    targets.write(found.as_dict(), found.plot)
+    console = output()
+    print_transfer(console, found)
+    targets.name(console)
 
 
 def _loaded(path: Path, targets: Targets) -> Campaign:

@@ -114,3 +114,61 @@ def clamped_rods(
     console = output()
     print_clamped_rods(console, result)
     targets.name(console)
+
+
+@studies.command()
+def table3(
+    json_file: Json = None,
+    plot: Plot = None,
+    coherence: Annotated[float, typer.Option("--coherence", help="Of every line of the simulated tests.")] = 0.98,
+    averages: Annotated[int, typer.Option("--averages", help="Of the simulated tests.")] = 10,
+    seed: Seed = 0,
+) -> None:
+    """VIRTUAL: what one tip response in a simulated machine says of the joint, the four sets of table 3, what helps."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.table3 import print_table3
+    from receptance.studies import table3 as study
+
+    with input_errors():
+        measuring = study.Measuring(coherence=coherence, averages=averages)
+        settings = study.Table3Settings(measuring=measuring, seed=seed)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_table3
+
+        return draw_table3(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_table3(console, result)
+    targets.name(console)
+
+
+@studies.command()
+def clamping(
+    json_file: Json = None,
+    plot: Plot = None,
+    resolution: Resolution = 1.0,
+    seed: Seed = 0,
+) -> None:
+    """Insertion, material and damping as VIRTUAL studies, published torque and diameter as laws with their evidence."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.clamping import print_clamping
+    from receptance.studies import clamping as study
+    from receptance.studies.er32 import Resolution as Steps
+
+    with input_errors():
+        steps = Steps(fine_hz=resolution, coarse_hz=10.0 * resolution)
+        settings = study.ClampingSettings(resolution=steps, seed=seed)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_clamping
+
+        return draw_clamping(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_clamping(console, result)
+    targets.name(console)

@@ -2,16 +2,21 @@
 
 from receptance.identification.bands import find_bands
 from receptance.identification.candidates import Candidate, FrequencyTarget, ReceptanceTarget
+from receptance.identification.evidence import log_evidence
 from receptance.identification.expectations import Expectation, NextMeasurement, RankedCandidate
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
+from receptance.identification.held import Held, hold
 from receptance.identification.inverse_coupling import InverseCoupling
 from receptance.identification.inversion import invert_coupling
 from receptance.identification.laws import Law, Power, Tolerance
 from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.prediction import PredictedReceptance
 from receptance.identification.priors import Prior
 from receptance.identification.result import Identification, Start
+from receptance.identification.transfer import transfer
+from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
 from receptance.identification.unknowns import Unknown
 
 __all__ = [
@@ -19,6 +24,7 @@ __all__ = [
     "Expectation",
     "Floor",
     "FrequencyTarget",
+    "Held",
     "Identification",
     "InverseCoupling",
     "Law",
@@ -26,14 +32,22 @@ __all__ = [
     "MeasuredFrequencies",
     "NextMeasurement",
     "Power",
+    "PredictedReceptance",
     "Prior",
     "RankedCandidate",
     "ReceptanceTarget",
+    "Split",
     "Start",
     "Tolerance",
+    "Transfer",
+    "TransferredFRF",
+    "TransferredMode",
     "Unknown",
     "find_bands",
+    "hold",
     "identify",
     "invert_coupling",
+    "log_evidence",
     "next_measurement",
+    "transfer",
 ]

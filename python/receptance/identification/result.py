@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.identification.mapping import Place
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.prediction import Forecast, PredictedReceptance
 from receptance.identification.spread import quantile
-from receptance.identification.unknowns import Unknown, Variables
+from receptance.identification.unknowns import Unknown
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from receptance.assembly import Assembly
+    from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
     from receptance.identification.task import Task
@@ -257,12 +258,7 @@ class Identification:
         ValueError
             The assembly has none of the identified parameters, or a law cannot say what holds for it.
         """
-        fresh: list[str] = []
-        place = Place(assembly, configuration, "", conditions or {})
-        placed = self.task.parameters.at(place, tolerances, fresh)
-        if not placed.addresses:
-            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
-        return placed.apply(assembly, np.append(self._vector(), np.zeros(len(fresh))))
+        return Forecast(self, assembly, configuration, conditions, tolerances).assembly
 
     def predict_natural_frequencies(
         self,
@@ -271,6 +267,7 @@ class Identification:
         *,
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
+        tolerances: Sequence[Tolerance] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequencies of an assembly with the identified values, and what their uncertainty makes of them.
 
@@ -280,33 +277,66 @@ class Identification:
             It need not be one that was observed.
         upper_hz : float
             Limit in Hz.
-        configuration, conditions : optional
-            As in `apply`.
+        configuration, conditions, tolerances : optional
+            As in `apply`; an error that the fit does not know is standard normal.
 
         Returns
         -------
         frequency_hz, standard_error_hz : ndarray
             `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
-            that a new configuration has. Infinite where a parameter that matters is not determined.
+            and the errors that a new configuration has. Infinite where a parameter that matters is not determined.
         """
-        place = Place(assembly, configuration, "", conditions or {})
-        fresh: list[str] = []
-        placed = self.task.parameters.at(place, fresh=fresh)
-        if not placed.addresses:
-            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
-        vector = np.append(self._vector(), np.zeros(len(fresh)))
-        found, slope = placed.apply(assembly, vector).natural_frequency_derivatives(upper_hz, list(placed.addresses))
-        slope = slope @ placed.jacobian(vector)
-        count = len(self.unknowns)
-        own = slope[:, :count] * Variables(self.unknowns).slopes(vector[:count])
-        lost = np.isinf(np.diag(self.covariance))
-        kept = own[:, ~lost]
-        variance = np.einsum("mi,ij,mj->m", kept, self.covariance[np.ix_(~lost, ~lost)], kept)
-        variance = np.maximum(variance, 0.0) + np.sum(slope[:, count:] ** 2, axis=1)
-        return found, np.where(np.any(own[:, lost] != 0.0, axis=1), np.inf, np.sqrt(variance))
+        return Forecast(self, assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
 
-    def _vector(self) -> NDArray[np.float64]:
-        return np.array(list(self.values.values()))
+    def predict_receptance(
+        self,
+        assembly: Assembly,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
+        tolerances: Sequence[Tolerance] | None = None,
+        draws: int = 0,
+        seed: int = 0,
+        threads: int | None = None,
+    ) -> PredictedReceptance:
+        """Receptance of an assembly with the identified values, and a band for where it is.
+
+        Parameters
+        ----------
+        assembly, frequency_hz, response, excitation, threads
+            As in `Assembly.receptance`; the assembly need not be one that was observed.
+        configuration, conditions, tolerances : optional
+            As in `predict_natural_frequencies`.
+        draws, seed : int, optional
+            Vectors drawn from the covariance of the fit for the band; with none it is linear in the errors, which holds
+            as long as no resonance moves by more than about half its width.
+
+        Raises
+        ------
+        ReceptanceError
+            Hardly any drawn vector has a model.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> joint, holder = PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")
+        >>> pair = Assembly([Part([bar], name="tool"), joint, holder])
+        >>> modes = MeasuredFrequencies(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
+        ... )
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+        >>> longer = pair.replace({"tool.segment[0].length": 0.12})
+        >>> low, high = found.predict_receptance(longer, np.linspace(100.0, 5000.0, 50)).band()
+        >>> bool(np.all(low < high))
+        True
+        """
+        forecast = Forecast(self, assembly, configuration, conditions, tolerances)
+        return forecast.receptance(frequency_hz, response, excitation, draws, seed, threads)
 
     def summary(self) -> str:
         """Return the result as text: values with intervals, fit, starts, advice and notes."""

@@ -1,0 +1,357 @@
+"""What a transfer found: predictions beside measurements, by split, as a table and as plain values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.identification.prediction import PredictedReceptance
+    from receptance.identification.result import Identification
+
+__all__ = ["Split", "Transfer", "TransferredFRF", "TransferredMode"]
+
+_DECIBEL = 20.0 / np.log(10.0)
+_MISFIT = 1.5
+"""Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
+_COLUMNS = ("held out", "mode", "measured Hz", "predicted Hz", "error %", "interval Hz", "inside")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferredMode:
+    """A natural frequency of a configuration that the fit did not see.
+
+    Attributes
+    ----------
+    configuration, label : str
+        Of the measurement.
+    mode : int or None
+        Elastic mode from 1; None for a measured peak that nothing was predicted for.
+    measured_hz : float
+        As given, or where the measured receptance peaks.
+    predicted_hz : float or None
+        None where a measured peak has no predicted one near it.
+    deviation_hz : float or None
+        Standard deviation of the prediction.
+    reading_hz : float
+        Standard deviation of the measurement.
+    reach : float
+        How many standard deviations the interval reaches.
+    """
+
+    configuration: str
+    label: str
+    mode: int | None
+    measured_hz: float
+    predicted_hz: float | None
+    deviation_hz: float | None
+    reading_hz: float
+    reach: float
+
+    @property
+    def error_percent(self) -> float | None:
+        """Predicted against measured."""
+        return None if self.predicted_hz is None else 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
+
+    @property
+    def interval_hz(self) -> tuple[float, float] | None:
+        """Where prediction and reading let the measured one be."""
+        if self.predicted_hz is None or self.deviation_hz is None:
+            return None
+        half = self.reach * float(np.hypot(self.deviation_hz, self.reading_hz))
+        return max(self.predicted_hz - half, 0.0), self.predicted_hz + half
+
+    @property
+    def inside(self) -> bool:
+        """Whether it is there; a peak that was not predicted is not."""
+        ends = self.interval_hz
+        return ends is not None and ends[0] <= self.measured_hz <= ends[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferredFRF:
+    """A receptance of a configuration that the fit did not see.
+
+    Attributes
+    ----------
+    configuration, label : str
+        Of the measurement.
+    measured : ndarray
+        `(n,)` complex.
+    noise : ndarray
+        `(n,)` standard deviation of its logarithm.
+    predicted : PredictedReceptance
+        On the same lines.
+    level : float
+        Level of the band.
+    """
+
+    configuration: str
+    label: str
+    measured: NDArray[np.complex128] = field(repr=False)
+    noise: NDArray[np.float64] = field(repr=False)
+    predicted: PredictedReceptance
+    level: float
+
+    @property
+    def distance_decibel(self) -> float:
+        """Log-spectral distance: root mean square over the lines of measured over predicted magnitude, in dB."""
+        ratio = np.log(np.abs(self.measured / self.predicted.receptance))
+        return float(_DECIBEL * np.sqrt(np.mean(ratio**2)))
+
+    @property
+    def share_inside(self) -> float:
+        """Share of the lines whose measured magnitude is in the band, noise included."""
+        low, high = self.predicted.band(self.level, self.noise)
+        size = np.abs(self.measured)
+        return float(np.mean((low <= size) & (size <= high)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Split:
+    """One fit, and what it predicts.
+
+    Attributes
+    ----------
+    held_out, fitted : tuple of str
+        Configurations.
+    identified : Identification or None
+        The fit; None where none of the unknowns is in what is left.
+    modes : tuple of TransferredMode
+        Natural frequencies and peaks.
+    frfs : tuple of TransferredFRF
+        Receptances.
+    not_predicted : tuple of str
+        What could not be predicted, and why.
+    notes : tuple of str
+        What a person should know of it.
+    """
+
+    held_out: tuple[str, ...]
+    fitted: tuple[str, ...]
+    identified: Identification | None = field(repr=False)
+    modes: tuple[TransferredMode, ...]
+    frfs: tuple[TransferredFRF, ...]
+    not_predicted: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """Predictions of configurations that were not fitted, beside their measurements.
+
+    Attributes
+    ----------
+    splits : tuple of Split
+        One fit each.
+    level : float
+        Level of the intervals.
+    seed : int
+        Of starts and draws.
+    propagated : bool
+        Whether fits take dimensions as exact and their tolerances go through them, as campaigns may; else the errors
+        are fitted.
+    """
+
+    splits: tuple[Split, ...]
+    level: float
+    seed: int
+    propagated: bool = False
+
+    @property
+    def modes(self) -> tuple[TransferredMode, ...]:
+        """Natural frequencies and peaks of all splits."""
+        return tuple(mode for split in self.splits for mode in split.modes)
+
+    @property
+    def frfs(self) -> tuple[TransferredFRF, ...]:
+        """Receptances of all splits."""
+        return tuple(frf for split in self.splits for frf in split.frfs)
+
+    @property
+    def not_predicted(self) -> tuple[str, ...]:
+        """What could not be predicted, and why."""
+        return tuple(dict.fromkeys(reason for split in self.splits for reason in split.not_predicted))
+
+    @property
+    def advice(self) -> dict[str, int]:
+        """What the fits advise, and in how many splits."""
+        said = [text for split in self.splits if split.identified is not None for text in split.identified.advice]
+        return {text: said.count(text) for text in dict.fromkeys(said)}
+
+    @property
+    def narrow(self) -> tuple[str, ...]:
+        """Held-out groups whose fit leaves residuals well above the stated standard deviations.
+
+        The model lacks something there, or the standard deviations are too small; intervals are then too narrow.
+        """
+        return tuple(
+            ", ".join(split.held_out)
+            for split in self.splits
+            if split.identified is not None and split.identified.known_scatter and split.identified.rms > _MISFIT
+        )
+
+    @property
+    def rms_percent(self) -> float | None:
+        """Root mean square error of the natural frequencies; None where none was predicted."""
+        errors = [mode.error_percent for mode in self.modes if mode.error_percent is not None]
+        return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+    @property
+    def bias_percent(self) -> float | None:
+        """Mean error of the natural frequencies."""
+        errors = [mode.error_percent for mode in self.modes if mode.error_percent is not None]
+        return float(np.mean(errors)) if errors else None
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """How many natural frequencies are in their intervals, of how many."""
+        return sum(mode.inside for mode in self.modes), len(self.modes)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of the intervals."""
+        own = tuple(dict.fromkeys(note for split in self.splits for note in split.notes))
+        if self.propagated:
+            return (
+                *own,
+                "every fit takes dimensions and materials as exact; their tolerances widen the intervals, through the "
+                "fit too",
+            )
+        if not self.narrow:
+            return own
+        most = max(split.identified.rms for split in self.splits if split.identified is not None)
+        return (
+            *own,
+            f"in {len(self.narrow)} of {len(self.splits)} splits the residuals of the fit are up to {most:.2g} times "
+            "what the standard deviations explain: the model lacks something, or they are too small, and the "
+            "intervals are then too narrow",
+        )
+
+    @property
+    def identified(self) -> dict[str, list[float | None]]:
+        """Identified values by name, one for each split; errors of tolerances left out, None where it has none."""
+        fits = [split.identified for split in self.splits]
+        names = dict.fromkeys(name for fit in fits if fit for name in fit.values if name not in fit.errors)
+        return {name: [None if fit is None else fit.values.get(name) for fit in fits] for name in names}
+
+    def summary(self) -> str:
+        """Return the result as text."""
+        rows = [_COLUMNS, *(_row(mode) for mode in self.modes)]
+        widths = [max(len(row[column]) for row in rows) for column in range(len(_COLUMNS))]
+        lines = [self._headline(), ""]
+        if self.modes:
+            lines += ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+        for frf in self.frfs:
+            lines.append(
+                f"{frf.label or frf.configuration}: log-spectral distance {frf.distance_decibel:.2f} dB, "
+                f"{100.0 * frf.share_inside:.0f} % of the lines in the {100.0 * self.level:g} % band"
+            )
+        for name, values in self.identified.items():
+            known = [value for value in values if value is not None]
+            lines.append(f"{name}: {min(known):.4g} to {max(known):.4g} over the splits")
+        lines += [f"not predicted: {reason}" for reason in self.not_predicted]
+        lines += [f"note: {text}" for text in self.notes]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as what JSON holds."""
+        return {
+            "level": self.level,
+            "seed": self.seed,
+            "rms_percent": self.rms_percent,
+            "bias_percent": self.bias_percent,
+            "inside": self.inside[0],
+            "modes": self.inside[1],
+            "splits": [_split_as_dict(split, self.level) for split in self.splits],
+        }
+
+    def plot(self, title: str = "") -> Figure:
+        """Draw errors of the natural frequencies with their intervals, and receptances with their bands."""
+        from receptance.plot.transfer import draw_transfer
+
+        return draw_transfer(self, title)
+
+    def __repr__(self) -> str:
+        return f"Transfer({self._headline()})"
+
+    def _headline(self) -> str:
+        parts = [f"{len(self.splits)} splits"]
+        if self.rms_percent is not None:
+            hits, count = self.inside
+            parts.append(f"{count} modes predicted to {self.rms_percent:.3g} % rms")
+            parts.append(f"{hits} of {count} in their {100.0 * self.level:g} % intervals")
+        if self.frfs:
+            worst = max(frf.distance_decibel for frf in self.frfs)
+            parts.append(f"{len(self.frfs)} FRFs at most {worst:.3g} dB off")
+        return ", ".join(parts)
+
+
+def _row(mode: TransferredMode) -> tuple[str, ...]:
+    ends = mode.interval_hz
+    return (
+        mode.configuration,
+        "-" if mode.mode is None else str(mode.mode),
+        f"{mode.measured_hz:.1f}",
+        "none" if mode.predicted_hz is None else f"{mode.predicted_hz:.1f}",
+        "" if mode.error_percent is None else f"{mode.error_percent:+.2f}",
+        "" if ends is None else f"{ends[0]:.1f} to {ends[1]:.1f}",
+        "yes" if mode.inside else "no",
+    )
+
+
+def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
+    fit = split.identified
+    return {
+        "held_out": list(split.held_out),
+        "fitted": list(split.fitted),
+        "identified": None
+        if fit is None
+        else {
+            name: {"value": value, "interval": [_finite(end) for end in fit.interval(name, level)]}
+            for name, value in fit.values.items()
+        },
+        "converged": None if fit is None else fit.converged,
+        "rms": None if fit is None else _finite(fit.rms),
+        "advice": [] if fit is None else list(fit.advice),
+        "modes": [
+            {
+                "configuration": mode.configuration,
+                "label": mode.label,
+                "mode": mode.mode,
+                "measured_hz": mode.measured_hz,
+                "predicted_hz": mode.predicted_hz,
+                "standard_error_hz": _finite(mode.deviation_hz),
+                "reading_deviation_hz": _finite(mode.reading_hz),
+                "interval_hz": None if mode.interval_hz is None else [_finite(end) for end in mode.interval_hz],
+                "error_percent": mode.error_percent,
+                "inside": mode.inside,
+            }
+            for mode in split.modes
+        ],
+        "frfs": [_frf_as_dict(frf) for frf in split.frfs],
+        "not_predicted": list(split.not_predicted),
+    }
+
+
+def _frf_as_dict(frf: TransferredFRF) -> dict[str, Any]:
+    low, high = frf.predicted.band(frf.level)
+    return {
+        "configuration": frf.configuration,
+        "label": frf.label,
+        "log_spectral_distance_db": frf.distance_decibel,
+        "share_inside": frf.share_inside,
+        "frequency_hz": frf.predicted.frequency_hz.real.tolist(),
+        "measured_magnitude": np.abs(frf.measured).tolist(),
+        "predicted_magnitude": np.abs(frf.predicted.receptance).tolist(),
+        "interval": [[_finite(end) for end in side.tolist()] for side in (low, high)],
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)

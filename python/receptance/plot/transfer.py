@@ -1,0 +1,136 @@
+"""Transfers as a figure: what was predicted of configurations that the fit did not see."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from receptance.identification import Transfer, TransferredFRF
+
+__all__ = ["draw_transfer"]
+
+_MOST = 8
+"""Receptances that are drawn."""
+_BAND = "#BBD9EC"
+_ROW = 0.24
+"""Height of a line of the table of modes in inches."""
+_OPEN = 1e3
+"""A band over more than this factor says nothing and is drawn no wider."""
+
+
+def draw_transfer(found: Transfer, title: str = "") -> Figure:
+    """Draw errors of predicted natural frequencies with their intervals, and predicted receptances with their bands.
+
+    Parameters
+    ----------
+    found : Transfer
+        From `receptance.identification.transfer`.
+    title : str, optional
+        Over the figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+
+    Raises
+    ------
+    ValueError
+        Nothing was predicted.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
+    >>> from receptance.identification import transfer
+    >>> from receptance.plot.transfer import draw_transfer
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar])])
+    >>> measured = [
+    ...     MeasuredFrequencies(
+    ...         assembly=pair.replace({"tool.segment[0].length": length}),
+    ...         frequency_hz=pair.replace({"tool.segment[0].length": length}).natural_frequencies(2e4)[:2],
+    ...         standard_deviation_hz=1.0,
+    ...         configuration=name,
+    ...     )
+    ...     for name, length in (("short", 0.08), ("long", 0.12))
+    ... ]
+    >>> len(draw_transfer(transfer(measured, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))).axes)
+    1
+    """
+    frfs = found.frfs[:_MOST]
+    if not found.modes and not frfs:
+        raise ValueError(f"nothing was predicted: {'; '.join(found.not_predicted) or 'there is no split'}")
+    columns = 1 if not frfs else 2
+    rows = max(len(frfs), 1)
+    tall = 1.6 + _ROW * len(found.modes)
+    height = max(tall, 2.9 * rows) + 0.6
+    figure = new_figure(7.2 + 6.2 * (columns - 1), height)
+    keep_clear(figure, 1.0 - 0.6 / height)
+    hits, count = found.inside
+    title = title or "Transfer"
+    text = f"{hits} of {count} natural frequencies in their {100 * found.level:g} % intervals"
+    size = 13 if len(title) < 50 * columns else 10
+    figure.text(0.5, 1.0 - 0.2 / height, title, ha="center", va="center", fontsize=size, color=INK)
+    figure.text(0.5, 1.0 - 0.45 / height, text, ha="center", va="center", fontsize=10, color=INK)
+    cells = figure.subfigures(1, columns, squeeze=False, width_ratios=[7.2, 6.2][:columns])[0]
+    _draw_modes(cells[0].subplots(), found)
+    if frfs:
+        for axes, frf in zip(np.ravel(cells[1].subplots(len(frfs), 1, squeeze=False)), frfs, strict=True):
+            _draw_frf(axes, frf)
+    return figure
+
+
+def _draw_modes(axes: Axes, found: Transfer) -> None:
+    set_up(axes, "Held out", "predicted against measured (%)")
+    axes.grid(visible=False, axis="y")
+    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
+    axes.axvline(0.0, color=INK, linewidth=1.0)
+    labels, before, several = [], "", len({mode.configuration for mode in found.modes}) > 1
+    for row, mode in enumerate(found.modes):
+        text = f"{mode.measured_hz:.0f} Hz" + ("" if mode.mode is None else f"  mode {mode.mode}")
+        labels.append(f"{mode.configuration}   {text}" if mode.configuration != before and several else text)
+        before = mode.configuration
+        if mode.error_percent is None or mode.interval_hz is None:
+            axes.plot(0.0, row, "x", color=BAD, markersize=7)
+            axes.annotate(
+                "no prediction", (0.0, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=BAD
+            )
+            continue
+        low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in mode.interval_hz)
+        colour = COLOURS[0] if mode.inside else BAD
+        if np.isfinite(high):
+            axes.plot([low, high], [row, row], color=colour, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
+        axes.plot(mode.error_percent, row, "o" if mode.inside else "D", color=colour, markersize=5)
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.plot([], [], "o", color=COLOURS[0], markersize=5, label="measured is inside the interval")
+    axes.plot([], [], "D", color=BAD, markersize=5, label="it is not")
+    axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+
+
+def _draw_frf(axes: Axes, frf: TransferredFRF) -> None:
+    name = frf.label or frf.configuration
+    set_up(axes, "", "frequency (Hz)", "magnitude (SI)")
+    axes.set_title(
+        f"{name}: {frf.distance_decibel:.2f} dB, {100.0 * frf.share_inside:.0f} % of lines in the band",
+        loc="left",
+        fontsize=10,
+        color=INK,
+    )
+    lines = frf.predicted.frequency_hz.real
+    size = np.abs(frf.predicted.receptance)
+    low, high = frf.predicted.band(frf.level)
+    axes.fill_between(
+        lines, np.maximum(low, size / _OPEN), np.minimum(high, size * _OPEN), color=_BAND, linewidth=0.0, label="band"
+    )
+    axes.plot(lines, np.abs(frf.measured), ".", color=PALE, markersize=2.5, label="measured")
+    axes.plot(lines, size, color=COLOURS[0], linewidth=1.2, label="predicted")
+    axes.set_yscale("log")
+    axes.legend(fontsize=8, frameon=False, loc="upper right")
