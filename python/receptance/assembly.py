@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from math import tau
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -269,7 +270,7 @@ class Assembly:
         """
         if not isinstance(self._elements.get(joint), PointJoint):
             raise ValueError(f"there is no joint {joint!r} in {self!r}")
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
+        w = tau * _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
@@ -296,8 +297,7 @@ class Assembly:
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
         with interfaces_by_name(self._elements, flat):
-            request = (points[1], points[0], rows, count, flat.beside(), 2.0 * np.pi)
-            h, dh = _core.receptance(lines, 0, *flat.tables(), *request)
+            h, dh = _core.receptance(lines, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside(), tau)
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
