@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import tau
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from receptance._flatten import Flat
 
 __all__ = ["modes", "responses"]
-
-_TURN = 2.0 * np.pi
 
 
 def responses(
@@ -37,11 +36,11 @@ def responses(
     def solve(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        return _core.receptance(lines, 0, *flat.tables(), loads, seen, asked, threads, flat.beside(), _TURN, added)
+        return _core.receptance(lines, 0, *flat.tables(), loads, seen, asked, threads, flat.beside(), tau, added)
 
     with interfaces_by_name(flat):
         if flat.microslips:
-            w = (_TURN * lines).astype(np.complex128)
+            w = (tau * lines).astype(np.complex128)
             return evaluate(solve, flat, w, points[1], points[0], rows, amplitudes)
         return solve(points[1], points[0], rows)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from math import tau
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -277,7 +278,7 @@ class Assembly:
         """
         if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).microslips:
             raise ValueError(f"there is no joint {joint!r} in {self!r}, or another one is in micro-slip")
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
+        w = tau * _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]

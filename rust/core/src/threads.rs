@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use core::iter::Enumerate;
-use core::sync::atomic::{AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -12,8 +12,19 @@ use std::vec::IntoIter;
 /// Bytes of stack: the kernels are inlined whole, which takes much in a build without optimisation.
 const STACK: usize = 16 << 20;
 
-/// What there must be left to do for each helper [ns]: to wake one takes some tens of microseconds.
-const WORTH: f64 = 100e3;
+/// What there must at least be left to do for each helper [ns], on a machine that has nothing else to do.
+const WORTH: f64 = 80e3;
+
+/// What there must be left to do for each helper, in delays.
+const DELAYS: f64 = 2.5;
+
+/// How long helpers took of late until they began [ns]: some tens of microseconds where a processor is idle,
+/// milliseconds where all are busy and a helper would only be waited for.
+static DELAY: AtomicU64 = AtomicU64::new(0);
+
+/// By which share of itself the delay is taken to shrink with each call that had no helpers, so that they are tried
+/// again.
+const FORGOTTEN: u64 = 64;
 
 /// How long the caller looks whether the helpers end before it sleeps, which would take as long again.
 const PATIENCE: Duration = Duration::from_micros(50);
@@ -46,12 +57,17 @@ pub fn on_threads<T: Send, U: Send>(
     let mut done = Vec::with_capacity(tasks.len());
     let mut tasks = tasks.into_iter();
     let began = Instant::now();
-    let mut worth = tasks.len() as f64 * at_least / WORTH;
+    let delay = DELAY.load(Ordering::Relaxed);
+    let a_helper = WORTH.max(DELAYS * delay as f64);
+    let mut worth = tasks.len() as f64 * at_least / a_helper;
     while worth < 1.0 {
-        let Some(task) = tasks.next() else { return Ok(done) };
+        let Some(task) = tasks.next() else {
+            DELAY.store(delay - delay / FORGOTTEN, Ordering::Relaxed);
+            return Ok(done);
+        };
         done.push(work(task));
         let each = began.elapsed().as_nanos() as f64 / done.len() as f64;
-        worth = tasks.len() as f64 * each / WORTH;
+        worth = tasks.len() as f64 * each / a_helper;
     }
     let helpers = (most - 1).min(tasks.len()).min(worth as usize);
     let queue = Queue::new(tasks, helpers + 1);
@@ -134,9 +150,12 @@ impl Helpers {
     /// Lets the caller and so many helpers do the same.
     fn share(self, count: usize, work: impl Fn() + Sync) {
         let ended = AtomicUsize::new(0);
+        let called = Instant::now();
         self.pool.in_place_scope(|scope| {
             for _ in 0..count {
                 scope.spawn(|_| {
+                    let delay = called.elapsed().as_nanos() as u64;
+                    DELAY.store(DELAY.load(Ordering::Relaxed).midpoint(delay), Ordering::Relaxed);
                     work();
                     ended.fetch_add(1, Ordering::Release);
                 });
