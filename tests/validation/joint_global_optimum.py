@@ -66,7 +66,7 @@ def measure(seed: int, case: int) -> Outcome:
     begun = time.perf_counter()
     staged = fit(campaign, starts, "staged")
     seconds = time.perf_counter() - begun
-    problem = staged.task.problem()
+    problem = staged.task.quick(staged.task.problem())
     direct = minimise(problem, staged.task.variables.start, most=200)
     dense = dense_reference(staged.task, problem, STARTS, seed=case)
     values = np.array([*campaign.truth.values(), *campaign.errors.values()])
