@@ -104,14 +104,18 @@ class CampaignResidual:
     """
 
     def __init__(
-        self, angular_frequency: Real, measured: Complex, deviation: float, tools: Real, holder: Real, errors: list[Error]
+        self,
+        angular_frequency: Real,
+        measured: Complex,
+        deviation: float,
+        tools: Real,
+        holder: Real,
+        errors: list[Error],
     ) -> None:
         self.w, self.measured, self.weight = angular_frequency, measured, 1.0 / deviation
         self.tools, self.holder, self.errors = tools, holder, errors
         self.reference = float(angular_frequency.max())
-        span = max(
-            float(wave_span(segment_constants(np.vstack([row, holder])), self.reference).sum()) for row in tools
-        )
+        span = max(float(wave_span(segment_constants(np.vstack([row, holder])), self.reference).sum()) for row in tools)
         # One more for the product of the dampings.
         self.powers = degree_for(span) + 1
         square = (angular_frequency / self.reference) ** 2
@@ -142,7 +146,9 @@ class CampaignResidual:
         self.columns[4:, -errors.size :] = np.eye(errors.size)
         self.at = x.copy()
 
-    def _changed(self, row: Real, errors: Real, holder: bool, overhang: int | None) -> tuple[Real, list[tuple[int, int, float]]]:
+    def _changed(
+        self, row: Real, errors: Real, holder: bool, overhang: int | None
+    ) -> tuple[Real, list[tuple[int, int, float]]]:
         """A row with the errors in it, and which errors it has: number, quantity, logarithmic rate."""
         row, own = row.copy(), []
         for number, (error, value) in enumerate(zip(self.errors, errors, strict=True)):
@@ -182,7 +188,6 @@ class CampaignResidual:
         row, own = self._changed(row, errors, False, index)
         minors, states = transfers(row, self.reference, self.powers)
         coefficients, mine = _at_joint(behind[0]), [number for number, _, _ in own] + behind[1]
-        k_y, k_theta, c_y, c_theta = joint
         # The four parts with 1, k1, k2, k1 k2 in front become A and iw B at once, before the tool is passed.
         above = self._joined(coefficients, joint)
         more = [rate * minors[1 + quantity] for _, quantity, rate in own]
@@ -289,4 +294,3 @@ def fit_campaign(residual: CampaignResidual, starts: Real, bounds: tuple[Real, R
     found = [least_squares(residual, x, jac=residual.jacobian, bounds=bounds, **options) for x in starts]
     best = min(found, key=lambda one: one.cost)
     return CampaignFit(best, sum(one.nfev for one in found), sum(one.njev for one in found))
-

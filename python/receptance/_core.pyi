@@ -12,9 +12,9 @@ For motion 1 (axial) and 2 (torsion) a node has one degree of freedom; then k_y,
 inertia column act along it.
 excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
 Whole models: receptances are (lines, measured, weights, points (2, 2), ties), frequencies (modes from 0 on, measured,
-    weights, ties) in rad/s; ties are ((segments, joints, masses, grounds, overlaps), rates, addresses) with rates (k, 5):
-    table, row, column, address, rate that its value is added at; addresses (m, 2 + 2 p): number of the unknown b or -1, b,
-    E, S of v = b exp(E u) + S u; priors (k, 3): variable x, scale, offset of the residual scale x - offset.
+    weights, ties), in rad/s; ties are ((segments, joints, masses, grounds, overlaps), rates, addresses): rates (k, 5)
+    table, row, column, address, and the rate that its value is added at; addresses (m, 2 + 2 p) the unknown's number b
+    or -1, its value, E, S of v = b exp(E u) + S u. Priors (k, 3): variable x, scale, offset of scale x - offset.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
 """
 

@@ -76,6 +76,11 @@ def minimise(
         trial = np.clip(x + step, low, high)
         step = trial - x
         promised = -float(gradient @ step + 0.5 * step @ normal @ step)
+        if promised < 0.0 and damping < _MOST_DAMPED:
+            # Variables that were stopped at bounds can turn a long step uphill; a short one goes down.
+            damping *= growth
+            growth *= 2.0
+            continue
         if promised <= max(least, _ROUNDING * cost):
             # A damped step promises little of its own; only a whole one says that there is nothing left.
             if damping <= _WHOLE or tried:

@@ -23,6 +23,7 @@ from receptance.identification.result import Start
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance.coordinates import Coordinate
     from receptance.identification.task import Task
     from receptance.identification.unknowns import Unknown
 
@@ -82,8 +83,10 @@ class Models:
         receptances, frequencies = [], []
         for observation, placed, residual in zip(task.observed, task.placed, problem.residuals, strict=False):
             inner = getattr(residual, "inner", residual)
-            measured = isinstance(observation, MeasuredFrequencies)
-            points = () if measured else (observation.response, observation.excitation)
+            if isinstance(observation, MeasuredFrequencies):
+                points: tuple[Coordinate, ...] = ()
+            else:
+                points = (observation.response, observation.excitation)
             tied = tie(observation.assembly, placed.addresses, points)
             if tied is None or not isinstance(inner, (FRFResidual, FrequencyResidual)):
                 return None
@@ -92,7 +95,7 @@ class Models:
                 return None
             addresses = np.column_stack([placed.base, placed.fixed, placed.exponents, placed.shifts])
             ties = (tied.tables, tied.rates, np.ascontiguousarray(addresses, dtype=np.float64))
-            if measured:
+            if not points:
                 frequencies.append((*arrays, ties))
             else:
                 receptances.append((*arrays, tied.points, ties))
