@@ -39,6 +39,10 @@ _MORE = 15
 """Starts that are drawn besides each given one."""
 _KEPT = 4
 """How many different ends go on to the data as they are."""
+_SOME = 60
+"""Evaluations on all lines, after which the best ends go on."""
+_AHEAD = 3
+"""How many of them."""
 _FINISHED = 2
 """How many of the best ends are finished where they creep."""
 _LONGER = 2
@@ -71,9 +75,10 @@ def fit_staged(
     for own, x in enumerate(starts):
         ends = [(cost[i], way[i]) for way, cost in zip(ways, costs, strict=True) for i in (own, *shared)]
         before = problem.evaluations
-        better = ladder.descend(np.array([end for _, end in _different(ends, task, 2 * _KEPT)]).reshape(-1, count))
+        chosen = np.array([end for _, end in _different(ends, task, 2 * _KEPT)]).reshape(-1, count)
         errors = task.variables.start[count:]
-        wholes = [np.append(end, errors) for _, end in _different(better, task, _KEPT)]
+        wholes = [np.append(end, errors) for _, end in _different(ladder.descend(chosen), task, _KEPT)]
+        wholes += [end for _, end in _different(ladder.descend_with_errors(chosen, errors), task, _KEPT)]
         runs.append(_one(problem, x, wholes, before, most, tolerance))
     return runs
 
@@ -93,6 +98,9 @@ class Ladder:
         self.peaks = _peaks(exact)
         steps = [[smeared(o, width, _LINES) for o in task.observed] for width in _WIDTHS]
         problems = [_with(exact, kept) if len(kept := [o for o in s if o]) == len(s) else None for s in steps]
+        # A dimension that is far off can mislead the exact ones, so the narrow steps are taken with errors as well.
+        loose = [[o for o in step if o] for step in steps[1:]] if len(task.variables.unknowns) > self.count else []
+        self.loose = [_with(task, kept) for kept in loose if len(kept) == len(task.observed)]
         self.broad = [problem for problem in problems[:_STIFFNESS] if problem is not None]
         self.narrow = [problem for problem in problems[_STIFFNESS:] if problem is not None]
 
@@ -147,6 +155,19 @@ class Ladder:
             there, found = _ends(stage, at, _EARLY, _EASY)
             kept = np.isfinite(found)
             at, cost = np.where(kept[:, None], there, at), np.where(kept, found, cost)
+        return list(zip(cost.tolist(), at, strict=True))
+
+    def descend_with_errors(
+        self, ends: NDArray[np.float64], errors: NDArray[np.float64]
+    ) -> list[tuple[float, NDArray[np.float64]]]:
+        """Return where they lead with dimensions and materials free, as far as their tolerances let them be."""
+        if not self.loose or not len(ends):
+            return []
+        at = np.hstack([self.damped(ends), np.tile(errors, (len(ends), 1))])
+        cost = np.full(len(ends), np.inf)
+        for stage in self.loose:
+            there, found = _ends(stage, at, _EARLY, _EASY)
+            at, cost = np.where(np.isfinite(found)[:, None], there, at), found
         return list(zip(cost.tolist(), at, strict=True))
 
 
@@ -210,7 +231,7 @@ def _one(
 ) -> Start:
     """Return the best end of the problem itself that the easier ones led a start to."""
     first = problem.named(start)
-    runs = problem.fit_all(np.array(wholes), most, tolerance) if wholes else []
+    runs = problem.fit_all(np.array(_ahead(problem, wholes)), most, tolerance) if wholes else []
     runs = sorted(runs, key=lambda run: run.cost)[:_FINISHED]
     runs = [run if run.converged or not np.isfinite(run.cost) else _finished(problem, run, most) for run in runs]
     best = min(runs, key=lambda run: run.cost, default=None)
@@ -225,6 +246,15 @@ def _one(
             message=problem.reason or "the model has no value there",
         )
     return replace(best, start=first, evaluations=problem.evaluations - before)
+
+
+def _ahead(problem: Problem, wholes: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """Return the ends that are best after some steps on all lines, where there are many."""
+    if not isinstance(problem, ModelledProblem):
+        return wholes
+    there, cost = _ends(problem, np.array(wholes), _SOME, _EASY)
+    order = np.argsort(cost)[:_AHEAD]
+    return [there[i] for i in order if np.isfinite(cost[i])] or wholes[:1]
 
 
 def _finished(problem: Problem, run: Start, most: int) -> Start:
@@ -259,7 +289,8 @@ def _different(
     for cost, x in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
         if len(kept) == most:
             break
-        if all(np.max(np.abs(x - other) / (high - low)) > _NEAR for _, other in kept):
+        own = x[: low.size]
+        if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _NEAR for _, other in kept):
             kept.append((cost, x))
     return kept
 
