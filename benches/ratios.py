@@ -94,6 +94,7 @@ def measure(pair: Pair, rounds: int, least: float) -> Row:
     difference, remark = pair.check()
     sides = (pair.ours, pair.reference)
     # Besides counting the repeats, this warms caches and thread pools up.
+    rounds = min(rounds, pair.most_rounds or rounds)
     times = [max(1, math.ceil(least / min(turn(side, 1) for _ in range(2)))) for side in sides]
     taken: tuple[list[float], list[float]] = ([], [])
     gains: list[float] = []

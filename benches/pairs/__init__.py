@@ -7,12 +7,12 @@ series, our minors) is inside the time unless a name says otherwise.
 
 from __future__ import annotations
 
-from . import fits, frequencies, receptances, threads
+from . import campaigns, fits, frequencies, receptances, threads
 from .pair import Pair, largest_difference
 
 __all__ = ["Pair", "all_pairs", "largest_difference"]
 
-LINES, FIT_LINES, THREAD_LINES = 5_000, 12_000, 50_000
+LINES, FIT_LINES, THREAD_LINES, CAMPAIGN_LINES = 5_000, 12_000, 50_000, 2_500
 
 
 def all_pairs(share: int = 1) -> list[Pair]:
@@ -23,5 +23,6 @@ def all_pairs(share: int = 1) -> list[Pair]:
         *receptances.joint_pairs(LINES // share),
         *frequencies.mode_pairs(),
         *fits.identification_pairs(FIT_LINES // share),
+        *campaigns.campaign_pairs(CAMPAIGN_LINES // share, campaigns.STARTS if share == 1 else 2),
         *threads.thread_pairs(THREAD_LINES // share),
     ]

@@ -31,6 +31,8 @@ class Pair:
         Threads on our side.
     is_cost : bool
         The ratio is our time over the reference's (what more costs), not the reference's over ours (how much faster).
+    most_rounds : int, optional
+        Turns of each side, at most, where they take long.
     remark : callable, optional
         What is worth knowing of two results beside their time.
     """
@@ -45,6 +47,7 @@ class Pair:
     segments: int | None = None
     threads: int = 1
     is_cost: bool = False
+    most_rounds: int | None = None
     remark: Callable[[Any, Any], str] | None = None
 
     @property

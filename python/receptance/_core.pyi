@@ -13,8 +13,14 @@ inertia column act along it.
 excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment).
 angular_frequency (n): real or complex; where there is a `scale`, what the lines are multiplied with to be in rad/s.
 added (n_freq * n_joints * 2), optional: complex stiffness in y and theta besides that of the columns.
+Whole models: receptances are (lines, measured, weights, points (2, 2), ties), frequencies (modes from 0 on, measured,
+    weights, ties), in rad/s; ties are ((segments, joints, masses, grounds, overlaps), rates, addresses): rates (k, 5)
+    table, row, column, address, and the rate that its value is added at; addresses (m, 2 + 2 p) the unknown's number b
+    or -1, its value, E, S of v = b exp(E u) + S u. Priors (k, 3): variable x, scale, offset of scale x - offset.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
 """
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +30,11 @@ __all__ = [
     "ResonanceError",
     "SingularInterfaceError",
     "fit_joint",
+    "fit_models",
     "instruction_set",
     "joint_normal_matrix",
     "joint_residual",
+    "models_normal_matrix",
     "natural_frequencies",
     "receptance",
     "reduce_joint",
@@ -112,4 +120,25 @@ def fit_joint(
     evaluations: int,
     threads: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]: ...
+def models_normal_matrix(
+    receptances: list[tuple[Any, ...]],
+    frequencies: list[tuple[Any, ...]],
+    priors: NDArray[np.float64],
+    logarithmic: NDArray[np.bool_],
+    bounds: NDArray[np.float64],
+    variables: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]: ...
+def fit_models(
+    receptances: list[tuple[Any, ...]],
+    frequencies: list[tuple[Any, ...]],
+    priors: NDArray[np.float64],
+    logarithmic: NDArray[np.bool_],
+    bounds: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    starts: NDArray[np.float64],
+    tolerance: float,
+    evaluations: int,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]: ...
 def instruction_set() -> str: ...

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 
@@ -83,6 +84,62 @@ def test_a_law_follows_a_condition(tmp_path):
     with pytest.raises(campaign.CampaignError, match="no condition 'torque'"):
         # The long assembly has no torque.
         load(tmp_path, torque.replace('role = "hold out"', 'role = "identify"')).identify()
+
+
+@pytest.mark.parametrize("settings", ["", FIT])
+def test_a_prior_pulls_as_much_as_it_knows(tmp_path, text, settings):
+    line = next(row for row in text.splitlines() if row.startswith('"joint.k_theta"'))
+    prior = ', prior = { value = "9e4 N m/rad", spread = "0.01 %" } }'
+    known = load(tmp_path, text.replace(line, line.rstrip(" }") + prior) + settings).identify()
+    free = load(tmp_path, text + settings).identify()
+    assert known.fit.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
+    assert free.fit.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
+    # Errors of dimensions cannot move what is known: propagated or fitted, the interval is that of the prior.
+    share = known.standard_errors()["joint.k_theta"] / known.fit.values["joint.k_theta"]
+    assert share == pytest.approx(1e-4, rel=0.1)
+    assert free.standard_errors()["joint.k_theta"] > 3.0 * known.standard_errors()["joint.k_theta"]
+
+
+@pytest.mark.parametrize(
+    ("spread", "expected"),
+    [("30 %", 0.3), ("factor 3", math.log(3.0)), ("1e8 N/m", 0.5), ("100 N/um", 0.5)],
+)
+def test_spreads_of_priors(tmp_path, spread, expected):
+    loaded = load(tmp_path, changed_unknown(f', prior = {{ value = "2e8 N/m", spread = "{spread}" }}'))
+    prior = next(one.prior for one in loaded.unknowns if one.address == "joint.k_y")
+    assert prior.mean == 2e8
+    assert prior.standard_deviation == pytest.approx(expected)
+
+
+def test_a_prior_of_a_value_that_is_fitted_itself(tmp_path):
+    extra = ', scale = "linear", prior = { value = "2e8 N/m", spread = "30 %" }'
+    prior = next(one.prior for one in load(tmp_path, changed_unknown(extra)).unknowns if one.address == "joint.k_y")
+    assert prior.standard_deviation == pytest.approx(6e7)
+
+
+@pytest.mark.parametrize(
+    ("prior", "words"),
+    [
+        ('{ value = "2e8 N m", spread = "30 %" }', "unknowns.*joint.k_y.*expected a stiffness"),
+        ('{ value = "2e8 N/m", spread = "thirty" }', "thirty"),
+        ('{ value = "2e8 N/m", spread = "factor 0.5" }', "a number above one"),
+        ('{ value = "2e8 N/m", spread = "0 %" }', "standard_deviation is 0"),
+        ('{ value = "2e8 N/m" }', "spread"),
+        ('{ value = "2e8 N/m", spread = "factor 3" }, scale = "linear"', "only a logarithm has a factor"),
+    ],
+)
+def test_mistakes_in_priors(tmp_path, prior, words):
+    with pytest.raises(campaign.CampaignError, match=words):
+        load(tmp_path, changed_unknown(f", prior = {prior}"))
+
+
+def test_a_prior_needs_standard_deviations(tmp_path):
+    text = changed_unknown(', prior = { value = "2e8 N/m", spread = "30 %" }')
+    text = text.replace(
+        'frequencies = ["2500 Hz", "10000 Hz"]\nstandard_deviation = "2 Hz"', 'frequencies = ["2500 Hz", "10000 Hz"]'
+    )
+    with pytest.raises(campaign.CampaignError, match="standard deviations"):
+        load(tmp_path, text).identify()
 
 
 def changed_unknown(extra: str) -> str:

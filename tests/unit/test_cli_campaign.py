@@ -84,6 +84,17 @@ def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch
     assert found["settings"]["objective"] == "log"
 
 
+def test_profiles_are_a_second_figure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path(), TEXT + '\n[settings]\ntolerances = "fit"\nstarts = 2\n')
+    assert call(monkeypatch, "identify", "campaign.toml", "--plot", "i.png") == 0
+    assert left() == {"campaign.toml", "i.png", "i-profiles.png"}
+    assert Path("i-profiles.png").read_bytes().startswith(PNG)
+    assert "Figure: i-profiles.png" in capsys.readouterr().out
+    write(Path(), TEXT + '\n[settings]\ntolerances = "fit"\nstarts = 2\nprofiles = false\n')
+    assert call(monkeypatch, "identify", "campaign.toml", "--plot", "j.png") == 0
+    assert "j-profiles.png" not in left()
+
+
 def test_what_was_not_measured_is_predicted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
-from receptance.identification import Tolerance, identify
+from receptance.identification import Law, Power, Tolerance, identify
 from receptance.identification.minimise import minimise
 from receptance.identification.statements import Tie, state
 from simulated_campaigns import simulate_campaign
@@ -137,6 +137,27 @@ def test_more_parameters_than_information_is_said():
         identify(modes, STIFFNESSES, tolerances=tolerances)
     found = identify([modes, modes], STIFFNESSES, tolerances=tolerances, starts=2)
     assert not any(p.statement.startswith("determined") for p in found.profiles().values())
+
+
+def test_one_configuration_says_nothing_of_a_law():
+    law = Law(address="joint.k_theta", lower=1e2, upper=1e8, powers=Power(of="torque", reference=20.0))
+    one = measured(assembled()).configured("40 Nm", {"torque": 40.0})
+    found = identify(one, [STIFFNESSES[0], law], tolerances=BLANK, starts=3)
+    profiles = found.profiles()
+    for name in ("joint.k_theta", "joint.k_theta ~ torque"):
+        # Where an interval ends at all, the bounds of the other one end it.
+        assert not profiles[name].statement.startswith("determined")
+        assert "tied to joint.k_theta" in profiles[name].statement
+    assert profiles["joint.k_y"].statement.startswith("determined")
+    assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
+    # The exponent at the torque itself is no parameter of the measurement at all.
+    at = measured(assembled()).configured("20 Nm", {"torque": 20.0})
+    blind = identify(at, [STIFFNESSES[0], law], tolerances=BLANK, starts=2)
+    assert "do not determine joint.k_theta ~ torque" in " ".join(blind.advice)
+    assert blind.standard_errors["joint.k_theta ~ torque"] == np.inf
+    exponent = blind.profiles("joint.k_theta ~ torque")["joint.k_theta ~ torque"]
+    assert (exponent.lower, exponent.upper) == (-np.inf, np.inf)
+    assert exponent.statement.startswith("not determined")
 
 
 def test_a_better_optimum_is_told():

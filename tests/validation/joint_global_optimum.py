@@ -66,7 +66,7 @@ def measure(seed: int, case: int) -> Outcome:
     begun = time.perf_counter()
     staged = fit(campaign, starts, "staged")
     seconds = time.perf_counter() - begun
-    problem = staged.task.problem()
+    problem = staged.task.quick(staged.task.problem())
     direct = minimise(problem, staged.task.variables.start, most=200)
     dense = dense_reference(staged.task, problem, STARTS, seed=case)
     values = np.array([*campaign.truth.values(), *campaign.errors.values()])
@@ -87,7 +87,10 @@ def main() -> None:
         outcomes.append(one)
         if not one.reached(one.staged):
             sys.stdout.write(f"not reached: {one}\n")
-            sys.stdout.flush()
+        if (case + 1) % 50 == 0:
+            hits = sum(one.reached(one.staged) for one in outcomes)
+            sys.stdout.write(f"after {case + 1}: {hits} reached\n")
+        sys.stdout.flush()
     sys.stdout.write(report(options.seed, outcomes) + "\n")
     if options.json:
         options.json.write_text(json.dumps([asdict(one) for one in outcomes], indent=2), encoding="utf-8")

@@ -7,13 +7,71 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import joint_coverage
 import joint_global_optimum
 
+from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance.identification import Identification, Tolerance, identify
+
 SEED = 20
+LINES = np.linspace(300.0, 6000.0, 40)
+BOUNDS = (3e4, 3e5)
+
+
+def drawn_from_the_prior(rng: np.random.Generator, stated: float = 1.0) -> tuple[float, Identification]:
+    """Return a joint drawn from its bounds, and the fit of what is measured on it with a blank drawn as well.
+
+    `stated` is the stated standard deviation of the noise over the true one.
+    """
+    k_theta, error = 10.0 ** rng.uniform(*np.log10(BOUNDS)), rng.standard_normal()
+
+    def assembled(k_theta: float, diameter: float) -> Assembly:
+        tool = Part([Segment(length=0.0623, outer_diameter=diameter, material=CARBIDE)], name="tool")
+        holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+        return Assembly([tool, PointJoint(k_y=6.3e8, k_theta=k_theta, c_theta=3.0, name="joint"), holder])
+
+    true = assembled(k_theta, 0.0127 * np.exp(0.002 * error))
+    noise = 0.05 * rng.standard_normal((2, LINES.size))
+    frf = MeasuredFRF(
+        assembly=assembled(1e5, 0.0127),
+        frequency_hz=LINES,
+        receptance=true.receptance(LINES) * np.exp(noise[0] + 1j * noise[1]),
+        standard_deviation=0.05 * stated,
+    )
+    blank = Tolerance(name="blank", moves={"tool.segment[0].outer_diameter": 0.002}, relative=True)
+    unknown = Unknown(address="joint.k_theta", lower=BOUNDS[0], upper=BOUNDS[1], start=k_theta)
+    return k_theta, identify(frf, unknown, tolerances=blank, starts=1, threads=1)
+
+
+@pytest.mark.parametrize(("stated", "calibrated"), [(1.0, True), (0.25, False)])
+def test_ranks_of_profiles_are_uniform_and_those_of_overconfident_ones_are_not(stated, calibrated):
+    rng = np.random.default_rng(SEED)
+    ranks = []
+    for _ in range(30):
+        truth, found = drawn_from_the_prior(rng, stated)
+        ranks.append(found.profiles("joint.k_theta")["joint.k_theta"].confidence(truth))
+    assert (stats.kstest(ranks, "uniform").pvalue > 0.01) == calibrated, ranks
+
+
+@pytest.mark.slow
+def test_simulation_based_calibration_of_posterior_draws(summarise):
+    """Truth from the prior, data from the truth, draws from the posterior: ranks are uniform (Talts et al. 2018)."""
+    rng = np.random.default_rng(SEED)
+    ranks = []
+    for case in range(60):
+        truth, found = drawn_from_the_prior(rng)
+        draws = found.sample(steps=300, seed=case)
+        ranks.append(float(np.mean(draws.of("joint.k_theta") < truth)))
+    p_value = stats.kstest(ranks, "uniform").pvalue
+    counts = np.histogram(ranks, bins=6, range=(0.0, 1.0))[0]
+    text = f"seed {SEED}, 60 draws of joint and blank from their priors: ranks in six bins {counts}, p = {p_value:.3f}"
+    summarise("posterior calibration", text, ranks)
+    assert p_value > 0.01, text
+    assert stats.chisquare(counts).pvalue > 0.01, text
 
 
 @pytest.mark.slow

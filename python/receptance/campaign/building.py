@@ -10,6 +10,7 @@ from receptance.campaign.addresses import SPRING_FIELDS, parse_position, value_a
 from receptance.campaign.conditions import parse_condition
 from receptance.campaign.deviations import parse_share
 from receptance.campaign.joint_building import AnyJoint, build_joint, given, started
+from receptance.campaign.priors import prior_of
 from receptance.campaign.workshop import Workshop
 from receptance.identification.laws import Law, Power
 from receptance.identification.unknowns import Unknown
@@ -96,6 +97,11 @@ def _unknown(address: str, table: UnknownTable, campaign: CampaignTable, worksho
             )
             return None
     fields = {"address": address, "lower": lower, "upper": upper, "start": start, "scale": table.scale}
+    if table.prior is not None:
+        logarithmic = table.scale == "log" or (table.scale is None and lower > 0.0)
+        fields["prior"] = workshop.make((*path, "prior"), prior_of, address, table.prior, logarithmic)
+        if fields["prior"] is None:
+            return None
     if table.power_of is None and not table.free and table.individual is None:
         if table.reference is not None or table.exponent is not None:
             workshop.problems.add(path, "has a reference or an exponent, but no `power_of`")

@@ -155,6 +155,18 @@ class CampaignIdentification:
 
         return draw_identification(self)
 
+    def plot_profiles(self) -> Figure:
+        """Draw the profile likelihoods; see `receptance.plot.profiles.draw_profiles`.
+
+        Raises
+        ------
+        ValueError
+            There are none: `profiles` is off, or tolerances are propagated.
+        """
+        from receptance.plot.profiles import draw_profiles
+
+        return draw_profiles(self.profiles, self.campaign.title)
+
     def __repr__(self) -> str:
         return f"CampaignIdentification({self.campaign.title!r}, {self.fit!r})"
 

@@ -29,6 +29,7 @@ __all__ = [
     "HammerTable",
     "MeasurementTable",
     "PredictionTable",
+    "PriorTable",
     "SettingsTable",
     "UnknownTable",
 ]
@@ -182,6 +183,16 @@ MeasurementTable = Annotated[
 ]
 
 
+class PriorTable(Table):
+    """What is known of an unknown before the measurement: a Gaussian on the scale of the fit."""
+
+    value: Written
+    """most likely value, a quantity of the parameter's kind"""
+    spread: Written
+    """its standard deviation, `"30 %"` or a quantity of the parameter's kind, or `"factor 3"` where the logarithm is
+    fitted"""
+
+
 class UnknownTable(Table):
     """A parameter to identify; shared by all assemblies that have it, unless it says how it goes across them."""
 
@@ -193,6 +204,8 @@ class UnknownTable(Table):
     """where the first fit starts; by default the joint's value, else the middle of the bounds"""
     scale: Literal["log", "linear"] | None = None
     """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
+    prior: PriorTable | None = None
+    """what is known of it beforehand; the measurements then need standard deviations"""
     power_of: str | None = None
     """name of a condition, or an address: the parameter is a power of it across assemblies"""
     reference: Written | None = None

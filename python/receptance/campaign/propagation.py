@@ -20,6 +20,7 @@ from receptance.identification import MeasuredFRF, find_bands
 from receptance.identification.bands import within
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Place
+from receptance.identification.priors import PriorResidual
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -119,6 +120,12 @@ class Propagation:
         ]
         jacobian = np.vstack([row[0] for row in rows])
         moved = np.vstack([row[1] for row in rows])
+        prior = PriorResidual(fit.unknowns)
+        if prior.size:
+            # What is known beforehand holds against the errors as well.
+            values, variables = np.array(list(fit.values.values())), Variables(fit.unknowns)
+            jacobian = np.vstack([jacobian, prior.evaluate(values, variables.slopes(values))[1]])
+            moved = np.vstack([moved, np.zeros((prior.size, len(self.errors)))])
         scale = np.linalg.norm(jacobian, axis=0)
         scale = np.where(scale > 0.0, scale, 1.0)
         found, *_ = np.linalg.lstsq(jacobian / scale, -moved, rcond=None)

@@ -39,6 +39,7 @@ _SECTIONS = (
     ("EntryTable", "`entry` of a measurement"),
     ("CoordinateTable", "`response` and `excitation`"),
     ("UnknownTable", '`[unknowns."ADDRESS"]`'),
+    ("PriorTable", "`prior` of an unknown"),
     ("SettingsTable", "`[settings]`"),
     ("PredictionTable", "`[prediction]`"),
 )

@@ -75,7 +75,7 @@ def identify(
         warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
         read = _loaded(campaign, targets)
         found = with_progress(lambda say: read.identify(progress=say))
-    targets.write(found.as_dict(), found.plot)
+    targets.write(found.as_dict(), found.plot, found.plot_profiles if found.profiles else None)
     console = output()
     print_identification(console, found)
     targets.name(console)

@@ -31,6 +31,10 @@ Plot = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")]
 
 
+PROFILES = "profiles"
+"""What the name of the figure of profiles ends in."""
+
+
 class InputError(Exception):
     """A mistake of the person, in words."""
 
@@ -48,6 +52,9 @@ def input_errors(*kinds: type[Exception]) -> Iterator[None]:
 class Targets:
     """The files that a command was asked for; checked before the work, written together after it."""
 
+    beside: Path | None = None
+    """A second figure that was written beside the one asked for."""
+
     def __init__(self, json_file: Path | None, plot: Path | None) -> None:
         self.json_file, self.plot = json_file, plot
         if json_file is not None and plot is not None and json_file.resolve() == plot.resolve():
@@ -60,12 +67,15 @@ class Targets:
 
     def keep_off(self, path: Path, what: str) -> None:
         """Refuse to write over a file that is read."""
-        for option, target in (("--json", self.json_file), ("--plot", self.plot)):
+        second = None if self.plot is None else _beside(self.plot, PROFILES)
+        for option, target in (("--json", self.json_file), ("--plot", self.plot), ("--plot", second)):
             if target is not None and target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
-    def write(self, results: dict[str, Any], draw: Callable[[], Figure]) -> None:
-        """Write what was asked for, all of it or nothing."""
+    def write(
+        self, results: dict[str, Any], draw: Callable[[], Figure], profiles: Callable[[], Figure] | None = None
+    ) -> None:
+        """Write what was asked for, all of it or nothing; profiles as a figure of their own beside the other."""
         contents: dict[Path, bytes] = {}
         if self.json_file is not None:
             contents[self.json_file] = (json.dumps(results, indent=2, allow_nan=False) + "\n").encode()
@@ -73,6 +83,9 @@ class Targets:
             from receptance.plot import as_image
 
             contents[self.plot] = as_image(draw(), self.kind)
+            if profiles is not None:
+                self.beside = _beside(self.plot, PROFILES)
+                contents[self.beside] = as_image(profiles(), self.kind)
         with input_errors():
             write_whole(contents)
 
@@ -82,6 +95,12 @@ class Targets:
             console.print(f"Results: {self.json_file}", soft_wrap=True)
         if self.plot is not None:
             console.print(f"Figure: {self.plot}", soft_wrap=True)
+        if self.beside is not None:
+            console.print(f"Figure: {self.beside}", soft_wrap=True)
+
+
+def _beside(path: Path, what: str) -> Path:
+    return path.with_name(f"{path.stem}-{what}{path.suffix}")
 
 
 def _image_kind(plot: Path) -> str:

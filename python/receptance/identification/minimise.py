@@ -76,6 +76,11 @@ def minimise(
         trial = np.clip(x + step, low, high)
         step = trial - x
         promised = -float(gradient @ step + 0.5 * step @ normal @ step)
+        if promised < 0.0 and damping < _MOST_DAMPED:
+            # Variables that were stopped at bounds can turn a long step uphill; a short one goes down.
+            damping *= growth
+            growth *= 2.0
+            continue
         if promised <= max(least, _ROUNDING * cost):
             # A damped step promises little of its own; only a whole one says that there is nothing left.
             if damping <= _WHOLE or tried:
@@ -99,10 +104,8 @@ def minimise(
 
 
 def _at(problem: Problem, x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    residual, jacobian = problem.residual(x), problem.jacobian(x)
-    if not np.isfinite(residual).all():
-        return np.inf, np.zeros(x.size), np.zeros((x.size, x.size))
-    return 0.5 * float(residual @ residual), jacobian.T @ residual, jacobian.T @ jacobian
+    there = problem.normal(x)
+    return there or (np.inf, np.zeros(x.size), np.zeros((x.size, x.size)))
 
 
 def _bounded_step(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,25 @@ if TYPE_CHECKING:
 
     from receptance.identification.unknowns import Variables
 
-__all__ = ["Problem"]
+__all__ = ["Normal", "Problem", "split_normal"]
 
 _APPROACH_TOLERANCE = 1e-4
 """An approach only has to end near."""
+
+
+class Normal(NamedTuple):
+    """Half the sum of squares, J^T r and J^T J."""
+
+    cost: float
+    slope: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+
+
+def split_normal(matrix: NDArray[np.float64]) -> Normal | None:
+    """Return the parts of A^T A of A = [J | r]; None where it is not finite."""
+    if not np.isfinite(matrix).all():
+        return None
+    return Normal(0.5 * float(matrix[-1, -1]), matrix[:-1, -1], matrix[:-1, :-1])
 
 
 class Problem:
@@ -49,6 +64,13 @@ class Problem:
         """Return the derivatives of the residuals with respect to the variables."""
         self._evaluate(x)
         return self._jacobian
+
+    def normal(self, x: NDArray[np.float64]) -> Normal | None:
+        """Return what a step needs to know of a point; None where the model has no value."""
+        residual, jacobian = self.residual(x), self.jacobian(x)
+        if not np.isfinite(residual).all():
+            return None
+        return Normal(0.5 * float(residual @ residual), jacobian.T @ residual, jacobian.T @ jacobian)
 
     def _evaluate(self, x: NDArray[np.float64]) -> None:
         if self._at is not None and np.array_equal(self._at, x):

@@ -24,15 +24,16 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["JointResidual", "only_joint"]
+__all__ = ["ENDED", "JointResidual", "only_joint"]
 
-_ENDED = {
+ENDED = {
     -1: "the model has no value there",
     0: "the evaluations were used up",
     1: "no slope is left",
     2: "the cost changes no more",
     3: "the variables change no more",
 }
+"""Why a fit in the core ended, by its status."""
 
 
 def only_joint(frf: MeasuredFRF, variables: Variables) -> str | None:
@@ -205,7 +206,7 @@ class Ending(NamedTuple):
     @property
     def message(self) -> str:
         """Why it ended, in words."""
-        return _ENDED[self.status]
+        return ENDED[self.status]
 
 
 def _factor(normal: NDArray[np.float64]) -> NDArray[np.float64]:

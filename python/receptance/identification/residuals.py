@@ -141,6 +141,14 @@ class FRFResidual:
         """Number of residuals: one a line for percentages, else two."""
         return self._lines.size * (1 if self._percentage else 2)
 
+    def arrays(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]] | None:
+        """Return lines in rad/s, measured values and weights; None for percentages, which are no logarithm."""
+        if self._percentage:
+            return None
+        weights = np.ones(self._lines.size) if self._weight is None else self._weight
+        lines = np.ascontiguousarray(2.0 * np.pi * self._lines, dtype=np.complex128)
+        return lines, np.ascontiguousarray(self._measured), np.ascontiguousarray(weights)
+
     def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
         """Return residuals and their derivatives; see `Residual`."""
         model = self._model
@@ -221,6 +229,10 @@ class FrequencyResidual:
     def size(self) -> int:
         """Number of frequencies."""
         return self._measured.size
+
+    def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return modes counted from zero, measured angular frequencies and weights."""
+        return self._rows.astype(np.float64), 2.0 * np.pi * self._measured, 0.5 / (np.pi * self._unit_hz)
 
     def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
         """Return residuals and their derivatives; see `Residual`."""

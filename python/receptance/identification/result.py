@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
+    from receptance.identification.sampling import Samples
     from receptance.identification.task import Task
 
 __all__ = ["Identification", "Start"]
@@ -231,6 +232,36 @@ class Identification:
         from receptance.identification.profiles import profile_likelihoods
 
         return profile_likelihoods(self, names, level=level, progress=progress)
+
+    def sample(
+        self,
+        *,
+        steps: int = 5000,
+        walkers: int | None = None,
+        seed: int = 0,
+        progress: Callable[[str], None] | None = None,
+    ) -> Samples:
+        """Draws from the posterior, flat within the bounds of the fitted variables times the priors; needs emcee.
+
+        Parameters
+        ----------
+        steps : int, optional
+            Most steps of a walker; it ends before where the chains are a hundred autocorrelation times long.
+        walkers : int, optional
+            By default four a parameter.
+        seed : int, optional
+            Of everything that is drawn.
+        progress : callable, optional
+            Is called with a text now and then.
+
+        Raises
+        ------
+        ValueError, ReceptanceError
+            Steps or walkers that are no use, percentages, which are no likelihood, or emcee is not there.
+        """
+        from receptance.identification.sampling import sample_posterior
+
+        return sample_posterior(self, steps=steps, walkers=walkers, seed=seed, progress=progress)
 
     def apply(
         self,

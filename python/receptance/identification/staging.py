@@ -10,11 +10,13 @@ tolerances as exact; whatever they end in is only a start.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.identification.minimise import minimise
+from receptance.identification.models import ModelledProblem
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.identification.result import Start
 from receptance.identification.smearing import smeared
@@ -37,10 +39,20 @@ _MORE = 15
 """Starts that are drawn besides each given one."""
 _KEPT = 4
 """How many different ends go on to the data as they are."""
+_SOME = 60
+"""Evaluations on all lines, after which the best ends go on."""
+_AHEAD = 3
+"""How many of them."""
+_FINISHED = 2
+"""How many of the best ends are finished where they creep."""
+_LONGER = 2
+"""Times the evaluations that this may take."""
 _NEAR = 0.02
 """Ends closer than this share of the range are the same."""
 _EARLY = 40
 """Most evaluations of an early stage."""
+_EASY = 1e-4
+"""Tolerance of an early stage."""
 _LOSS = 0.02
 """Loss factor that dampings are set to before they are found."""
 _PEAK = 0.003
@@ -53,7 +65,22 @@ def fit_staged(
     """Return the end of every given start, the best of the ends that it was led to."""
     ladder = Ladder(task)
     drawn = task.variables.draw(1 + _MORE, seed)[1:]
-    return [_one(task, problem, ladder, np.vstack([x, drawn]), most, tolerance) for x in starts]
+    count = ladder.count
+    begun = np.vstack([starts, drawn])[:, :count]
+    # One batch for all starts; each way has one end a start.
+    ways = ladder.stiffness(begun)
+    costs = [ladder.costs(way) for way in ways]
+    shared = range(len(starts), len(begun))
+    runs = []
+    for own, x in enumerate(starts):
+        ends = [(cost[i], way[i]) for way, cost in zip(ways, costs, strict=True) for i in (own, *shared)]
+        before = problem.evaluations
+        chosen = np.array([end for _, end in _different(ends, task, 2 * _KEPT)]).reshape(-1, count)
+        errors = task.variables.start[count:]
+        wholes = [np.append(end, errors) for _, end in _different(ladder.descend(chosen), task, _KEPT)]
+        wholes += [end for _, end in _different(ladder.descend_with_errors(chosen, errors), task, _KEPT)]
+        runs.append(_one(problem, x, wholes, before, most, tolerance))
+    return runs
 
 
 class Ladder:
@@ -71,66 +98,101 @@ class Ladder:
         self.peaks = _peaks(exact)
         steps = [[smeared(o, width, _LINES) for o in task.observed] for width in _WIDTHS]
         problems = [_with(exact, kept) if len(kept := [o for o in s if o]) == len(s) else None for s in steps]
+        # A dimension that is far off can mislead the exact ones, so the narrow steps are taken with errors as well.
+        loose = [[o for o in step if o] for step in steps[1:]] if len(task.variables.unknowns) > self.count else []
+        self.loose = [_with(task, kept) for kept in loose if len(kept) == len(task.observed)]
         self.broad = [problem for problem in problems[:_STIFFNESS] if problem is not None]
         self.narrow = [problem for problem in problems[_STIFFNESS:] if problem is not None]
 
-    def begin(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a start without coupling, and with some damping that goes with its stiffness."""
-        x = np.where(self._coupling & ~self.variables.logarithmic, self.variables.start, x)
-        return self.damped(x)
+    def begin(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return starts without coupling, and with some damping that goes with their stiffness."""
+        starts = np.where(self._coupling & ~self.variables.logarithmic, self.variables.start, starts)
+        return self.damped(starts)
 
-    def damped(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the variables with dampings that suit their stiffnesses."""
-        values = self.variables.to_values(x)
+    def damped(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variables `(n, p)` with dampings that suit their stiffnesses."""
+        values = self.variables.to_values(starts)
         for name, column in self._columns.items():
             if not self._damping[column]:
                 continue
             stiffness = self._columns.get(name.replace(".c_", ".k_"))
             if name.rsplit(".", 1)[-1].startswith("loss_factor"):
-                values[column] = _LOSS
+                values[:, column] = _LOSS
             elif stiffness is not None:
-                values[column] = _LOSS * values[stiffness] / self._angular
+                values[:, column] = _LOSS * values[:, stiffness] / self._angular
         values = np.clip(values, [u.lower for u in self.variables.unknowns], [u.upper for u in self.variables.unknowns])
         return self.variables.from_values(values)
 
-    def stiffness(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return where a start leads while damping is held: by way of the peaks, and of broad resonances."""
-        ends = []
+    def stiffness(self, starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return where starts lead while damping is held: by way of broad resonances, and of the peaks."""
         alone = ~(self._damping | self._coupling)
-        begun = self.begin(x)
+        begun = self.begin(starts)
         ways: list[list[Problem]] = [self.broad]
         if self.peaks is not None:
             ways.append([self.peaks, *self.broad[1:]])
+        ends = []
         for way in ways:
             at = begun
             for stage in way:
                 for free in (alone, ~self._damping):
-                    end = minimise(stage, self.damped(at), free=free, most=_EARLY, least=1e-3)
-                    at = end.x if np.isfinite(end.cost) else at
+                    there, cost = _ends(stage, self.damped(at), _EARLY, _EASY, free)
+                    at = np.where(np.isfinite(cost)[:, None], there, at)
             ends.append(at)
         return ends
 
-    def cost(self, x: NDArray[np.float64]) -> float:
-        """Return how well stiffness fits, on the narrowest of the broad problems."""
+    def costs(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how well stiffnesses fit, on the narrowest of the broad problems."""
         stage = (self.broad or self.narrow)[-1:] or ([self.peaks] if self.peaks is not None else [])
         if not stage:
-            return 0.0
-        residual = stage[0].residual(self.damped(x))
-        return 0.5 * float(residual @ residual)
+            return np.zeros(len(ends))
+        there = [stage[0].normal(x) for x in self.damped(ends)]
+        return np.array([np.inf if normal is None else normal.cost for normal in there])
 
-    def descend(self, x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def descend(self, ends: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
         """Return where the narrow problems lead, damping and all."""
-        x, cost = self.damped(x), self.cost(x)
+        cost, at = self.costs(ends), self.damped(ends)
         for stage in self.narrow:
-            end = minimise(stage, x, most=_EARLY, least=1e-3)
-            if np.isfinite(end.cost):
-                x, cost = end.x, end.cost
-        return cost, x
+            there, found = _ends(stage, at, _EARLY, _EASY)
+            kept = np.isfinite(found)
+            at, cost = np.where(kept[:, None], there, at), np.where(kept, found, cost)
+        return list(zip(cost.tolist(), at, strict=True))
+
+    def descend_with_errors(
+        self, ends: NDArray[np.float64], errors: NDArray[np.float64]
+    ) -> list[tuple[float, NDArray[np.float64]]]:
+        """Return where they lead with dimensions and materials free, as far as their tolerances let them be."""
+        if not self.loose or not len(ends):
+            return []
+        at = np.hstack([self.damped(ends), np.tile(errors, (len(ends), 1))])
+        cost = np.full(len(ends), np.inf)
+        for stage in self.loose:
+            there, found = _ends(stage, at, _EARLY, _EASY)
+            at, cost = np.where(np.isfinite(found)[:, None], there, at), found
+        return list(zip(cost.tolist(), at, strict=True))
+
+
+def _ends(
+    stage: Problem,
+    starts: NDArray[np.float64],
+    most: int,
+    tolerance: float,
+    free: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where fits end, and their cost: in the core if it knows the models."""
+    if not len(starts) or (free is not None and not free.any()):
+        costs = [stage.normal(x) for x in starts]
+        return starts, np.array([np.inf if cost is None else cost.cost for cost in costs])
+    if isinstance(stage, ModelledProblem):
+        ends = stage.models.fit(starts, most, tolerance, free)
+        return np.array([end.x for end in ends]), np.array([end.cost for end in ends])
+    found = [minimise(stage, x, free=free, most=most, least=10.0 * tolerance) for x in starts]
+    return np.array([end.x for end in found]), np.array([end.cost for end in found])
 
 
 def _with(task: Task, observed: Sequence[Observation]) -> Problem:
     other = task.on(observed, ["standard deviations"] * len(observed))
-    return other.quick(other.problem())
+    whole = other.problem()
+    return other.modelled(whole) or other.quick(whole)
 
 
 def _peaks(task: Task) -> Problem | None:
@@ -160,43 +222,53 @@ def _peaks(task: Task) -> Problem | None:
 
 
 def _one(
-    task: Task,
     problem: Problem,
-    ladder: Ladder,
-    starts: NDArray[np.float64],
+    start: NDArray[np.float64],
+    wholes: list[NDArray[np.float64]],
+    before: int,
     most: int,
     tolerance: float,
 ) -> Start:
-    before = problem.evaluations
-    count = ladder.count
-    ends = [(ladder.cost(end), end) for x in starts[:, :count] for end in ladder.stiffness(x)]
-    ends = [ladder.descend(x) for _, x in _different(ends, task, 2 * _KEPT)]
-    best = None
-    for _, x in _different(ends, task, _KEPT):
-        whole = np.append(x, task.variables.start[count:])
-        end = minimise(problem, whole, most=most, least=min(tolerance * max(problem.size, 1), 1e-6))
-        if best is None or end.cost < best.cost:
-            best = end
-    first = problem.named(starts[0])
+    """Return the best end of the problem itself that the easier ones led a start to."""
+    first = problem.named(start)
+    runs = problem.fit_all(np.array(_ahead(problem, wholes)), most, tolerance) if wholes else []
+    runs = sorted(runs, key=lambda run: run.cost)[:_FINISHED]
+    runs = [run if run.converged or not np.isfinite(run.cost) else _finished(problem, run, most) for run in runs]
+    best = min(runs, key=lambda run: run.cost, default=None)
     if best is None or not np.isfinite(best.cost):
         return Start(
             start=first,
             values=first,
-            variables=starts[0],
+            variables=start,
             cost=np.inf,
             evaluations=problem.evaluations - before,
             converged=False,
             message=problem.reason or "the model has no value there",
         )
-    return Start(
-        start=first,
-        values=problem.named(best.x),
-        variables=best.x,
-        cost=best.cost,
-        evaluations=problem.evaluations - before,
-        converged=best.converged,
-        message="no step promises anything more" if best.converged else "the evaluations were used up",
-    )
+    return replace(best, start=first, evaluations=problem.evaluations - before)
+
+
+def _ahead(problem: Problem, wholes: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """Return the ends that are best after some steps on all lines, where there are many."""
+    if not isinstance(problem, ModelledProblem):
+        return wholes
+    there, cost = _ends(problem, np.array(wholes), _SOME, _EASY)
+    order = np.argsort(cost)[:_AHEAD]
+    return [there[i] for i in order if np.isfinite(cost[i])] or wholes[:1]
+
+
+def _finished(problem: Problem, run: Start, most: int) -> Start:
+    """Return where a run leads that its evaluations did not take to the end.
+
+    Along a bent narrow valley, stiffness against coupling, the trust region creeps, most of all where an error was
+    thrown far off on the way; steps from the normal matrix with bounds left out of it are longer there.
+    """
+    end = minimise(problem, run.variables, most=_LONGER * most)
+    if not end.cost < run.cost:
+        return run
+    message = "no step promises anything more" if end.converged else run.message
+    values = problem.named(end.x)
+    return replace(run, variables=end.x, values=values, cost=end.cost, converged=end.converged, message=message)
 
 
 def _feasible(stage: Problem, x: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -217,7 +289,8 @@ def _different(
     for cost, x in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
         if len(kept) == most:
             break
-        if all(np.max(np.abs(x - other) / (high - low)) > _NEAR for _, other in kept):
+        own = x[: low.size]
+        if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _NEAR for _, other in kept):
             kept.append((cost, x))
     return kept
 
@@ -230,15 +303,8 @@ def dense_reference(task: Task, problem: Problem, starts: int, seed: int) -> flo
     exact = task.without_errors()
     bare = exact.problem()
     quick = exact.quick(bare)
-    ends = []
-    for x in exact.variables.draw(starts, seed):
-        begun = _feasible(quick, x)
-        if begun is not None:
-            end = minimise(quick, begun, most=200, least=1e-3)
-            ends.append((end.cost, end.x))
+    begun = [x for x in (_feasible(quick, x) for x in exact.variables.draw(starts, seed)) if x is not None]
+    ends = [(run.cost, run.variables) for run in quick.fit_all(np.array(begun), 200, 1e-6)] if begun else []
     count = task.parameters.count
-    costs = [
-        minimise(problem, np.append(x, task.variables.start[count:]), most=200).cost
-        for _, x in _different(ends, task, starts)[:8]
-    ]
-    return min(costs, default=np.inf)
+    wholes = [np.append(x, task.variables.start[count:]) for _, x in _different(ends, task, starts)[:8]]
+    return min((run.cost for run in problem.fit_all(np.array(wholes), 200, 1e-8)), default=np.inf) if wholes else np.inf

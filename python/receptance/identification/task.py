@@ -11,6 +11,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.bands import find_bands, within
 from receptance.identification.laws import Law
 from receptance.identification.mapping import Addresses, MappedResidual, Parameters, Place, Placed
+from receptance.identification.models import ModelledProblem, Models
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.priors import PriorResidual
 from receptance.identification.problem import Problem
@@ -74,11 +75,18 @@ class Task:
         return self._joined([self._residual(i) for i in range(len(self.observed))])
 
     def quick(self, problem: Problem) -> Problem:
-        """Return the same problem, compressed where only one joint of an assembly is unknown."""
-        if not self.parameters.plain:
-            return problem
-        pairs = zip(self.observed, problem.residuals, strict=False)
-        return self._joined([self._reduced(observation, residual) for observation, residual in pairs])
+        """Return the same problem with its fits in the core, compressed where only one joint is unknown."""
+        if self.parameters.plain:
+            pairs = zip(self.observed, problem.residuals, strict=False)
+            reduced = [self._reduced(observation, residual) for observation, residual in pairs]
+            if all(isinstance(residual, JointResidual) for residual in reduced):
+                return self._joined(reduced)
+        return self.modelled(problem) or problem
+
+    def modelled(self, problem: Problem) -> ModelledProblem | None:
+        """Return the same problem with whole models in the core, if it knows all that is in them."""
+        models = Models.of(self, problem)
+        return None if models is None else ModelledProblem(problem, models)
 
     def approach(self) -> Problem:
         """Return the residuals that bring a start near, before percentages in bands are fitted.

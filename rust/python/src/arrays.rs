@@ -74,17 +74,19 @@ pub fn coordinates(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Ve
 
 /// Rows of (table, row, column).
 pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>> {
+    table("parameters", array, 3)?.chunks_exact(3).map(parameter).collect()
+}
+
+/// A row of (table, row, column).
+pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
     const TABLES: [Table; 5] =
         [Table::Segments, Table::Joints, Table::Masses, Table::Grounds, Table::Overlaps];
     let name = "parameters";
-    let rows = table(name, array, 3)?.chunks_exact(3);
-    rows.map(|row| {
-        let table = TABLES.get(index(name, row[0])?).copied().ok_or_else(|| {
-            PyValueError::new_err(format!("parameters: table is {}, expected 0 to 4", row[0]))
-        })?;
-        Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
-    })
-    .collect()
+    let table = TABLES
+        .get(index(name, row[0])?)
+        .copied()
+        .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 4", row[0])))?;
+    Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
 }
 
 /// The model behind a motion and its tables, that of the overlaps being optional.

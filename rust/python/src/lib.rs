@@ -1,6 +1,7 @@
 //! The extension `receptance._core`: arrays in, arrays out, errors mapped; nothing else.
 
 mod arrays;
+mod campaigns;
 mod errors;
 mod fits;
 mod functions;
@@ -10,6 +11,8 @@ use pyo3::prelude::*;
 /// Receptances of beam and joint assemblies: the compiled core.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::campaigns::{fit_models, models_normal_matrix};
     #[pymodule_export]
     use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]

@@ -1,0 +1,146 @@
+//! From the fitted variables to the tables of a model, with derivatives.
+//!
+//! The values u of the unknowns are the variables or ten to their power. An address of a model has the value
+//! v = b exp(E u) + S u, b an unknown or a number (laws, tolerances), and an entry of a table grows with the
+//! addresses at fixed rates.
+
+use crate::error::{Error, Result};
+use crate::joint_search::Variables;
+use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Table, Tables};
+use crate::overlap;
+use crate::request::Parameter;
+use crate::section;
+
+/// How fast an entry of a table grows with an address.
+#[derive(Copy, Clone, Debug)]
+pub struct Rate {
+    /// The entry.
+    pub entry: Parameter,
+    /// The address.
+    pub address: usize,
+    /// Its rate.
+    pub rate: f64,
+}
+
+/// The tables of one model as functions of the unknowns.
+pub struct Tied<'a> {
+    /// What of the tables does not depend on the addresses.
+    fixed: [&'a [f64]; 5],
+    /// The distinct entries that move.
+    pub entries: Vec<Parameter>,
+    /// Entry, address and rate.
+    rates: Vec<(usize, usize, f64)>,
+    /// A row an address: the unknown b or -1, b as a number, E, S.
+    addresses: &'a [f64],
+    count: usize,
+}
+
+/// Tables of a model and the derivatives of their moving entries by the variables, row by row.
+pub struct At {
+    /// The model.
+    pub model: Model,
+    /// `(entries, variables)`.
+    pub slopes: Vec<f64>,
+}
+
+impl<'a> Tied<'a> {
+    /// Ties the tables to `count` unknowns.
+    ///
+    /// # Errors
+    /// An entry, an address or an unknown that does not exist.
+    pub fn new(tables: Tables<'a>, rates: &[Rate], addresses: &'a [f64], count: usize) -> Result<Self> {
+        let width = 2 + 2 * count;
+        let expected = || format!("rows of {width} columns for {count} unknowns");
+        if !addresses.len().is_multiple_of(width) {
+            let value = addresses.len() as f64;
+            return Err(Error::Index { what: "addresses", index: 0, value, expected: expected() });
+        }
+        for (index, row) in addresses.chunks(width).enumerate() {
+            if row[0] >= count as f64 || row[0].is_nan() {
+                let expected = format!("an unknown below {count}, or -1");
+                return Err(Error::Index { what: "address", index, value: row[0], expected });
+            }
+        }
+        let fixed = [tables.segments, tables.joints, tables.masses, tables.grounds, tables.overlaps];
+        let mut tied = Self { fixed, entries: Vec::new(), rates: Vec::new(), addresses, count };
+        for (index, rate) in rates.iter().enumerate() {
+            if rate.address >= addresses.len() / width {
+                let expected = format!("an address below {}", addresses.len() / width);
+                return Err(Error::Index { what: "rate", index, value: rate.address as f64, expected });
+            }
+            let Parameter { table, row, column } = rate.entry;
+            if column >= columns(table) || (row + 1) * columns(table) > fixed[table as usize].len() {
+                let expected = "a row and a column of its table".to_owned();
+                return Err(Error::Index { what: "entry", index, value: row as f64, expected });
+            }
+            let known = tied.entries.iter().position(|entry| *entry == rate.entry);
+            let entry = known.unwrap_or_else(|| {
+                tied.entries.push(rate.entry);
+                tied.entries.len() - 1
+            });
+            tied.rates.push((entry, rate.address, rate.rate));
+        }
+        Ok(tied)
+    }
+
+    /// The model at a point; nothing where it is none.
+    pub fn at(&self, values: &[f64], slopes: &[f64]) -> Option<At> {
+        let mut tables = self.fixed.map(<[f64]>::to_vec);
+        let mut by_variable = vec![0.0; self.entries.len() * self.count];
+        let width = 2 + 2 * self.count;
+        let rows: Vec<(f64, Vec<f64>)> =
+            self.addresses.chunks(width).map(|row| address(row, values, slopes)).collect();
+        if rows.iter().any(|row| !row.0.is_finite()) {
+            return None;
+        }
+        for &(entry, address, rate) in &self.rates {
+            let Parameter { table, row, column } = self.entries[entry];
+            let (value, slope) = &rows[address];
+            tables[table as usize][row * columns(table) + column] += rate * value;
+            let start = entry * self.count;
+            for (into, slope) in by_variable[start..start + self.count].iter_mut().zip(slope) {
+                *into += rate * slope;
+            }
+        }
+        let [segments, joints, masses, grounds, overlaps] = &tables;
+        let tables = Tables { segments, joints, masses, grounds, overlaps };
+        let model = Model::new(Motion::Bending, tables).ok()?;
+        Some(At { model, slopes: by_variable })
+    }
+}
+
+/// Value of an address, and its derivatives by the variables.
+fn address(row: &[f64], values: &[f64], slopes: &[f64]) -> (f64, Vec<f64>) {
+    let (exponents, shifts) = row[2..].split_at(values.len());
+    let dot = |x: &[f64]| x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>();
+    let factor = dot(exponents).exp();
+    let own = (row[0] >= 0.0).then_some(row[0] as usize);
+    let start = own.map_or(row[1], |own| values[own]);
+    let by = |i: usize| {
+        let direct = if own == Some(i) { factor } else { 0.0 };
+        (start * factor * exponents[i] + shifts[i] + direct) * slopes[i]
+    };
+    (start * factor + dot(shifts), (0..values.len()).map(by).collect())
+}
+
+/// Columns of a table.
+fn columns(table: Table) -> usize {
+    match table {
+        Table::Segments => section::column::COUNT,
+        Table::Joints => JOINT_COLUMNS,
+        Table::Masses => MASS_COLUMNS,
+        Table::Grounds => GROUND_COLUMNS,
+        Table::Overlaps => overlap::column::COUNT,
+    }
+}
+
+/// Values of the unknowns, and their derivatives by the variables.
+pub fn unknowns(variables: &Variables, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let value = |(x, logarithmic): (&f64, &bool)| if *logarithmic { 10.0_f64.powf(*x) } else { *x };
+    let values: Vec<f64> = x.iter().zip(variables.logarithmic).map(value).collect();
+    let slope = |(value, logarithmic): (&f64, &bool)| {
+        if *logarithmic { value * core::f64::consts::LN_10 } else { 1.0 }
+    };
+    let slopes = values.iter().zip(variables.logarithmic).map(slope).collect();
+    (values, slopes)
+}

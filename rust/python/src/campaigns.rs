@@ -1,0 +1,185 @@
+//! The functions of the extension that fit parameters of whole models.
+
+use crate::arrays::{c_contiguous, contiguous, coordinates, indices, parameter, table};
+use crate::errors::CoreError;
+use crate::functions::shaped;
+use num_complex::Complex64;
+use numpy::ndarray::{Array1, Array2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use receptance_core::{
+    Campaign, GROUND_COLUMNS, JOINT_COLUMNS, Known, MASS_COLUMNS, Modelled, Rate, Seen, Stop, Tables, Tied,
+    Variables, overlap, section,
+};
+
+type Row<'py, T> = PyReadonlyArray1<'py, T>;
+type Rows<'py> = PyReadonlyArray2<'py, f64>;
+
+/// Tables, entries that move and how fast, addresses.
+type Ties<'py> = ((Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>), Rows<'py>, Rows<'py>);
+
+/// Lines, measured, weights, coordinates (response, excitation), ties.
+type Receptance<'py> = (Row<'py, Complex64>, Row<'py, Complex64>, Row<'py, f64>, Rows<'py>, Ties<'py>);
+
+/// Modes, measured, weights, ties.
+type Frequencies<'py> = (Row<'py, f64>, Row<'py, f64>, Row<'py, f64>, Ties<'py>);
+
+fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
+    let ((segments, joints, masses, grounds, overlaps), rates, addresses) = ties;
+    let tables = Tables {
+        segments: table("segments", segments, section::column::COUNT)?,
+        joints: table("joints", joints, JOINT_COLUMNS)?,
+        masses: table("masses", masses, MASS_COLUMNS)?,
+        grounds: table("grounds", grounds, GROUND_COLUMNS)?,
+        overlaps: table("overlaps", overlaps, overlap::column::COUNT)?,
+    };
+    let mut found = Vec::new();
+    for row in table("rates", rates, 5)?.chunks_exact(5) {
+        let address = if row[3] >= 0.0 && row[3].fract() == 0.0 { row[3] as usize } else { usize::MAX };
+        found.push(Rate { entry: parameter(&row[..3])?, address, rate: row[4] });
+    }
+    let width = 2 + 2 * count;
+    Ok(Tied::new(tables, &found, table("addresses", addresses, width)?, count).map_err(CoreError::from)?)
+}
+
+fn variables<'a>(
+    logarithmic: &'a PyReadonlyArray1<'_, bool>,
+    bounds: &'a PyReadonlyArray2<'_, f64>,
+) -> PyResult<Variables<'a>> {
+    let logarithmic = contiguous("logarithmic", logarithmic.as_slice())?;
+    let (count, bounds) = (logarithmic.len(), c_contiguous("bounds", bounds)?);
+    if bounds.len() != 2 * count {
+        return Err(PyValueError::new_err(format!("bounds: {} values, expected (2, {count})", bounds.len())));
+    }
+    for (index, value) in bounds.iter().enumerate() {
+        if value.is_nan() || (index < count && *value > bounds[index + count]) {
+            let message = format!("bounds: {value} is no bound, or below is above above");
+            return Err(PyValueError::new_err(message));
+        }
+    }
+    Ok(Variables { logarithmic, lower: &bounds[..count], upper: &bounds[count..] })
+}
+
+fn campaign<'a>(
+    receptances: &'a [Receptance],
+    frequencies: &'a [Frequencies],
+    modes: &'a [Vec<usize>],
+    priors: &'a Rows,
+    variables: Variables<'a>,
+) -> PyResult<Campaign<'a>> {
+    let count = variables.logarithmic.len();
+    let mut observed = Vec::new();
+    for (w, measured, weights, points, ties) in receptances {
+        let points = coordinates("points", points)?;
+        let [response, excitation] = points[..] else {
+            return Err(PyValueError::new_err("points: expected two rows, response and excitation"));
+        };
+        let seen = Seen::Receptance {
+            w: contiguous("angular_frequency", w.as_slice())?,
+            measured: contiguous("measured", measured.as_slice())?,
+            weights: contiguous("weights", weights.as_slice())?,
+            response,
+            excitation,
+        };
+        observed.push(Modelled { tied: tied(ties, count)?, seen });
+    }
+    for ((_, measured, weights, ties), modes) in frequencies.iter().zip(modes) {
+        if modes.is_empty() || !modes.is_sorted() {
+            return Err(PyValueError::new_err("modes: expected ascending numbers, at least one"));
+        }
+        let seen = Seen::Frequencies {
+            modes,
+            measured: contiguous("measured", measured.as_slice())?,
+            weights: contiguous("weights", weights.as_slice())?,
+        };
+        observed.push(Modelled { tied: tied(ties, count)?, seen });
+    }
+    let mut known = Vec::new();
+    for row in table("priors", priors, 3)?.chunks_exact(3) {
+        let variable = if row[0] >= 0.0 && row[0].fract() == 0.0 { row[0] as usize } else { usize::MAX };
+        known.push(Known { variable, scale: row[1], offset: row[2] });
+    }
+    let campaign = Campaign { observed, known, variables };
+    campaign.check().map_err(CoreError::from)?;
+    Ok(campaign)
+}
+
+fn modes_of(frequencies: &[Frequencies]) -> PyResult<Vec<Vec<usize>>> {
+    frequencies.iter().map(|one| indices("modes", &one.0)).collect()
+}
+
+/// A^T A with A = [J | r] for the residuals of whole models, (n + 1, n + 1); NaN where a model has no value.
+#[pyfunction]
+#[pyo3(signature = (receptances, frequencies, priors, logarithmic, bounds, variables, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn models_normal_matrix<'py>(
+    py: Python<'py>,
+    receptances: Vec<Receptance<'py>>,
+    frequencies: Vec<Frequencies<'py>>,
+    priors: Rows<'py>,
+    logarithmic: Row<'py, bool>,
+    bounds: Rows<'py>,
+    variables: Row<'py, f64>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let modes = modes_of(&frequencies)?;
+    let space = self::variables(&logarithmic, &bounds)?;
+    let count = space.logarithmic.len();
+    let campaign = campaign(&receptances, &frequencies, &modes, &priors, space)?;
+    let x = contiguous("variables", variables.as_slice())?;
+    if x.len() != count {
+        return Err(PyValueError::new_err(format!("variables: {} values, expected {count}", x.len())));
+    }
+    let size = count + 1;
+    let found = py.detach(|| campaign.normal_matrix(x, threads)).unwrap_or(vec![f64::NAN; size * size]);
+    Ok(shaped(Array2::from_shape_vec((size, size), found))?.into_pyarray(py))
+}
+
+/// Fits of parameters of whole models from many starts, with variables that are not `free` held.
+///
+/// Returns the variables at the ends, their cost, the evaluations and why they ended.
+#[pyfunction]
+#[pyo3(signature = (receptances, frequencies, priors, logarithmic, bounds, free, starts, tolerance, evaluations,
+                    threads))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn fit_models<'py>(
+    py: Python<'py>,
+    receptances: Vec<Receptance<'py>>,
+    frequencies: Vec<Frequencies<'py>>,
+    priors: Rows<'py>,
+    logarithmic: Row<'py, bool>,
+    bounds: Rows<'py>,
+    free: Row<'py, bool>,
+    starts: Rows<'py>,
+    tolerance: f64,
+    evaluations: usize,
+    threads: usize,
+) -> PyResult<(
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+)> {
+    let modes = modes_of(&frequencies)?;
+    let space = variables(&logarithmic, &bounds)?;
+    let count = space.logarithmic.len();
+    let campaign = campaign(&receptances, &frequencies, &modes, &priors, space)?;
+    if starts.shape()[1] != count {
+        return Err(PyValueError::new_err(format!("starts: expected {count} columns")));
+    }
+    let starts = c_contiguous("starts", &starts)?;
+    let free = contiguous("free", free.as_slice())?;
+    let stop = Stop { tolerance, evaluations };
+    let ends = py
+        .detach(|| receptance_core::fit_models(&campaign, free, starts, stop, threads))
+        .map_err(CoreError::from)?;
+    let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
+    let integers = |each: fn(&receptance_core::End) -> i64| -> Vec<i64> { ends.iter().map(each).collect() };
+    Ok((
+        shaped(Array2::from_shape_vec((ends.len(), count), x))?.into_pyarray(py),
+        ends.iter().map(|end| end.cost).collect::<Array1<f64>>().into_pyarray(py),
+        Array1::from_vec(integers(|end| end.evaluations as i64)).into_pyarray(py),
+        Array1::from_vec(integers(|end| end.status as i64)).into_pyarray(py),
+    ))
+}

@@ -1,0 +1,235 @@
+"""Fits of whole models in the core: the same sums and the same optimum as residuals in Python and SciPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    Coordinate,
+    GroundSpring,
+    MeasuredFrequencies,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    Unknown,
+    _core,
+    _ties,
+)
+from receptance.identification import Law, Power, Prior, Tolerance, identify
+from receptance.identification.mapping import Parameters
+from receptance.identification.models import ModelledProblem, Models
+from receptance.identification.task import Task, place_of
+from simulated_campaigns import simulate_campaign
+
+LINES = np.linspace(200.0, 6000.0, 300)
+RNG = np.random.default_rng(4)
+
+
+def assembled(overhang: float = 0.06) -> Assembly:
+    tool = Part(
+        [
+            Segment(length=overhang, outer_diameter=0.0127, material=replace(CARBIDE, loss_factor=0.002)),
+            Segment(length=0.01, outer_diameter=0.0125, material=CARBIDE),
+        ],
+        name="tool",
+    )
+    holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+    masses = [
+        PointMass(mass=0.003, part="tool", position=overhang, name="sensor"),
+        GroundSpring(k_y=1e6, k_theta=10.0, part="holder", position="end", name="rope"),
+    ]
+    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_theta=2.0, name="joint"), holder], masses)
+
+
+def measured(overhang: float, lines: np.ndarray = LINES, **places: Coordinate) -> MeasuredFRF:
+    noise = RNG.normal(scale=0.01, size=(2, lines.size))
+    values = assembled(overhang + 5e-5).receptance(lines, **places) * np.exp(noise[0] + 1j * noise[1])
+    return MeasuredFRF(
+        assembly=assembled(overhang),
+        frequency_hz=lines,
+        receptance=values,
+        standard_deviation=np.linspace(0.01, 0.02, lines.size),
+        label=f"{1e3 * overhang:.0f} mm",
+        **places,
+    )
+
+
+UNKNOWNS = [
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11, prior=Prior(mean=1e9, standard_deviation=1.0)),
+    Law(
+        address="joint.k_theta",
+        lower=1e2,
+        upper=1e8,
+        powers=Power(of="tool.segment[0].length", reference=0.06),
+        individual=0.05,
+    ),
+    Unknown(address="joint.k_ytheta", lower=-1e6, upper=1e6),
+    Unknown(address="joint.c_theta", lower=1e-2, upper=1e2),
+    Unknown(address="sensor.mass", lower=1e-4, upper=1e-1),
+]
+TOLERANCES = [
+    Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True),
+    Tolerance(name="modulus", moves={"tool.segment[*].youngs_modulus": 0.01, "holder.segment[0].density": 0.01}),
+    Tolerance(name="clamped", moves={"tool.segment[0].length": 1e-4}, configurations="50 mm"),
+    Tolerance(name="rope", moves={"rope.k_y": 0.3}, relative=True),
+]
+
+
+def everything() -> Task:
+    """Return a task with all that the core knows: laws, priors, errors, places inside segments, modes, a window."""
+    modes = assembled(0.07).natural_frequencies(9e3)
+    observed = (
+        measured(0.05),
+        measured(0.06, response=Coordinate(part="tool", position=0.02), excitation=Coordinate(part="tool")),
+        measured(0.08, LINES - 3j, excitation=Coordinate(part="tool", position=0.08, direction="theta")),
+        MeasuredFrequencies(
+            assembly=assembled(0.07),
+            frequency_hz=modes[[0, 2]],
+            modes=[1, 3],
+            standard_deviation_hz=[1.0, 4.0],
+            label="70 mm",
+        ),
+    )
+    places = [place_of(one, i) for i, one in enumerate(observed)]
+    parameters = Parameters(UNKNOWNS, TOLERANCES, places)
+    return Task(observed, parameters, ("standard deviations",) * 4, threads=1)
+
+
+def test_normal_matrices_are_those_of_the_residuals():
+    task = everything()
+    problem = task.problem()
+    quick = task.quick(problem)
+    assert isinstance(quick, ModelledProblem)
+    start = task.variables.start
+    for _ in range(3):
+        x = start + RNG.normal(scale=0.02, size=start.size)
+        x[task.variables.names.index("joint.k_ytheta")] = RNG.uniform(-1e5, 1e5)
+        own, other = quick.normal(x), problem.normal(x)
+        scale = np.sqrt(np.diag(other.curvature))
+        assert scale.min() > 0.0
+        assert own.cost == pytest.approx(other.cost, rel=1e-9)
+        assert own.slope / scale == pytest.approx(other.slope / scale, rel=1e-7, abs=1e-8 * np.sqrt(other.cost))
+        assert own.curvature / np.outer(scale, scale) == pytest.approx(
+            other.curvature / np.outer(scale, scale), rel=1e-8, abs=1e-9
+        )
+
+
+def test_threads_do_not_change_a_bit():
+    models = Models.of(task := everything(), task.problem())
+    one, two = (replace(models, threads=threads).normal(task.variables.start) for threads in (1, 2))
+    assert np.array_equal(one, two)
+
+
+def test_the_optimum_is_that_of_scipy():
+    campaign = simulate_campaign(np.random.default_rng([5, 1]), overhangs=1)
+    found = identify(campaign.observations, campaign.unknowns(campaign.truth), tolerances=campaign.tolerances, starts=3)
+    problem = found.task.problem()
+    near = min(found.starts, key=lambda run: run.cost).variables + 0.01
+    scipy = problem.fit(near, None, 200, 1e-10, None)
+    best = min(found.starts, key=lambda run: run.cost)
+    assert best.cost == pytest.approx(scipy.cost, rel=1e-8)
+    assert np.max(np.abs(best.variables - scipy.variables) / np.sqrt(np.diag(found.covariance))) < 1e-3
+
+
+def test_starts_that_are_left_on_the_way_are_told():
+    lines = np.linspace(200.0, 6000.0, 1600)
+    tolerance = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True)
+    found = identify(
+        [measured(0.05, lines), measured(0.07, lines)], UNKNOWNS[0:1] + UNKNOWNS[3:4], tolerances=tolerance, starts=8
+    )
+    assert found.converged
+    left = [run for run in found.starts if "left on the way" in run.message]
+    best = min(run.cost for run in found.starts)
+    assert all(not run.converged and run.cost > best for run in left)
+    assert found.agreeing + len(left) <= 8
+    assert found.evaluations == sum(run.evaluations for run in found.starts)
+
+
+def test_held_variables_stay_where_they_start():
+    task = everything()
+    models = Models.of(task, task.problem())
+    free = np.zeros(task.variables.start.size, dtype=np.bool_)
+    free[:2] = True
+    (end,) = models.fit(task.variables.start[None], 30, 1e-6, free)
+    assert np.array_equal(end.x[2:], task.variables.start[2:])
+    assert end.cost < 0.5 * models.normal(task.variables.start)[-1, -1]
+
+
+def test_a_start_without_a_model_is_told():
+    campaign = simulate_campaign(np.random.default_rng(6), overhangs=1)
+    starts = {"joint.k_y": 1e6, "joint.k_theta": 1e3, "joint.k_ytheta": 9e7}
+    found = identify(campaign.observations, campaign.unknowns(starts), tolerances=campaign.tolerances, starts=12)
+    assert found.starts[0].cost == np.inf
+    assert "positive semidefinite" in found.starts[0].message
+    assert any("no value at" in note for note in found.notes)
+
+
+def test_what_the_core_does_not_know_is_fitted_by_scipy(monkeypatch):
+    frf = MeasuredFRF(
+        assembly=assembled(), frequency_hz=LINES, receptance=assembled().receptance(LINES), standard_deviation=0.01
+    )
+    blank = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True)
+    kinds = tuple(kind for kind in _ties._KNOWN if kind is not PointJoint)
+    monkeypatch.setattr(_ties, "_KNOWN", kinds)
+    found = identify(frf, UNKNOWNS[3], tolerances=blank, starts=1)
+    assert not isinstance(found.task.quick(found.task.problem()), ModelledProblem)
+    assert found.values["joint.c_theta"] == pytest.approx(2.0, rel=1e-3)
+    monkeypatch.undo()
+    assert found.task.modelled(found.task.problem()) is not None
+    percent = replace(found.task, units=("percent",))
+    assert percent.modelled(percent.problem()) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda a: a.update(variables=np.zeros(3)), "expected 2"),
+        (lambda a: a.update(bounds=np.zeros((2, 3))), "expected \\(2, 2\\)"),
+        (lambda a: a.update(bounds=np.array([[1.0, 0.0], [0.0, 1.0]])), "below is above above"),
+        (lambda a: a.update(priors=np.array([[7.0, 1.0, 0.0]])), "variable below 2"),
+        (lambda a: a.update(priors=np.zeros((1, 2))), "priors"),
+        (lambda a: a["receptances"].append(_with(a, 1, np.zeros(3, dtype=complex))), "measured receptance"),
+        (lambda a: a["receptances"].append(_with(a, 3, np.zeros((1, 2)))), "two rows"),
+        (lambda a: a["receptances"].append(_tied(a, 1, np.array([[0.0, 99.0, 2.0, 0.0, 1.0]]))), "row and a column"),
+        (lambda a: a["receptances"].append(_tied(a, 1, np.array([[0.0, 0.0, 2.0, 9.0, 1.0]]))), "address below"),
+        (lambda a: a["receptances"].append(_tied(a, 2, np.full((1, 6), np.nan))), "unknown below 2"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(change, words):
+    frf = measured(0.05)
+    unknowns = [UNKNOWNS[3], UNKNOWNS[4]]
+    task = Task((frf,), Parameters(unknowns, (), [place_of(frf, 0)]), ("standard deviations",), threads=1)
+    models = Models.of(task, task.problem())
+    arguments = {
+        "receptances": list(models.receptances),
+        "frequencies": [],
+        "priors": models.priors,
+        "logarithmic": models.logarithmic,
+        "bounds": models.limits,
+        "variables": task.variables.start,
+        "threads": 1,
+    }
+    assert np.isfinite(_core.models_normal_matrix(**arguments)).all()
+    change(arguments)
+    with pytest.raises(ValueError, match=words):
+        _core.models_normal_matrix(**arguments)
+
+
+def _with(arguments: dict, place: int, value: np.ndarray) -> tuple:
+    row = list(arguments["receptances"][0])
+    row[place] = value
+    return tuple(row)
+
+
+def _tied(arguments: dict, place: int, value: np.ndarray) -> tuple:
+    ties = list(arguments["receptances"][0][4])
+    ties[place] = value
+    return _with(arguments, 4, tuple(ties))
