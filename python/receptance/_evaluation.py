@@ -32,7 +32,7 @@ def responses(
     def solve(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        return _core.receptance(w, 0, *flat.tables(), loads, seen, asked, threads, flat.beside(), added)
+        return _core.receptance(w, 0, *flat.tables(), loads, seen, asked, threads, flat.beside(), added=added)
 
     with interfaces_by_name(flat):
         if flat.microslips:
