@@ -36,7 +36,8 @@ def responses(
     def solve(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        return _core.receptance(lines, 0, *flat.tables(), loads, seen, asked, threads, flat.beside(), tau, added)
+        tables = flat.tables()
+        return _core.receptance(lines, 0, *tables, loads, seen, asked, threads, flat.beside(), scale=tau, added=added)
 
     with interfaces_by_name(flat):
         if flat.microslips:
