@@ -297,7 +297,9 @@ class Assembly:
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
         with interfaces_by_name(self._elements, flat):
-            h, dh = _core.receptance(lines, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside(), tau)
+            h, dh = _core.receptance(
+                lines, 0, *flat.tables(), points[1], points[0], rows, count, flat.beside(), scale=tau
+            )
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
