@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -27,6 +27,8 @@ SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS = range(5)
 OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
 BEAM_COLUMN = {"shank": 3, "sleeve": 14}
 SECTION_FIELDS = tuple(SEGMENT_COLUMN)[1:]
+Motion = Literal["bending", "axial"]
+MOTIONS: dict[Motion, int] = {"bending": 0, "axial": 1}
 
 Entry = tuple[int, int, int, float]
 """Table, row, column and weight: how fast the entry grows with the parameter."""
@@ -73,13 +75,13 @@ def _table(rows: list[list[float]], columns: int) -> NDArray[np.float64]:
 
 def flatten(
     chain: Sequence[tuple[str, Part | PointJoint | SpreadJoint]],
-    attachments: Sequence[tuple[str, PointMass | GroundSpring, str, float]],
+    attachments: Sequence[tuple[str, PointMass | GroundSpring, str, list[float]]],
     positions: dict[str, set[float]],
 ) -> Flat:
     """Flatten a chain from the tip on.
 
-    `attachments` come with their own name, the part's name and the position; `positions` are places along each
-    part, besides its ends and the steps between its segments, that need a node of their own.
+    `attachments` come with their own name, the part's name and the positions that share them; `positions` are places
+    along each part, besides its ends and the steps between its segments, that need a node of their own.
     """
     flat = Flat()
     node = 0
@@ -90,8 +92,8 @@ def flatten(
             node = _add_spread(flat, name, element, node)
         else:
             node = _add_joint(flat, name, element, node)
-    for name, attachment, part, position in attachments:
-        _add_attachment(flat, name, attachment, flat.nodes[part, position])
+    for name, attachment, part, places in attachments:
+        _add_attachment(flat, name, attachment, [flat.nodes[part, position] for position in places])
     return flat
 
 
@@ -118,12 +120,15 @@ def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
     return far
 
 
-def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, node: int) -> None:
+def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, nodes: list[int]) -> None:
+    """Add a point element, shared out in equal parts where it has several nodes."""
     table = MASSES if isinstance(attachment, PointMass) else GROUNDS
     rows = flat.masses if table == MASSES else flat.grounds
-    for i, quantity in enumerate(attachment.columns_of):
-        flat.entries[f"{name}.{quantity}"] = [(table, len(rows), 1 + i, 1.0)]
-    rows.append([float(node), *attachment.columns()])
+    shares = [1.0 if quantity == "loss_factor" else 1.0 / len(nodes) for quantity in attachment.columns_of]
+    for i, (quantity, share) in enumerate(zip(attachment.columns_of, shares, strict=True)):
+        flat.entries[f"{name}.{quantity}"] = [(table, len(rows) + n, 1 + i, share) for n in range(len(nodes))]
+    columns = [value * share for value, share in zip(attachment.columns(), shares, strict=True)]
+    rows.extend([float(node), *columns] for node in nodes)
 
 
 def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[float]) -> int:
