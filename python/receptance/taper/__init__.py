@@ -2,6 +2,7 @@
 
 from receptance.taper.body import Body, body_of
 from receptance.taper.choice import Shape
+from receptance.taper.direct import TaperFit, fit_axial, fit_radial
 from receptance.taper.from_modes import (
     AxialSolution,
     RadialSolution,
@@ -10,19 +11,29 @@ from receptance.taper.from_modes import (
     radial_from_modes,
     rotation_alone,
 )
+from receptance.taper.holder import Holder
 from receptance.taper.rigid import AxialJoint, RadialJoint, RigidModes
+from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
 
 __all__ = [
     "AxialJoint",
     "AxialSolution",
     "Body",
+    "ForceLaw",
+    "ForceSeries",
+    "Holder",
     "RadialJoint",
     "RadialSolution",
     "RadialSolutions",
     "RigidModes",
     "Shape",
+    "TaperFit",
+    "Trend",
     "axial_from_mode",
     "body_of",
+    "fit_axial",
+    "fit_laws",
+    "fit_radial",
     "radial_from_modes",
     "rotation_alone",
 ]
