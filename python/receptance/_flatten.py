@@ -121,14 +121,16 @@ def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
 
 
 def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, nodes: list[int]) -> None:
-    """Add a point element, shared out in equal parts where it has several nodes."""
+    """Add a point element, shared out where it has several nodes."""
     table = MASSES if isinstance(attachment, PointMass) else GROUNDS
     rows = flat.masses if table == MASSES else flat.grounds
-    shares = [1.0 if quantity == "loss_factor" else 1.0 / len(nodes) for quantity in attachment.columns_of]
-    for i, (quantity, share) in enumerate(zip(attachment.columns_of, shares, strict=True)):
-        flat.entries[f"{name}.{quantity}"] = [(table, len(rows) + n, 1 + i, share) for n in range(len(nodes))]
-    columns = [value * share for value, share in zip(attachment.columns(), shares, strict=True)]
-    rows.extend([float(node), *columns] for node in nodes)
+    for i, quantity in enumerate(attachment.columns_of):
+        # A loss factor is a property of each share, not a sum of them.
+        shares = (1.0,) * len(nodes) if quantity == "loss_factor" else attachment.shares
+        flat.entries[f"{name}.{quantity}"] = [(table, len(rows) + n, 1 + i, share) for n, share in enumerate(shares)]
+    for node, share in zip(nodes, attachment.shares, strict=True):
+        columns = zip(attachment.columns_of, attachment.columns(), strict=True)
+        rows.append([float(node), *(value if name == "loss_factor" else value * share for name, value in columns)])
 
 
 def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[float]) -> int:

@@ -144,9 +144,16 @@ class GroundSpring(_Spring):
     length : float, optional
         In m, from the position on: the spring, whose values are those of the whole, is shared out evenly over it.
     points : int, optional
-        In how many equal parts, each in the middle of an equal part of the length.
+        At how many points, each in the middle of an equal part of the length.
+    weights : sequence of float, optional
+        What the points carry, in proportion; they are then as many as the weights.
     name : str, optional
         First word of the addresses of its parameters.
+
+    Raises
+    ------
+    ValueError
+        As `PointJoint`; a length at the part's end, and weights that are negative or all zero.
 
     Examples
     --------
@@ -159,6 +166,7 @@ class GroundSpring(_Spring):
     position: float | Literal["end"] = 0.0
     length: float = 0.0
     points: int = 8
+    weights: tuple[float, ...] = ()
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -168,6 +176,12 @@ class GroundSpring(_Spring):
             raise ValueError(f"{self._owner()}: points is {self.points!r}, expected a whole number from 1 to 1000")
         if self.length > 0.0 and self.position == "end":
             raise ValueError(f"{self._owner()}: it begins at the part's end and has a length of {self.length:g} m")
+        given = enumerate(self.weights)
+        weights = tuple(_checks.not_negative(self._owner(), f"weights[{i}]", value) for i, value in given)
+        if weights and sum(weights) == 0.0:
+            raise ValueError(f"{self._owner()}: weights are all zero, so it acts nowhere")
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "points", len(weights) or self.points)
 
     @property
     def offsets(self) -> tuple[float, ...]:
@@ -175,6 +189,14 @@ class GroundSpring(_Spring):
         if self.length == 0.0:
             return (0.0,)
         return tuple(self.length * (i + 0.5) / self.points for i in range(self.points))
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """What each of the points carries of the whole."""
+        if self.length == 0.0:
+            return (1.0,)
+        weights = self.weights or (1.0,) * self.points
+        return tuple(weight / sum(weights) for weight in weights)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,6 +230,7 @@ class PointMass:
 
     columns_of: ClassVar[tuple[str, ...]] = ("mass", "inertia")
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
+    shares: ClassVar[tuple[float, ...]] = (1.0,)
 
     def __post_init__(self) -> None:
         owner = f"PointMass {self.name!r}" if self.name else "PointMass"

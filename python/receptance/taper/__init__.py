@@ -3,15 +3,9 @@
 from receptance.taper.body import Body, body_of
 from receptance.taper.choice import Shape
 from receptance.taper.direct import TaperFit, fit_axial, fit_radial
-from receptance.taper.from_modes import (
-    AxialSolution,
-    RadialSolution,
-    RadialSolutions,
-    axial_from_mode,
-    radial_from_modes,
-    rotation_alone,
-)
+from receptance.taper.from_modes import RadialSolution, RadialSolutions, radial_from_modes
 from receptance.taper.holder import Holder
+from receptance.taper.one_mode import AxialSolution, axial_from_mode, rotation_alone
 from receptance.taper.rigid import AxialJoint, RadialJoint, RigidModes
 from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
 

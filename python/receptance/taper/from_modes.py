@@ -17,19 +17,12 @@ import numpy as np
 from receptance import _checks
 from receptance.taper.body import Body
 from receptance.taper.choice import Shape, choose
-from receptance.taper.rigid import AxialJoint, RadialJoint
+from receptance.taper.rigid import RadialJoint
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "AxialSolution",
-    "RadialSolution",
-    "RadialSolutions",
-    "axial_from_mode",
-    "radial_from_modes",
-    "rotation_alone",
-]
+__all__ = ["RadialSolution", "RadialSolutions", "radial_from_modes"]
 
 Interval = tuple[float, float]
 
@@ -69,6 +62,9 @@ class RadialSolutions:
         where none was given.
     within_noise : dict of str to (float, float)
         Where there is no solution: stiffnesses of the joints whose frequencies are within the noise of those given.
+    nearest : int or None
+        Number of the solution whose mode shape is nearest to the measured one, whether it can be called the one or not;
+        None where there is no solution, or two and no shape.
     statement : str
         What was found, in words.
     """
@@ -77,6 +73,7 @@ class RadialSolutions:
     discriminant: float
     discriminant_standard_error: float
     within_noise: dict[str, Interval]
+    nearest: int | None
     statement: str
 
 
@@ -123,7 +120,8 @@ def radial_from_modes(
 
     References
     ----------
-    Xu et al., Int. J. Adv. Manuf. Technol. 67 (2013) 1287, figure 6 and eqs. 1 to 11.
+    Xu et al., Dynamic modeling and parameters identification of a spindle-holder taper joint, Springer 2012,
+    figure 6 and eqs. 1 to 11.
 
     Examples
     --------
@@ -167,14 +165,17 @@ def radial_from_modes(
     text = f"{len(found)} joints have these frequencies: a mode shape, measured at two points, would choose"
     if len(found) == 1:
         text = "one joint has these frequencies: the quadratic has a double root"
+    nearest = 0 if len(found) == 1 else None
     if shape is not None and len(found) == 2:
-        chosen, text = choose([one.joint for one in found], shape)
-        found = found if chosen is None else [found[chosen]]
+        nearest, clear, text = choose([one.joint for one in found], shape)
+        if clear:
+            found, nearest = [found[nearest]], 0
     return RadialSolutions(
         solutions=tuple(found),
         discriminant=discriminant,
         discriminant_standard_error=error,
         within_noise={},
+        nearest=nearest,
         statement=text,
     )
 
@@ -210,6 +211,7 @@ def _none(discriminant: float, error: float, around: NDArray[np.float64] | None,
         discriminant=discriminant,
         discriminant_standard_error=error,
         within_noise=within,
+        nearest=None,
         statement=text,
     )
 
@@ -334,63 +336,3 @@ class _Frame:
         return {
             name: (float(middle[i] - half[i]), float(middle[i] + half[i])) for i, name in enumerate(("c_x1", "c_x2"))
         }
-
-
-@dataclass(frozen=True, kw_only=True)
-class AxialSolution:
-    """The axial joint of one mode, with intervals where standard errors were given."""
-
-    joint: AxialJoint
-    intervals: dict[str, Interval]
-
-
-def axial_from_mode(
-    body: Body,
-    frequency_hz: float,
-    damping_ratio: float = 0.0,
-    *,
-    frequency_standard_error_hz: float | None = None,
-    damping_standard_error: float | None = None,
-    level: float = 0.95,
-) -> AxialSolution:
-    """Return the axial joint of a rigid holder: K = m (2 pi f)^2 and C = 4 pi m f zeta (eqs. 14 and 15).
-
-    Examples
-    --------
-    >>> from receptance.taper import Body, axial_from_mode
-    >>> joint = axial_from_mode(Body(mass=4.5, inertia=0.01), 5250.0, 0.005).joint
-    >>> f"{joint.k_z1:.4g} N/m, {joint.c_z1:.0f} N s/m"
-    '4.897e+09 N/m, 1484 N s/m'
-    """
-    from receptance.identification.spread import quantile
-
-    f = _checks.positive("axial_from_mode", "frequency_hz", frequency_hz, unit="Hz")
-    zeta = _checks.number("axial_from_mode", "damping_ratio", damping_ratio)
-    w = 2.0 * np.pi * f
-    joint = AxialJoint(body=body, k_z1=body.mass * w**2, c_z1=2.0 * body.mass * w * zeta)
-    intervals: dict[str, Interval] = {}
-    reach = quantile(level, None)
-    if frequency_standard_error_hz is not None:
-        share = reach * frequency_standard_error_hz / f
-        intervals["k_z1"] = (joint.k_z1 * (1.0 - share) ** 2, joint.k_z1 * (1.0 + share) ** 2)
-        if damping_standard_error is not None:
-            half = float(np.hypot(joint.c_z1 * share, 2.0 * body.mass * w * reach * damping_standard_error))
-            intervals["c_z1"] = (joint.c_z1 - half, joint.c_z1 + half)
-    return AxialSolution(joint=joint, intervals=intervals)
-
-
-def rotation_alone(
-    body: Body, frequency_hz: ArrayLike, damping_ratio: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """K_theta = 4 pi^2 I f^2 and C_theta = 4 pi I f zeta, as if a mode were rotation alone.
-
-    The paper has these without a number. They leave the coupling of translation and rotation out: an estimate, which is
-    right only where the centre of gravity stands still.
-
-    Returns
-    -------
-    k_theta, c_theta : ndarray
-        In N m/rad and N m s/rad, of each mode.
-    """
-    f, zeta = np.asarray(frequency_hz, dtype=np.float64), np.asarray(damping_ratio, dtype=np.float64)
-    return 4.0 * np.pi**2 * body.inertia * f**2, 4.0 * np.pi * body.inertia * f * zeta

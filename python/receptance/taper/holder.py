@@ -15,13 +15,16 @@ from receptance.taper.body import Body, body_of
 __all__ = ["BodyModel", "Contact", "Holder"]
 
 BodyModel = Literal["elastic", "rigid"]
-Contact = Literal["spread", "ends"]
+Contact = Literal["spread", "fading", "ends"]
 
 _RIGID = 1e9
 """Times stiffer than its material: the assembly is then that of the rigid body to nine digits."""
 _BONDED = 1e16
 """N/m, of the whole taper: far above what any section of a holder has."""
 _POINTS = 12
+_FADING = tuple(
+    tuple(((i + 0.5) / _POINTS) ** 2 for i in order) for order in (range(_POINTS - 1, -1, -1), range(_POINTS))
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,12 +96,20 @@ class Holder:
             Stiffness in N/m and damping in N s/m of the whole taper.
         body : {"elastic", "rigid"}, optional
             Rods of the holder's material, or as good as rigid ones: the model of the paper.
-        contact : {"spread", "ends"}, optional
-            Evenly along the taper, or at its big end as in the paper's figure 3.
+        contact : {"spread", "fading", "ends"}, optional
+            Evenly along the taper; more at its ends, as the paper argues from wear; or at its big end alone, as in the
+            paper's figure 3.
         """
-        length = self.small_end - self.big_end if _known("contact", contact, Contact) == "spread" else 0.0
+        length = 0.0 if _known("contact", contact, Contact) == "ends" else self.small_end - self.big_end
+        weights = [1.0] * _POINTS if contact != "fading" else [a + b for a, b in zip(*_FADING, strict=True)]
         spring = GroundSpring(
-            k_y=k_z1, c_y=c_z1, part=self._name, position=self.big_end, length=length, points=_POINTS, name="taper"
+            k_y=k_z1,
+            c_y=c_z1,
+            part=self._name,
+            position=self.big_end,
+            length=length,
+            weights=tuple(weights),
+            name="taper",
         )
         return Assembly([self._part(body)], [spring], motion="axial")
 
@@ -122,14 +133,28 @@ class Holder:
             Dampings in N s/m.
         body : {"elastic", "rigid"}, optional
             Beams of the holder's material, or as good as rigid ones: the model of the paper.
-        contact : {"spread", "ends"}, optional
-            Each spring evenly over the half of the taper at its end, as in the paper's figure 15, or at the very end.
+        contact : {"spread", "fading", "ends"}, optional
+            Each spring evenly over the half of the taper at its end, as in the paper's figure 15; over the whole taper,
+            fading with the square of the distance from the other end; or at the very end.
         """
-        length = 0.5 * (self.small_end - self.big_end) if _known("contact", contact, Contact) == "spread" else 0.0
-        places = (self.big_end, self.small_end - length)
+        whole = self.small_end - self.big_end
+        part = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[_known("contact", contact, Contact)]
+        places = (self.big_end, self.small_end - part * whole)
+        # The fading springs share their points, so that these are no finer than those of the other two.
+        count = _POINTS if contact == "fading" else _POINTS // 2
+        weights = _FADING if contact == "fading" else [(1.0,) * count] * 2
+        stiffness, damping = (k_x1, k_x2), (c_x1, c_x2)
         springs = [
-            GroundSpring(k_y=k, c_y=c, part=self._name, position=x, length=length, points=_POINTS // 2, name=name)
-            for name, x, k, c in zip(("big_end", "small_end"), places, (k_x1, k_x2), (c_x1, c_x2), strict=True)
+            GroundSpring(
+                k_y=stiffness[i],
+                c_y=damping[i],
+                part=self._name,
+                position=places[i],
+                length=part * whole,
+                weights=weights[i],
+                name=name,
+            )
+            for i, name in enumerate(("big_end", "small_end"))
         ]
         return Assembly([self._part(body)], springs)
 

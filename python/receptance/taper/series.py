@@ -98,10 +98,8 @@ class ForceSeries:
     >>> import numpy as np
     >>> from receptance.taper import ForceSeries
     >>> force = np.arange(26.0)
-    >>> noise = np.random.default_rng(2).normal(size=26)
-    >>> series = ForceSeries(
-    ...     name="k_z1", force=force, values=5e9 + 2e8 * (force / 25) ** 1.6 + 2e6 * noise, standard_errors=np.full(26, 2e6)
-    ... )
+    >>> values = 5e9 + 2e8 * (force / 25) ** 1.6 + 2e6 * np.random.default_rng(2).normal(size=26)
+    >>> series = ForceSeries(name="k_z1", force=force, values=values, standard_errors=np.full(26, 2e6))
     >>> series.trend().direction, series.slope_trend().direction, series.law.name
     ('rises', 'rises', 'power')
     >>> low, high = series.exponent_interval
@@ -131,7 +129,7 @@ class ForceSeries:
 
     @property
     def scatter(self) -> float:
-        """Scatter about the best law over what the standard errors explain; intervals are widened by it where above 1."""
+        """Scatter about the best law over what the standard errors explain; above 1 it widens intervals."""
         law = self.law
         parameters = {"constant": 1, "linear": 2, "power": 3}[law.name]
         return float(np.sqrt(law.chi_squared / (self.force.size - parameters)))
@@ -149,12 +147,23 @@ class ForceSeries:
     @property
     def exponent_interval(self) -> tuple[float, float]:
         """95 % profile interval of n in K0 + a F^n; its ends stop at 0.05 and 8, where it is open."""
+        from scipy.optimize import brentq
         from scipy.stats import chi2
 
-        exponents = np.geomspace(*_EXPONENTS, _GRID)
-        profile = np.array([_linear(self.force, self.values, self.standard_errors, n)[2] for n in exponents])
-        inside = exponents[profile - profile.min() <= chi2.ppf(0.95, 1) * max(self.scatter, 1.0) ** 2]
-        return float(inside[0]), float(inside[-1])
+        best = self.laws[2]
+        limit = best.chi_squared + chi2.ppf(0.95, 1) * max(self.scatter, 1.0) ** 2
+
+        def above(exponent: float) -> float:
+            return _linear(self.force, self.values, self.standard_errors, exponent)[2] - limit
+
+        ends = []
+        for end in _EXPONENTS:
+            # From the best outwards, so that the first crossing is found and no bump behind it.
+            steps = np.geomspace(best.exponent, end, _GRID) if best.exponent != end else np.array([end])
+            outside = [i for i, exponent in enumerate(steps) if above(float(exponent)) > 0.0]
+            first = outside[0] if outside else 0
+            ends.append(float(brentq(above, steps[first - 1], steps[first])) if first else end)
+        return ends[0], ends[1]
 
     def trend(self, level: float = 0.95) -> Trend:
         """Whether the parameter rises or falls: the slope of a weighted straight line, over the whole range."""
@@ -191,11 +200,11 @@ class ForceSeries:
         low, high = self.exponent_interval
         side = "not told apart from a straight line (n = 1)"
         if low > 1.0:
-            side = "above 1: the slope rises with force"
+            side = "above 1: it changes faster and faster with force"
         elif high < 1.0:
-            side = "below 1: the slope falls with force"
+            side = "below 1: it changes less and less with force"
         ends = f"n between {low:.2f} and {high:.2f}"
-        if low <= _EXPONENTS[0] * 1.01 or high >= _EXPONENTS[1] * 0.99:
+        if low == _EXPONENTS[0] or high == _EXPONENTS[1]:
             ends += " (open)"
         whole = self.trend()
         share = 100.0 / float(np.mean(self.values))
