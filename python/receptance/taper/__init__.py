@@ -5,6 +5,7 @@ from receptance.taper.choice import Shape
 from receptance.taper.direct import TaperFit, fit_axial, fit_radial
 from receptance.taper.from_modes import RadialSolution, RadialSolutions, radial_from_modes
 from receptance.taper.holder import Holder
+from receptance.taper.jackknife import without_each
 from receptance.taper.one_mode import AxialSolution, axial_from_mode, rotation_alone
 from receptance.taper.rigid import AxialJoint, RadialJoint, RigidModes
 from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
@@ -30,4 +31,5 @@ __all__ = [
     "fit_radial",
     "radial_from_modes",
     "rotation_alone",
+    "without_each",
 ]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from receptance.identification import Floor, MeasuredFRF, Unknown, identify
+from receptance.identification.spread import quantile
 from receptance.taper.holder import BodyModel, Contact, Holder
+from receptance.taper.jackknife import relative_errors
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
@@ -60,6 +63,7 @@ def fit_axial(
     high_hz: float | None = None,
     floor: float | Floor = 0.0,
     start: Mapping[str, float] | None = None,
+    left_out: Sequence[FRF] = (),
 ) -> TaperFit:
     """Fit K_Z1 and C_Z1 to an axial FRF.
 
@@ -77,6 +81,9 @@ def fit_axial(
         As in `MeasuredFRF.from_frf`.
     start : mapping of str to float, optional
         Where to start; by default the fit is led there by way of the peak.
+    left_out : sequence of FRF, optional
+        The FRF without each of the hits, from `without_each`. Standard errors and intervals then come from them
+        (jackknife), with one degree of freedom less than hits, and not from the variance that the FRF states.
 
     Examples
     --------
@@ -93,7 +100,7 @@ def fit_axial(
     values = {"k_z1": 1e9, "c_z1": 1e3} | dict(start or {})
     assembly = holder.axial(**values, body=body, contact=contact)
     observed = [MeasuredFRF.from_frf(assembly, frf, low_hz=low_hz, high_hz=high_hz, floor=floor)]
-    return _fit(observed, AXIAL, values, start is None)
+    return _fit(observed, AXIAL, values, start is None, [(0, 0)], left_out)
 
 
 def fit_radial(
@@ -106,6 +113,7 @@ def fit_radial(
     high_hz: float | None = None,
     floor: float | Floor = 0.0,
     start: Mapping[str, float] | None = None,
+    left_out: Sequence[FRF] = (),
 ) -> TaperFit:
     """Fit K_X1, K_X2, C_X1 and C_X2 to FRFs across; parameters as in `fit_axial`, all entries of the FRF are used.
 
@@ -115,28 +123,42 @@ def fit_radial(
     values = {"k_x1": 1e9, "k_x2": 1e9, "c_x1": 1e3, "c_x2": 1e3} | dict(start or {})
     assembly = holder.radial(**values, body=body, contact=contact)
     _, outs, ins = frf.shape
+    entries = [(i, j) for i in range(outs) for j in range(ins)]
     observed = [
         MeasuredFRF.from_frf(
             assembly, frf.select(responses=i, excitations=j), low_hz=low_hz, high_hz=high_hz, floor=floor
         )
-        for i in range(outs)
-        for j in range(ins)
+        for i, j in entries
     ]
-    return _fit(observed, RADIAL, values, start is None)
+    return _fit(observed, RADIAL, values, start is None, entries, left_out)
 
 
 def _fit(
-    observed: Sequence[MeasuredFRF], addresses: Mapping[str, str], values: Mapping[str, float], staged: bool
+    observed: Sequence[MeasuredFRF],
+    addresses: Mapping[str, str],
+    values: Mapping[str, float],
+    staged: bool,
+    entries: Sequence[tuple[int, int]],
+    left_out: Sequence[FRF],
 ) -> TaperFit:
     unknowns = [
         Unknown(address=address, lower=_BOUNDS[name[0]][0], upper=_BOUNDS[name[0]][1], start=values[name])
         for name, address in addresses.items()
     ]
     found = identify(observed, unknowns, strategy="staged" if staged else "direct", starts=1)
+    own = {name: found.values[address] for name, address in addresses.items()}
+    errors = {name: found.standard_errors[address] for name, address in addresses.items()}
+    intervals = {name: found.interval(address) for name, address in addresses.items()}
+    if left_out:
+        relative = relative_errors(found, observed, entries, addresses, left_out)
+        errors = {name: own[name] * error for name, error in relative.items()}
+        reach = quantile(0.95, len(left_out) - 1)
+        factors = {name: math.exp(reach * error) for name, error in relative.items()}
+        intervals = {name: (own[name] / factor, own[name] * factor) for name, factor in factors.items()}
     return TaperFit(
-        values={name: found.values[address] for name, address in addresses.items()},
-        standard_errors={name: found.standard_errors[address] for name, address in addresses.items()},
-        intervals={name: found.interval(address) for name, address in addresses.items()},
+        values=own,
+        standard_errors=errors,
+        intervals=intervals,
         rms=found.rms,
         assembly=found.assemblies[0],
         identification=found,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -134,7 +135,7 @@ class ForceSeries:
         parameters = {"constant": 1, "linear": 2, "power": 3}[law.name]
         return float(np.sqrt(law.chi_squared / (self.force.size - parameters)))
 
-    @property
+    @cached_property
     def laws(self) -> tuple[ForceLaw, ...]:
         """Return the constant, the linear and the power law."""
         return fit_laws(self.force, self.values, self.standard_errors)
@@ -153,16 +154,17 @@ class ForceSeries:
         best = self.laws[2]
         limit = best.chi_squared + chi2.ppf(0.95, 1) * max(self.scatter, 1.0) ** 2
 
-        def above(exponent: float) -> float:
-            return _linear(self.force, self.values, self.standard_errors, exponent)[2] - limit
+        def above(exponents: ArrayLike) -> NDArray[np.float64]:
+            return _linear(self.force, self.values, self.standard_errors, exponents)[2] - limit
 
         ends = []
         for end in _EXPONENTS:
             # From the best outwards, so that the first crossing is found and no bump behind it.
             steps = np.geomspace(best.exponent, end, _GRID) if best.exponent != end else np.array([end])
-            outside = [i for i, exponent in enumerate(steps) if above(float(exponent)) > 0.0]
-            first = outside[0] if outside else 0
-            ends.append(float(brentq(above, steps[first - 1], steps[first])) if first else end)
+            outside = np.flatnonzero(above(steps) > 0.0)
+            first = int(outside[0]) if outside.size else 0
+            crossing = brentq(lambda n: float(above(n)), steps[first - 1], steps[first]) if first else end
+            ends.append(float(crossing))
         return ends[0], ends[1]
 
     def trend(self, level: float = 0.95) -> Trend:
@@ -228,16 +230,20 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
 
     mean = float(np.sum(y / e**2) / np.sum(1.0 / e**2))
     grid = np.geomspace(*_EXPONENTS, _GRID)
-    profile = [_linear(x, y, e, n)[2] for n in grid]
+    profile = _linear(x, y, e, grid)[2]
     best = int(np.argmin(profile))
     ends = (grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)])
-    found = minimize_scalar(lambda n: _linear(x, y, e, n)[2], bounds=ends, method="bounded", options={"xatol": 1e-6})
+    found = minimize_scalar(
+        lambda n: float(_linear(x, y, e, n)[2]), bounds=ends, method="bounded", options={"xatol": 1e-6}
+    )
     exponent = float(found.x) if found.fun < profile[best] else float(grid[best])
     rows: list[tuple[LawName, float, float, float, float]] = [
-        ("constant", mean, 0.0, 0.0, float(np.sum(((y - mean) / e) ** 2))),
-        ("linear", *_linear(x, y, e, 1.0)[:2], 1.0, _linear(x, y, e, 1.0)[2]),
-        ("power", *_linear(x, y, e, exponent)[:2], exponent, _linear(x, y, e, exponent)[2]),
+        ("constant", mean, 0.0, 0.0, float(np.sum(((y - mean) / e) ** 2)))
     ]
+    names: tuple[LawName, LawName] = ("linear", "power")
+    for name, n_of in zip(names, (1.0, exponent), strict=True):
+        start, change, chi = (float(one) for one in _linear(x, y, e, n_of))
+        rows.append((name, start, change, n_of, chi))
     n = x.size
     scale = max(rows[2][4] / max(n - 3, 1), 1.0)
     laws = []
@@ -258,11 +264,16 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
 
 
 def _linear(
-    force: NDArray[np.float64], values: NDArray[np.float64], errors: NDArray[np.float64], exponent: float
-) -> tuple[float, float, float]:
-    """K0, a at the highest force, and the weighted sum of squares, for one exponent."""
-    design = np.stack([np.ones_like(force), (force / force[-1]) ** exponent], axis=1) / errors[:, None]
-    wanted = values / errors
-    found = np.linalg.lstsq(design, wanted, rcond=None)[0]
-    left = wanted - design @ found
-    return float(found[0]), float(found[1]), float(left @ left)
+    force: NDArray[np.float64], values: NDArray[np.float64], errors: NDArray[np.float64], exponents: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """K0, a at the highest force, and the weighted sum of squares, for some exponents."""
+    shape = (force / force[-1]) ** np.asarray(exponents, dtype=np.float64)[..., None]
+    weights = 1.0 / errors**2
+    total = weights.sum()
+    mean_shape = (shape @ weights) / total
+    mean = float(values @ weights) / total
+    # About the weighted means, so that no small difference of large sums is left.
+    centred, rest = shape - mean_shape[..., None], values - mean
+    change = (centred * rest) @ weights / (centred**2 @ weights)
+    left = rest - change[..., None] * centred
+    return mean - change * mean_shape, change, left**2 @ weights

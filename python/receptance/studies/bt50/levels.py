@@ -109,7 +109,7 @@ class RadialLevel:
 
 def measure_axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> AxialLevel:
     """Measure and identify one level; `start` is where the elastic fit starts, the level before say."""
-    plain, windowed = rig.measure(seed)
+    plain, windowed, left_out = rig.measure(seed)
     low, high = AXIAL_BAND_HZ
     as_published = _quiet(half_power, plain, low, high)
     circle = circle_fit(windowed, low_hz=low, high_hz=high)
@@ -125,7 +125,7 @@ def measure_axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str
     ]
     rigid = solutions[1].joint
     first = {"k_z1": rigid.k_z1, "c_z1": max(rigid.c_z1, 1.0)}
-    elastic = fit_axial(holder, windowed, low_hz=low, high_hz=high, start=start or first)
+    elastic = fit_axial(holder, windowed, low_hz=low, high_hz=high, start=start or first, left_out=left_out)
     rigid_fit = fit_axial(holder, windowed, body="rigid", contact="ends", low_hz=low, high_hz=high, start=first)
     return AxialLevel(
         force_kn=rig.force_kn,
@@ -144,7 +144,7 @@ def measure_axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str
 
 def measure_radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> RadialLevel:
     """Measure and identify one level; as `measure_axial`."""
-    plain, windowed = rig.measure(seed)
+    plain, windowed, left_out = rig.measure(seed)
     low, high = RADIAL_BAND_HZ
     modes = fit_modes(windowed.select(low_hz=low, high_hz=high), 2, background="wide")
     # The ratio of both points' constants for the one hit, with its scatter to first order.
@@ -173,7 +173,9 @@ def measure_radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[st
     if start is None and solutions.nearest is not None:
         rigid = solutions.solutions[solutions.nearest].joint
         start = {name: max(getattr(rigid, name), 1.0) for name in ("k_x1", "k_x2", "c_x1", "c_x2")}
-    elastic = fit_radial(holder, windowed, contact=RADIAL_CONTACT, low_hz=low, high_hz=high, start=start)
+    elastic = fit_radial(
+        holder, windowed, contact=RADIAL_CONTACT, low_hz=low, high_hz=high, start=start, left_out=left_out
+    )
     simulated: tuple[float, ...] = ()
     if solutions.nearest is not None:
         joint = solutions.solutions[solutions.nearest].joint
