@@ -70,6 +70,24 @@ def test_a_spread_spring_is_its_points() -> None:
     )
 
 
+def test_weights_share_a_spring_out() -> None:
+    lines = np.linspace(100.0, 9e3, 20)
+    whole = GroundSpring(k_y=6e8, c_y=60.0, position=0.02, length=0.03, weights=(1.0, 2.0, 3.0), name="held")
+    shares = ((0.025, 1 / 6), (0.035, 2 / 6), (0.045, 3 / 6))
+    parts = [GroundSpring(k_y=6e8 * share, c_y=60.0 * share, position=x) for x, share in shares]
+    assembly = Assembly([ROD], [whole])
+    assert whole.points == 3
+    np.testing.assert_allclose(assembly.receptance(lines), Assembly([ROD], parts).receptance(lines), rtol=1e-9)
+    _, slope = assembly.derivatives(lines * (1.0 - 0.01j), ["held.k_y"])
+    up, down = (assembly.replace({"held.k_y": 6e8 * factor}) for factor in (1.00001, 0.99999))
+    change = up.receptance(lines * (1.0 - 0.01j)) - down.receptance(lines * (1.0 - 0.01j))
+    np.testing.assert_allclose(change / 1.2e4, slope[:, 0], rtol=1e-5)
+    with pytest.raises(ValueError, match=r"weights\[1\] is -1"):
+        GroundSpring(k_y=1.0, length=0.1, weights=(1.0, -1.0))
+    with pytest.raises(ValueError, match="weights are all zero"):
+        GroundSpring(k_y=1.0, length=0.1, weights=(0.0, 0.0))
+
+
 def test_what_an_assembly_is() -> None:
     assembly = held()
     assert "axial" in repr(assembly)

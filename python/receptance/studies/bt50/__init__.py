@@ -2,6 +2,18 @@
 
 from receptance.studies.bt50.findings import damping_errors, findings
 from receptance.studies.bt50.form import as_dict
-from receptance.studies.bt50.study import BT50Settings, BT50Study, DampingIgnored, LeftOut, run
+from receptance.studies.bt50.observations import observations
+from receptance.studies.bt50.settings import BT50Settings
+from receptance.studies.bt50.study import BT50Study, DampingIgnored, LeftOut, run
 
-__all__ = ["BT50Settings", "BT50Study", "DampingIgnored", "LeftOut", "as_dict", "damping_errors", "findings", "run"]
+__all__ = [
+    "BT50Settings",
+    "BT50Study",
+    "DampingIgnored",
+    "LeftOut",
+    "as_dict",
+    "damping_errors",
+    "findings",
+    "observations",
+    "run",
+]

@@ -19,7 +19,9 @@ from receptance.studies.bt50.levels import (
     measure_radial,
     radial_hz,
 )
+from receptance.studies.bt50.observations import seed_of
 from receptance.studies.bt50.rig import load_holder, load_rig
+from receptance.studies.bt50.settings import BT50Settings
 from receptance.taper import ForceSeries, Holder
 
 if TYPE_CHECKING:
@@ -27,47 +29,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["BT50Settings", "BT50Study", "DampingIgnored", "LeftOut", "run"]
+__all__ = ["BT50Study", "DampingIgnored", "LeftOut", "run"]
 
 _SAME = 0.05
 """Relative difference up to which two magnitudes are called the same."""
 _SHOWN_KN = 20.0
 """The force of the paper's figure 9."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BT50Settings:
-    """What can be chosen.
-
-    Parameters
-    ----------
-    step_kn : int, optional
-        Every how many kN from 0 to 25: 1 as in the paper, or 2.
-    seed : int, optional
-        Of hits and noise.
-
-    Raises
-    ------
-    ValueError
-        Another step, or a seed that is negative.
-
-    Examples
-    --------
-    >>> from receptance.studies.bt50 import BT50Settings
-    >>> BT50Settings(step_kn=2)
-    BT50Settings(step_kn=2, seed=0)
-    """
-
-    step_kn: int = 1
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if isinstance(self.step_kn, bool) or not isinstance(self.step_kn, int) or self.step_kn not in (1, 2):
-            raise ValueError(
-                f"bt50: step_kn is {self.step_kn!r}, expected 1 or 2: laws need six levels, and as many between"
-            )
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise ValueError(f"bt50: seed is {self.seed!r}, expected a whole number from 0 on")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +139,7 @@ def run(settings: BT50Settings | None = None, *, progress: Callable[[str], None]
         if round(rig.force_kn) % chosen.step_kn:
             continue
         say(f"{rig.force_kn:g} kN, {rig.motion}")
-        # Hits of one level are not those of another, nor of the other motion.
-        seed = int(np.random.SeedSequence([chosen.seed, number]).generate_state(1)[0])
+        seed = seed_of(chosen, number)
         if rig.motion == "axial":
             axial.append(measure_axial(holder, rig, seed, axial[-1].elastic.values if axial else None))
         else:
