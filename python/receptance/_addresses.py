@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+from receptance import _checks
 from receptance._flatten import MATERIAL_FIELDS, Flat
 from receptance.beams import Part, Section
 from receptance.collet import ColletJoint
@@ -21,7 +22,7 @@ _KIND = {Part: "part", **dict.fromkeys(_JOINTS, "joint"), PointMass: "mass", Gro
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
-def check_chain(elements: Sequence[Any], points: Sequence[Any]) -> None:
+def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
     """Raise where elements do not make a chain from the tip on, or points are none."""
     for index, element in enumerate(elements):
         if not isinstance(element, (Part, *_JOINTS)):
@@ -29,6 +30,8 @@ def check_chain(elements: Sequence[Any], points: Sequence[Any]) -> None:
             raise TypeError(
                 f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {kinds} and {_JOINTS[-1].__name__}"
             )
+        if motion != "bending" and isinstance(element, _JOINTS) and type(element) is not PointJoint:
+            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which there is for bending only")
     for index, point in enumerate(points):
         if not isinstance(point, (PointMass, GroundSpring)):
             raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
@@ -89,6 +92,25 @@ def edges_of(part: Any) -> list[float]:
     for segment in part.segments:
         edges.append(edges[-1] + segment.length)
     return edges
+
+
+def place_on(elements: Mapping[str, Any], what: str, part: str, position: float | str) -> tuple[str, float]:
+    """Name of the part and position along it, on the step between segments where it is within rounding."""
+    name = part or next(iter(elements))
+    element = elements.get(name)
+    if not isinstance(element, Part):
+        known = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
+        raise ValueError(f"{what}: there is no part {name!r}; the parts are {known}")
+    edges = edges_of(element)
+    if position == "end":
+        return name, edges[-1]
+    x = _checks.number(what, "position", position, unit="m")
+    nearest = min(edges, key=lambda edge: abs(edge - x))
+    if abs(nearest - x) <= 1e-9 * edges[-1]:
+        return name, nearest
+    if not 0.0 < x < edges[-1]:
+        raise ValueError(f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}")
+    return name, x
 
 
 def named(element: Any, name: str) -> Any:

@@ -26,6 +26,7 @@ def responses(
     rows: NDArray[np.float64],
     threads: int,
     force: ArrayLike | None,
+    motion: int = 0,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return receptance `(n, r, e)` between responses and excitations, and derivatives for table entries `(..., m)`.
 
@@ -37,7 +38,9 @@ def responses(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         tables = flat.tables()
-        return _core.receptance(lines, 0, *tables, loads, seen, asked, threads, flat.beside(), scale=tau, added=added)
+        return _core.receptance(
+            lines, motion, *tables, loads, seen, asked, threads, flat.beside(), scale=tau, added=added
+        )
 
     with interfaces_by_name(flat):
         if flat.microslips:
@@ -46,7 +49,9 @@ def responses(
         return solve(points[1], points[0], rows)
 
 
-def modes(flat: Flat, upper: float, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def modes(
+    flat: Flat, upper: float, rows: NDArray[np.float64], motion: int = 0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return natural angular frequencies up to a limit, joints at their stated levels, and derivatives `(n, m)`."""
     tables = flat.tables()
     asked, weights = rows, None
@@ -54,5 +59,5 @@ def modes(flat: Flat, upper: float, rows: NDArray[np.float64]) -> tuple[NDArray[
         joints, asked, weights = natural_weights(flat, rows)
         tables = (tables[0], joints, *tables[2:])
     with interfaces_by_name(flat):
-        angular, slope = _core.natural_frequencies(upper, 2**31, 0, *tables, asked, flat.beside())
+        angular, slope = _core.natural_frequencies(upper, 2**31, motion, *tables, asked, flat.beside())
     return angular, slope if weights is None else slope @ weights

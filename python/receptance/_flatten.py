@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -34,6 +34,8 @@ MICROSLIP_FIELDS = ("k_y", "k_theta", *MicroslipJoint.amplitude_of)
 OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
 BEAM_COLUMN = {"shank": 3, "sleeve": 14}
 SECTION_FIELDS = tuple(SEGMENT_COLUMN)[1:]
+Motion = Literal["bending", "axial"]
+MOTIONS: dict[Motion, int] = {"bending": 0, "axial": 1}
 
 Entry = tuple[int, int, int, float]
 """Table, row, column and weight: how fast the entry grows with the parameter."""
@@ -99,13 +101,13 @@ def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def flatten(
     chain: Sequence[tuple[str, Element]],
-    attachments: Sequence[tuple[str, PointMass | GroundSpring, str, float]],
+    attachments: Sequence[tuple[str, PointMass | GroundSpring, str, list[float]]],
     positions: dict[str, set[float]],
 ) -> Flat:
     """Flatten a chain from the tip on.
 
-    `attachments` come with their own name, the part's name and the position; `positions` are places along each
-    part, besides its ends and the steps between its segments, that need a node of their own.
+    `attachments` come with their own name, the part's name and the positions that share them; `positions` are places
+    along each part, besides its ends and the steps between its segments, that need a node of their own.
     """
     flat = Flat()
     node = 0
@@ -118,8 +120,8 @@ def flatten(
             node = _add_collet(flat, name, element, node)
         else:
             node = _add_joint(flat, name, element, node)
-    for name, attachment, part, position in attachments:
-        _add_attachment(flat, name, attachment, flat.nodes[part, position])
+    for name, attachment, part, places in attachments:
+        _add_attachment(flat, name, attachment, [flat.nodes[part, position] for position in places])
     return flat
 
 
@@ -160,12 +162,17 @@ def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
     return far
 
 
-def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, node: int) -> None:
+def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, nodes: list[int]) -> None:
+    """Add a point element, shared out where it has several nodes."""
     table = MASSES if isinstance(attachment, PointMass) else GROUNDS
     rows = flat.masses if table == MASSES else flat.grounds
     for i, quantity in enumerate(attachment.columns_of):
-        flat.entries[f"{name}.{quantity}"] = [(table, len(rows), 1 + i, 1.0)]
-    rows.append([float(node), *attachment.columns()])
+        # A loss factor is a property of each share, not a sum of them.
+        shares = (1.0,) * len(nodes) if quantity == "loss_factor" else attachment.shares
+        flat.entries[f"{name}.{quantity}"] = [(table, len(rows) + n, 1 + i, share) for n, share in enumerate(shares)]
+    for node, share in zip(nodes, attachment.shares, strict=True):
+        columns = zip(attachment.columns_of, attachment.columns(), strict=True)
+        rows.append([float(node), *(value if name == "loss_factor" else value * share for name, value in columns)])
 
 
 def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[float]) -> int:

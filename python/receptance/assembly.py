@@ -19,6 +19,7 @@ from receptance._addresses import (
     named,
     names_in,
     names_of,
+    place_on,
     replace_in,
     replace_in_segment,
     segment_fields,
@@ -26,7 +27,7 @@ from receptance._addresses import (
     value_in_segment,
 )
 from receptance._evaluation import modes, responses
-from receptance._flatten import Element, Flat, constant, flatten
+from receptance._flatten import MOTIONS, Element, Flat, Motion, constant, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
@@ -54,6 +55,8 @@ class Assembly:
         where there are several.
     attachments : iterable of PointMass and GroundSpring, optional
         Point elements; each says on which part and where. Unnamed ones are called `mass` and `ground`.
+    motion : {"bending", "axial"}, optional
+        In axial motion parts are rods, "y", k_y and c_y are along the axis, and what is about theta is not used.
 
     Raises
     ------
@@ -73,10 +76,15 @@ class Assembly:
     array([ 2623.,  9314., 13343.])
     """
 
-    def __init__(self, chain: Iterable[Element], attachments: Iterable[Attachment] = ()) -> None:
+    def __init__(
+        self, chain: Iterable[Element], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
+    ) -> None:
+        if motion not in MOTIONS:
+            raise ValueError(f"Assembly: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
+        self.motion = motion
         elements = tuple(chain) if not isinstance(chain, Element) else (chain,)
         points = tuple(attachments)
-        check_chain(elements, points)
+        check_chain(elements, points, motion)
         # An assembly never changes, so it is flattened once for each set of coordinates.
         self._flats: dict[tuple[Coordinate, ...], Flat] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
@@ -84,7 +92,7 @@ class Assembly:
         if double := self._elements.keys() & self._attachments.keys():
             raise ValueError(f"Assembly: the name {sorted(double)[0]!r} is given to two elements")
         for name, attachment in self._attachments.items():
-            self._place(f"attachment {name!r}", attachment.part, attachment.position)
+            self._places(name, attachment)
 
     @property
     def elements(self) -> dict[str, Element]:
@@ -250,12 +258,13 @@ class Assembly:
             elements[name] = replace_in(elements[name], fields)
         for name, attachment in self._attachments.items():
             # What sits on a step between segments stays on it, as its derivative assumes.
-            place, x = self._place(name, attachment.part, attachment.position)
+            place, x = place_on(self._elements, name, attachment.part, attachment.position)
             old, new = edges_of(self._elements[place]), edges_of(elements[place])
-            if attachment.position != "end" and x in old and old != new:
+            if len(attachment.offsets) == 1 and attachment.position != "end" and x in old and old != new:
                 elements[name] = replace(elements[name], position=new[old.index(x)])
         full = {name: named(element, name) for name, element in elements.items()}
-        return Assembly([full[name] for name in self._elements], [full[name] for name in self._attachments])
+        points = [full[name] for name in self._attachments]
+        return Assembly([full[name] for name in self._elements], points, motion=self.motion)
 
     def reduced_to_joint(
         self,
@@ -278,6 +287,8 @@ class Assembly:
         """
         if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).microslips:
             raise ValueError(f"there is no joint {joint!r} in {self!r}, or another one is in micro-slip")
+        if self.motion != "bending":
+            raise ValueError(f"{self!r} is in {self.motion} motion; only bending is reduced to a joint")
         w = tau * _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
@@ -305,7 +316,7 @@ class Assembly:
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
-        h, dh = responses(flat, lines, points, rows, count, force)
+        h, dh = responses(flat, lines, points, rows, count, force, MOTIONS[self.motion])
         # A matrix product of the size of the derivatives costs as much as they do, so one entry an address is spared.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -317,7 +328,7 @@ class Assembly:
         upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
         flat = self._flatten(())
         rows, matrix = self._weights(flat, addresses)
-        angular, slope = modes(flat, upper, rows)
+        angular, slope = modes(flat, upper, rows, MOTIONS[self.motion])
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
@@ -329,37 +340,26 @@ class Assembly:
         positions: dict[str, set[float]] = {}
         attached = []
         for point in points:
-            part, x = self._place("coordinate", point.part, point.position)
+            part, x = place_on(self._elements, "coordinate", point.part, point.position)
             positions.setdefault(part, set()).add(x)
         for name, attachment in self._attachments.items():
-            part, x = self._place(f"attachment {name!r}", attachment.part, attachment.position)
-            positions.setdefault(part, set()).add(x)
-            attached.append((name, attachment, part, x))
+            part, places = self._places(name, attachment)
+            positions.setdefault(part, set()).update(places)
+            attached.append((name, attachment, part, places))
         return flatten(list(self._elements.items()), attached, positions)
 
-    def _place(self, what: str, part: str, position: float | str) -> tuple[str, float]:
-        """Name of the part and position along it, on the step between segments where it is within rounding."""
-        name = part or next(iter(self._elements))
-        element = self._elements.get(name)
-        if not isinstance(element, Part):
-            known = ", ".join(repr(key) for key, value in self._elements.items() if isinstance(value, Part))
-            raise ValueError(f"{what}: there is no part {name!r}; the parts are {known}")
-        edges = edges_of(element)
-        if position == "end":
-            return name, edges[-1]
-        x = _checks.number(what, "position", position, unit="m")
-        nearest = min(edges, key=lambda edge: abs(edge - x))
-        if abs(nearest - x) <= 1e-9 * edges[-1]:
-            return name, nearest
-        if not 0.0 < x < edges[-1]:
-            raise ValueError(
-                f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}"
-            )
-        return name, x
+    def _places(self, name: str, attachment: Attachment) -> tuple[str, list[float]]:
+        """Name of the part and the points along it at which an attachment acts."""
+        part, x = place_on(self._elements, f"attachment {name!r}", attachment.part, attachment.position)
+        return part, [
+            place_on(self._elements, f"attachment {name!r}", part, x + offset)[1] for offset in attachment.offsets
+        ]
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
+        if self.motion != "bending" and any(point.direction == "theta" for point in side):
+            raise ValueError(f"a coordinate is in the direction 'theta', and nothing turns in {self.motion} motion")
         if side not in flat.points:
-            nodes = [flat.nodes[self._place("coordinate", point.part, point.position)] for point in side]
+            nodes = [flat.nodes[place_on(self._elements, "coordinate", point.part, point.position)] for point in side]
             rows = [(node, point.direction == "theta") for node, point in zip(nodes, side, strict=True)]
             flat.points[side] = constant(np.array(rows, float))
         return flat.points[side]
@@ -396,11 +396,12 @@ class Assembly:
     def __repr__(self) -> str:
         names = ", ".join(f"{name}: {type(element).__name__}" for name, element in self._elements.items())
         more = f"; {', '.join(self._attachments)}" if self._attachments else ""
-        return f"Assembly({names}{more})"
+        return f"Assembly({names}{more}{'' if self.motion == 'bending' else '; ' + self.motion})"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Assembly):
             return NotImplemented
-        return self._elements == other._elements and self._attachments == other._attachments
+        mine, theirs = ((a.motion, a._elements, a._attachments) for a in (self, other))
+        return mine == theirs
 
     __hash__ = None  # type: ignore[assignment]

@@ -133,7 +133,7 @@ class PointJoint(_Spring):
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSpring(_Spring):
-    """A spring and dashpot from a point of a part to ground; parameters as in `PointJoint`.
+    """A spring and dashpot from a point, or a stretch, of a part to ground; parameters as in `PointJoint`.
 
     Parameters
     ----------
@@ -141,8 +141,19 @@ class GroundSpring(_Spring):
         Name of the part that carries it; empty for the first part.
     position : float or "end"
         Distance in m from the part's tip-side end, or its far end.
+    length : float, optional
+        In m, from the position on: the spring, whose values are those of the whole, is shared out evenly over it.
+    points : int, optional
+        At how many points, each in the middle of an equal part of the length.
+    weights : sequence of float, optional
+        What the points carry, in proportion; they are then as many as the weights.
     name : str, optional
         First word of the addresses of its parameters.
+
+    Raises
+    ------
+    ValueError
+        As `PointJoint`; a length at the part's end, and weights that are negative or all zero.
 
     Examples
     --------
@@ -153,7 +164,39 @@ class GroundSpring(_Spring):
 
     part: str = ""
     position: float | Literal["end"] = 0.0
+    length: float = 0.0
+    points: int = 8
+    weights: tuple[float, ...] = ()
     name: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "length", _checks.not_negative(self._owner(), "length", self.length, unit="m"))
+        if isinstance(self.points, bool) or not isinstance(self.points, int) or not 1 <= self.points <= 1000:
+            raise ValueError(f"{self._owner()}: points is {self.points!r}, expected a whole number from 1 to 1000")
+        if self.length > 0.0 and self.position == "end":
+            raise ValueError(f"{self._owner()}: it begins at the part's end and has a length of {self.length:g} m")
+        given = enumerate(self.weights)
+        weights = tuple(_checks.not_negative(self._owner(), f"weights[{i}]", value) for i, value in given)
+        if weights and sum(weights) == 0.0:
+            raise ValueError(f"{self._owner()}: weights are all zero, so it acts nowhere")
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "points", len(weights) or self.points)
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Distances in m from the position to the points at which it acts."""
+        if self.length == 0.0:
+            return (0.0,)
+        return tuple(self.length * (i + 0.5) / self.points for i in range(self.points))
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """What each of the points carries of the whole."""
+        if self.length == 0.0:
+            return (1.0,)
+        weights = self.weights or (1.0,) * self.points
+        return tuple(weight / sum(weights) for weight in weights)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +229,8 @@ class PointMass:
     name: str = field(default="", compare=False)
 
     columns_of: ClassVar[tuple[str, ...]] = ("mass", "inertia")
+    offsets: ClassVar[tuple[float, ...]] = (0.0,)
+    shares: ClassVar[tuple[float, ...]] = (1.0,)
 
     def __post_init__(self) -> None:
         owner = f"PointMass {self.name!r}" if self.name else "PointMass"

@@ -79,6 +79,16 @@ def test_study_clamped_rods(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
     assert Path("rods.png").read_bytes().startswith(PNG)
 
 
+@pytest.mark.slow
+def test_study_bt50(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "study", "bt50", "--step", "2", "--json", "bt50.json", "--plot", "bt50.png") == 0
+    shown = capsys.readouterr().out
+    assert "virtual" in shown
+    assert "Results: bt50.json" in shown
+    assert json.loads(Path("bt50.json").read_text())["study"] == "bt50"
+    assert Path("bt50.png").read_bytes().startswith(PNG)
+
+
 def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(monkeypatch, "--version") == 0
     assert capsys.readouterr().out.startswith("receptance ")
@@ -87,7 +97,7 @@ def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["study", "er33"], "there is no study 'er33'; the studies are er32, clamped-rods"),
+        (["study", "er33"], "there is no study 'er33'; the studies are er32, clamped-rods, bt50"),
         (["stdy"], "stdy"),
         (["study", "er32", "--jsn", "a"], "--jsn"),
         (["study", "er32", "--seed", "-1"], "--seed"),

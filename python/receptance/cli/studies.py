@@ -172,3 +172,30 @@ def clamping(
     console = output()
     print_clamping(console, result)
     targets.name(console)
+
+
+@studies.command()
+def bt50(
+    json_file: Json = None,
+    plot: Plot = None,
+    step: Annotated[int, typer.Option("--step", metavar="KN", min=1, max=2, help="Every how many kN to measure.")] = 1,
+    seed: Seed = 0,
+) -> None:
+    """A BT50 taper over drawbar force, Xu et al. 2012: its procedure on a virtual rig, and what it gets wrong."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.bt50 import print_bt50
+    from receptance.studies import bt50 as study
+
+    with input_errors():
+        settings = study.BT50Settings(step_kn=step, seed=seed)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+
+    def draw() -> Figure:
+        from receptance.plot import draw_bt50
+
+        return draw_bt50(result)
+
+    targets.write(study.as_dict(result), draw)
+    console = output()
+    print_bt50(console, result)
+    targets.name(console)

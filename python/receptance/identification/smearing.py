@@ -46,7 +46,10 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
         return None
     steps = np.gradient(f)
     # What lies beyond the upper end is missing in the mean, so lines keep off it; below zero the response is known.
-    places = np.geomspace(float(f[0]), float(f[-1]) / (1.0 + _MARGIN * width), lines)
+    top = float(f[-1]) / (1.0 + _MARGIN * width)
+    if top <= f[0]:
+        return None
+    places = np.geomspace(float(f[0]), top, lines)
     places = places[width * places >= np.interp(places, f, steps)]
     if places.size < _FEWEST:
         return None

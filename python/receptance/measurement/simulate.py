@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Protocol, get_args
 
 import numpy as np
 
 from receptance import _checks
-from receptance.assembly import Assembly
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.measurement.records import Quantity, TimeRecords
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["simulate_hits"]
 
@@ -32,8 +31,21 @@ _TOO_HARD = 1.8
 """Force of a hit that overloads, over the largest regular one."""
 
 
+class Structure(Protocol):
+    """What can be hit: an `Assembly`, or anything else that has its receptance."""
+
+    def receptance(
+        self,
+        frequency_hz: ArrayLike,
+        *,
+        response: Sequence[Coordinate] | None = None,
+        excitation: Sequence[Coordinate] | None = None,
+    ) -> NDArray[np.complex128]:
+        """Receptance as of an `Assembly`."""
+
+
 def simulate_hits(
-    assembly: Assembly,
+    assembly: Structure,
     *,
     response: Coordinate | Sequence[Coordinate] | None = None,
     excitation: Coordinate | None = None,
@@ -61,8 +73,9 @@ def simulate_hits(
     Parameters
     ----------
     assembly : Assembly
-        The structure. With loss factors it begins to move before the hit, by a little, as such materials do in
-        theory (they are not causal); with dashpots alone the records are exact.
+        The structure, or anything that has its `receptance(frequency_hz, response=, excitation=)`. With loss factors
+        it begins to move before the hit, by a little, as such materials do in theory (they are not causal); with
+        dashpots alone the records are exact.
     response, excitation : Coordinate, optional
         Where the sensors are and where the hammer hits; the tip by default. Several responses are several channels.
     hits : int, optional
@@ -109,7 +122,7 @@ def simulate_hits(
     >>> find_hits(records)
     Hits(3 of 3 kept, blocks of 0.1 s)
     """
-    if not isinstance(assembly, Assembly):
+    if not callable(getattr(assembly, "receptance", None)):
         raise TypeError(f"simulate_hits: assembly is {assembly!r}, expected an Assembly")
     if quantity not in get_args(Quantity):
         raise ValueError(f"simulate_hits: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
@@ -200,7 +213,7 @@ def _laid_out(blocks: NDArray[np.float64], n_samples: int, one_record: bool) -> 
 
 
 def _responses(
-    assembly: Assembly,
+    assembly: Structure,
     places: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]],
     quantity: Quantity,
     pulses: Sequence[_Pulse],

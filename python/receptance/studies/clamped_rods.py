@@ -67,7 +67,9 @@ class Rod:
             for length, diameter in reversed(self.segments_mm)
         ]
         stiffness = {address.split(".")[1]: value for address, value in _RIGID.items()}
-        clamp = GroundSpring(**stiffness, part="rod", position="end", name="clamp")
+        clamp = GroundSpring(
+            k_y=stiffness["k_y"], k_theta=stiffness["k_theta"], part="rod", position="end", name="clamp"
+        )
         return Assembly([Part(segments, name="rod")], [clamp])
 
 

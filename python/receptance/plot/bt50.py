@@ -1,0 +1,175 @@
+"""The figure of the BT50 study: the paper's figures 10 to 13 and 16, with intervals, on virtual data."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from receptance.studies.bt50.study import BT50Study
+    from receptance.taper import ForceSeries
+
+__all__ = ["draw_bt50"]
+
+_FORCE = "drawbar force (kN)"
+_BAND = "#EDEDED"
+
+
+def draw_bt50(study: BT50Study) -> Figure:
+    """Draw six panels: stiffness and damping along and across over force, frequencies, and levels left out.
+
+    Parameters
+    ----------
+    study : BT50Study
+        From `receptance.studies.bt50.run`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+    """
+    figure = new_figure(16.0, 9.6)
+    panels = figure.subplots(2, 3)
+    _draw_axial_stiffness(panels[0, 0], study)
+    _draw_axial_damping(panels[0, 1], study)
+    _draw_frequencies(panels[0, 2], study)
+    _draw_radial(panels[1, 0], study, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
+    _draw_radial(panels[1, 1], study, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
+    _draw_left_out(panels[1, 2], study)
+    keep_clear(figure, 0.93)
+    title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
+    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
+    said = (
+        "All data are virtual (finite elements, ten hits, 20 480 Hz, 20 Hz lines); only the grey bands are the "
+        "paper's. Whiskers: 95 %."
+    )
+    figure.text(0.5, 0.95, said, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    return figure
+
+
+def _draw(
+    axes: Axes, series: ForceSeries, factor: float, colour: str, label: str, *, marker: str = "o", law: bool = True
+) -> None:
+    if law:
+        fine = np.linspace(0.0, float(series.force[-1]), 200)
+        axes.plot(fine, factor * series.law.at(fine), color=colour, alpha=0.45, linewidth=1.4)
+    axes.errorbar(
+        series.force,
+        factor * series.values,
+        1.96 * factor * series.standard_errors,
+        fmt=marker,
+        color=colour,
+        markersize=4,
+        capsize=2.5,
+        linewidth=1.0,
+        label=label,
+    )
+
+
+def _power(series: ForceSeries) -> str:
+    low, high = series.exponent_interval
+    return f"n = {series.laws[2].exponent:.2f} ({low:.2f} to {high:.2f})"
+
+
+def _draw_axial_stiffness(axes: Axes, study: BT50Study) -> None:
+    set_up(axes, "Axial stiffness (paper's figure 10)", _FORCE, "$K_{Z1}$ (10$^9$ N/m)")
+    low, high = study.published["axial_stiffness_n_per_m"]
+    axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
+    for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
+        series = study.series[f"{name} k_z1"]
+        _draw(axes, series, 1e-9, colour, f"{text}, {_power(series)}")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.3 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
+
+
+def _draw_axial_damping(axes: Axes, study: BT50Study) -> None:
+    set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)")
+    axes.axhspan(*study.published["axial_damping_ns_per_m"], color=_BAND, label="paper's range")
+    _draw(axes, study.series["half-power c_z1"], 1.0, COLOURS[1], "half-power, 20 Hz lines", marker="s", law=False)
+    _draw(axes, study.series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
+    force = [level.force_kn for level in study.axial]
+    mass = study.holder.body.mass
+    true = [4.0 * np.pi * mass * level.true_frequency_hz * level.true_damping_ratio for level in study.axial]
+    axes.plot(force, true, color=INK, linewidth=1.0, linestyle=":", label="of the virtual rig (eq. 15)")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.25 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+
+
+def _draw_frequencies(axes: Axes, study: BT50Study) -> None:
+    set_up(axes, "First axial mode (paper's figure 16)", _FORCE, "frequency (Hz)")
+    force = [level.force_kn for level in study.axial]
+    axes.plot(
+        force,
+        [level.circle.frequency_hz for level in study.axial],
+        "o",
+        color=INK,
+        markersize=4.5,
+        label="experiment (virtual)",
+    )
+    axes.plot(
+        force, [level.elastic_hz for level in study.axial], color=COLOURS[0], label="elastic holder on its own springs"
+    )
+    axes.plot(
+        force,
+        [level.simulated_hz for level in study.axial],
+        color=COLOURS[1],
+        label="elastic holder on the rigid holder's springs",
+    )
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.4 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    share = np.mean([100.0 * (level.simulated_hz / level.circle.frequency_hz - 1.0) for level in study.axial])
+    text = f"{share:+.1f} % on average\n(bonded: {study.bonded_hz['axial'][0]:.0f} Hz, far above)"
+    axes.text(0.98, 0.35, text, transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
+
+
+def _draw_radial(axes: Axes, study: BT50Study, kind: str, title: str, label: str, factor: float) -> None:
+    set_up(axes, title, _FORCE, label)
+    for end, colour, where in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
+        series = study.series[f"elastic {kind}_{end}"]
+        _draw(axes, series, factor, colour, f"{where}, {_power(series)}")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.25 * (top - bottom))
+    axes.legend(
+        frameon=False,
+        fontsize=9,
+        loc="upper left" if kind == "k" else "upper right",
+        title="elastic holder, $K_0 + a F^n$",
+        title_fontsize=9,
+        alignment="left",
+    )
+
+
+def _draw_left_out(axes: Axes, study: BT50Study) -> None:
+    set_up(axes, "Force levels that were left out", _FORCE, "|error| of predicted frequency (%)")
+    for one in study.left_out:
+        marker = "o" if one.motion == "axial" else "^"
+        for name, colour, values in (
+            ("rigid holder's springs", COLOURS[1], one.rigid_percent),
+            ("elastic holder's own", COLOURS[0], one.elastic_percent),
+        ):
+            modes = len(values[0]) if values else 0
+            for mode in range(modes):
+                axes.plot(
+                    one.force_kn[: len(values)],
+                    [abs(row[mode]) for row in values],
+                    marker,
+                    color=colour,
+                    markersize=5,
+                    markerfacecolor=colour if mode == 0 else "none",
+                    label=f"{one.motion} {mode + 1}, {name}",
+                )
+    axes.set_yscale("log")
+    about = study.published["simulated_below_experiment_percent"]
+    axes.axhline(about, color=BAD, linewidth=0.8, linestyle="--", label=f"paper: about {about:g} %")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top * 100.0)
+    axes.legend(frameon=False, fontsize=8, loc="upper left", ncols=2)

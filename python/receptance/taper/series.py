@@ -1,0 +1,279 @@
+"""Parameters over drawbar force: trends with their evidence, and laws that are chosen, not assumed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from receptance import _checks
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["ForceLaw", "ForceSeries", "Trend", "fit_laws"]
+
+Direction = Literal["rises", "falls", "not determined"]
+LawName = Literal["constant", "linear", "power"]
+
+_EXPONENTS = (0.05, 8.0)
+"""Exponents that are looked at; a law steeper than that is a step."""
+_GRID = 400
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceLaw:
+    """One law of a parameter over force: constant K0, linear K0 + a F, or power K0 + a F^n.
+
+    Attributes
+    ----------
+    name : {"constant", "linear", "power"}
+        Which one.
+    start : float
+        K0, the value at no force.
+    change : float
+        What is added at the highest force.
+    exponent : float
+        n: 0 for the constant, 1 for the linear law.
+    reference : float
+        The highest force, in the unit of the forces.
+    chi_squared : float
+        Weighted sum of squares of what is left.
+    criterion : float
+        Akaike's, corrected for few values; the smaller the better.
+    """
+
+    name: LawName
+    start: float
+    change: float
+    exponent: float
+    reference: float
+    chi_squared: float
+    criterion: float
+
+    def at(self, force: ArrayLike) -> NDArray[np.float64]:
+        """Value of the law at some forces."""
+        x = np.asarray(force, dtype=np.float64) / self.reference
+        if self.name == "constant":
+            return np.full(x.shape, self.start)
+        return np.asarray(self.start + self.change * x**self.exponent)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trend:
+    """Whether something rises or falls, with the interval that says so."""
+
+    direction: Direction
+    change: float
+    """Over the whole range of force; of the slope, where the trend is that of the slope."""
+    interval: tuple[float, float]
+    p_value: float
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return f"{self.direction} by {self.change:.3g} ({low:.3g} to {high:.3g}, p = {self.p_value:.2g})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceSeries:
+    """A parameter over drawbar force.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    force : array_like
+        `(n,)` ascending forces, zero allowed.
+    values, standard_errors : array_like
+        `(n,)` the parameter and its standard error at each force.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Fewer than six values, lengths that differ, forces that do not ascend, errors that are not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.taper import ForceSeries
+    >>> force = np.arange(26.0)
+    >>> values = 5e9 + 2e8 * (force / 25) ** 1.6 + 2e6 * np.random.default_rng(2).normal(size=26)
+    >>> series = ForceSeries(name="k_z1", force=force, values=values, standard_errors=np.full(26, 2e6))
+    >>> series.trend().direction, series.slope_trend().direction, series.law.name
+    ('rises', 'rises', 'power')
+    >>> low, high = series.exponent_interval
+    >>> 1.4 < low < 1.6 < high < 1.8
+    True
+    """
+
+    name: str
+    force: NDArray[np.float64]
+    values: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        owner = f"ForceSeries {self.name!r}"
+        for quantity in ("force", "values", "standard_errors"):
+            found = np.array(getattr(self, quantity), dtype=np.float64)
+            if found.ndim != 1 or found.size < 6 or not np.isfinite(found).all():
+                raise ValueError(f"{owner}: {quantity} has shape {found.shape}, expected at least six finite numbers")
+            found.setflags(write=False)
+            object.__setattr__(self, quantity, found)
+        if not self.force.size == self.values.size == self.standard_errors.size:
+            raise ValueError(f"{owner}: force, values and standard_errors are of different lengths")
+        if np.any(np.diff(self.force) <= 0.0) or self.force[0] < 0.0:
+            raise ValueError(f"{owner}: force does not ascend from zero or more")
+        if np.any(self.standard_errors <= 0.0):
+            raise ValueError(f"{owner}: a standard error is not above zero")
+
+    @property
+    def scatter(self) -> float:
+        """Scatter about the best law over what the standard errors explain; above 1 it widens intervals."""
+        law = self.law
+        parameters = {"constant": 1, "linear": 2, "power": 3}[law.name]
+        return float(np.sqrt(law.chi_squared / (self.force.size - parameters)))
+
+    @cached_property
+    def laws(self) -> tuple[ForceLaw, ...]:
+        """Return the constant, the linear and the power law."""
+        return fit_laws(self.force, self.values, self.standard_errors)
+
+    @property
+    def law(self) -> ForceLaw:
+        """Return the law with the least criterion."""
+        return min(self.laws, key=lambda law: law.criterion)
+
+    @property
+    def exponent_interval(self) -> tuple[float, float]:
+        """95 % profile interval of n in K0 + a F^n; its ends stop at 0.05 and 8, where it is open."""
+        from scipy.optimize import brentq
+        from scipy.stats import chi2
+
+        best = self.laws[2]
+        limit = best.chi_squared + chi2.ppf(0.95, 1) * max(self.scatter, 1.0) ** 2
+
+        def above(exponents: ArrayLike) -> NDArray[np.float64]:
+            return _linear(self.force, self.values, self.standard_errors, exponents)[2] - limit
+
+        ends = []
+        for end in _EXPONENTS:
+            # From the best outwards, so that the first crossing is found and no bump behind it.
+            steps = np.geomspace(best.exponent, end, _GRID) if best.exponent != end else np.array([end])
+            outside = np.flatnonzero(above(steps) > 0.0)
+            first = int(outside[0]) if outside.size else 0
+            crossing = brentq(lambda n: float(above(n)), steps[first - 1], steps[first]) if first else end
+            ends.append(float(crossing))
+        return ends[0], ends[1]
+
+    def trend(self, level: float = 0.95) -> Trend:
+        """Whether the parameter rises or falls: the slope of a weighted straight line, over the whole range."""
+        return self._trend(1, level)
+
+    def slope_trend(self, level: float = 0.95) -> Trend:
+        """Whether the slope rises or falls with force: the curvature of a weighted parabola, over the whole range."""
+        return self._trend(2, level)
+
+    def _trend(self, degree: int, level: float) -> Trend:
+        from scipy.stats import t as student
+
+        level = _checks.positive("ForceSeries", "level", level)
+        x = (self.force - self.force[0]) / np.ptp(self.force)
+        design = np.vander(x, degree + 1, increasing=True) / self.standard_errors[:, None]
+        inverse = np.linalg.inv(design.T @ design)
+        found = inverse @ design.T @ (self.values / self.standard_errors)
+        left = self.values / self.standard_errors - design @ found
+        freedom = x.size - degree - 1
+        # A line through what is curved leaves more than noise; that widens the interval, as it should.
+        scale = max(float(left @ left) / freedom, 1.0)
+        # The slope of a parabola goes from b to b + 2 c.
+        factor = float(degree)
+        change, error = factor * float(found[-1]), factor * float(np.sqrt(scale * inverse[-1, -1]))
+        half = float(student.ppf(0.5 + 0.5 * level, freedom)) * error
+        p = 2.0 * float(student.sf(abs(change) / error, freedom))
+        direction: Direction = "not determined"
+        if abs(change) > half:
+            direction = "rises" if change > 0.0 else "falls"
+        return Trend(direction=direction, change=change, interval=(change - half, change + half), p_value=p)
+
+    def sentence(self) -> str:
+        """What the series says, in words."""
+        low, high = self.exponent_interval
+        side = "not told apart from a straight line (n = 1)"
+        if low > 1.0:
+            side = "above 1: it changes faster and faster with force"
+        elif high < 1.0:
+            side = "below 1: it changes less and less with force"
+        ends = f"n between {low:.2f} and {high:.2f}"
+        if low == _EXPONENTS[0] or high == _EXPONENTS[1]:
+            ends += " (open)"
+        whole = self.trend()
+        share = 100.0 / float(np.mean(self.values))
+        text = f"{self.name} {whole.direction}"
+        if whole.direction != "not determined":
+            text += f" by {share * whole.change:+.2g} % of its mean"
+        law = self.law
+        best = law.name if law.name != "power" else f"K0 + a F^n, n = {law.exponent:.2f}"
+        return f"{text}; best law {best}; in K0 + a F^n {ends}, {side}"
+
+
+def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) -> tuple[ForceLaw, ForceLaw, ForceLaw]:
+    """Fit constant, linear and power law by weighted least squares.
+
+    For a given exponent the power law is linear, so its exponent is looked for on a grid and then between its
+    neighbours, and no start can mislead it. Laws are compared by Akaike's criterion, corrected for few values
+    (Hurvich and Tsai 1989), with the scatter about the power law where that is more than the standard errors explain.
+    """
+    x, y, e = (np.asarray(one, dtype=np.float64) for one in (force, values, standard_errors))
+    from scipy.optimize import minimize_scalar
+
+    mean = float(np.sum(y / e**2) / np.sum(1.0 / e**2))
+    grid = np.geomspace(*_EXPONENTS, _GRID)
+    profile = _linear(x, y, e, grid)[2]
+    best = int(np.argmin(profile))
+    ends = (grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)])
+    found = minimize_scalar(
+        lambda n: float(_linear(x, y, e, n)[2]), bounds=ends, method="bounded", options={"xatol": 1e-6}
+    )
+    exponent = float(found.x) if found.fun < profile[best] else float(grid[best])
+    rows: list[tuple[LawName, float, float, float, float]] = [
+        ("constant", mean, 0.0, 0.0, float(np.sum(((y - mean) / e) ** 2)))
+    ]
+    names: tuple[LawName, LawName] = ("linear", "power")
+    for name, n_of in zip(names, (1.0, exponent), strict=True):
+        start, change, chi = (float(one) for one in _linear(x, y, e, n_of))
+        rows.append((name, start, change, n_of, chi))
+    n = x.size
+    scale = max(rows[2][4] / max(n - 3, 1), 1.0)
+    laws = []
+    for parameters, (name, start, change, exponent, chi) in enumerate(rows, 1):
+        criterion = chi / scale + 2.0 * parameters + 2.0 * parameters * (parameters + 1.0) / max(n - parameters - 1, 1)
+        laws.append(
+            ForceLaw(
+                name=name,
+                start=start,
+                change=change,
+                exponent=exponent,
+                reference=float(x[-1]),
+                chi_squared=chi,
+                criterion=criterion,
+            )
+        )
+    return laws[0], laws[1], laws[2]
+
+
+def _linear(
+    force: NDArray[np.float64], values: NDArray[np.float64], errors: NDArray[np.float64], exponents: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """K0, a at the highest force, and the weighted sum of squares, for some exponents."""
+    shape = (force / force[-1]) ** np.asarray(exponents, dtype=np.float64)[..., None]
+    weights = 1.0 / errors**2
+    total = weights.sum()
+    mean_shape = (shape @ weights) / total
+    mean = float(values @ weights) / total
+    # About the weighted means, so that no small difference of large sums is left.
+    centred, rest = shape - mean_shape[..., None], values - mean
+    change = (centred * rest) @ weights / (centred**2 @ weights)
+    left = rest - change[..., None] * centred
+    return mean - change * mean_shape, change, left**2 @ weights

@@ -1,0 +1,285 @@
+"""The rigid holder of Xu et al. 2012 (seed 000): corrected matrices, both solutions, dampings, and their accuracy."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import STEEL, Assembly, Coordinate, GroundSpring, Part, Segment
+from receptance.taper import (
+    AxialJoint,
+    Body,
+    RadialJoint,
+    Shape,
+    axial_from_mode,
+    body_of,
+    radial_from_modes,
+    rotation_alone,
+)
+
+SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261121"))
+CASES = 300
+
+
+def draw(seed: int, damping: tuple[float, float] = (0.004, 0.018)) -> Iterator[tuple[RadialJoint, float]]:
+    """Joints and how far, relatively, A1 K1 is from A2 K2: zero at the double root."""
+    random = np.random.default_rng(seed)
+    print(f"seed {seed}")
+    for _ in range(CASES):
+        body = Body(mass=random.uniform(2.0, 8.0), inertia=random.uniform(0.005, 0.03))
+        z1 = random.uniform(-0.02, 0.06)
+        z2 = z1 - random.uniform(0.06, 0.14)
+        k1, k2 = 10.0 ** random.uniform(8.3, 9.6, size=2)
+        joint = RadialJoint(body=body, z1=z1, z2=z2, k_x1=k1, k_x2=k2)
+        c = [2.0 * random.uniform(*damping) * k / (2 * np.pi * 3000.0) for k in (k1, k2)]
+        apart = k1 * (1 / body.mass + z1**2 / body.inertia), k2 * (1 / body.mass + z2**2 / body.inertia)
+        yield replace(joint, c_x1=c[0], c_x2=c[1]), abs(apart[0] - apart[1]) / sum(apart)
+
+
+def test_printed_matrices_break_reciprocity() -> None:
+    """Eqs. 3 and 4 as printed: a force at a and the motion at b are not those of the reverse."""
+    body = Body(mass=4.5, inertia=0.01)
+    joint = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=5e8, c_x1=900.0, c_x2=500.0)
+    w = 2.0 * np.pi * 1500.0
+    a, b = np.array([1.0, 0.05]), np.array([1.0, -0.09])
+    for matrices, reciprocal in ((joint.matrices(), True), (joint.printed_matrices(), False)):
+        mass, damping, stiffness = matrices
+        inverse = np.linalg.inv(stiffness + 1j * w * damping - w * w * mass)
+        asymmetry = abs(a @ inverse @ b - b @ inverse @ a) / abs(a @ inverse @ b)
+        assert (asymmetry < 1e-12) if reciprocal else (asymmetry > 0.3)
+    # The printed lower right entry, K1 L1^2 - K2 L2^2, is negative here: turning the holder would release energy.
+    printed = joint.printed_matrices()[2]
+    assert printed[1, 1] < 0.0
+    assert np.linalg.eigvalsh(0.5 * (printed + printed.T))[0] < 0.0
+    assert np.linalg.eigvals(np.linalg.inv(joint.matrices()[0]) @ printed).real.min() < 0.0
+    # And exactly zero where the springs' moments are equal.
+    equal = replace(joint, k_x1=1.6e9, k_x2=1e8)
+    assert equal.printed_matrices()[2][1, 1] == pytest.approx(0.0, abs=1e-6 * equal.matrices()[2][1, 1])
+
+
+def test_corrected_matrices_are_positive_definite_and_reciprocal() -> None:
+    for joint, _ in draw(SEED):
+        _, damping, stiffness = joint.matrices()
+        assert np.array_equal(stiffness, stiffness.T)
+        assert np.linalg.eigvalsh(stiffness)[0] > 0.0
+        assert np.linalg.eigvalsh(damping)[0] > 0.0
+        there = joint.receptance([800.0, 4100.0], response=0.05, excitation=-0.03)
+        back = joint.receptance([800.0, 4100.0], response=-0.03, excitation=0.05)
+        np.testing.assert_allclose(there, back, rtol=1e-9)
+
+
+def test_modes_and_receptance_agree() -> None:
+    """Poles of the state matrix are those of the receptance: a residue theorem in numbers."""
+    for joint, _ in list(draw(SEED))[:50]:
+        modes = joint.modes()
+        lines = np.linspace(200.0, 9000.0, 40)
+        total = np.zeros(lines.size, dtype=complex)
+        mass, damping, _ = joint.matrices()
+        for f, zeta, shape in zip(modes.frequency_hz, modes.damping_ratio, modes.shapes.T, strict=True):
+            pole = 2 * np.pi * f * (-zeta + 1j * np.sqrt(1 - zeta**2))
+            norm = shape @ (2.0 * pole * mass + damping) @ shape
+            residue = (shape[0] + 0.05 * shape[1]) * (shape[0] - 0.03 * shape[1]) / norm
+            s = 2j * np.pi * lines
+            total += residue / (s - pole) + residue.conj() / (s - np.conj(pole))
+        direct = joint.receptance(lines, response=0.05, excitation=-0.03)
+        np.testing.assert_allclose(total, direct, atol=1e-8 * np.abs(direct).max())
+
+
+def test_the_forward_model_with_a_stiff_part_is_the_rigid_model() -> None:
+    stiff = replace(STEEL, youngs_modulus=STEEL.youngs_modulus * 1e9)
+    part = Part(
+        [
+            Segment(length=0.05, outer_diameter=0.1, inner_diameter=0.03, material=stiff),
+            Segment(length=0.1, outer_diameter=0.055, material=stiff),
+        ],
+        name="holder",
+    )
+    body = body_of(part)
+    places = (0.05, 0.15)
+    joint = RadialJoint(
+        body=body,
+        z1=body.position(places[0]),
+        z2=body.position(places[1]),
+        k_x1=1.2e9,
+        k_x2=9e8,
+        c_x1=900.0,
+        c_x2=500.0,
+    )
+    springs = [
+        GroundSpring(k_y=k, c_y=c, position=x) for k, c, x in zip((1.2e9, 9e8), (900.0, 500.0), places, strict=True)
+    ]
+    lines = np.linspace(50.0, 8000.0, 60)
+    there = Assembly([part], springs).receptance(
+        lines, response=Coordinate(position=0.02), excitation=Coordinate(position="end")
+    )
+    rigid = joint.receptance(lines, response=body.position(0.02), excitation=body.position(0.15))
+    np.testing.assert_allclose(there, rigid, rtol=1e-7)
+    axial = Assembly([part], [GroundSpring(k_y=5e9, c_y=1500.0, position=0.05)], motion="axial").receptance(lines)
+    np.testing.assert_allclose(axial, AxialJoint(body=body, k_z1=5e9, c_z1=1500.0).receptance(lines), rtol=1e-7)
+
+
+def test_a_body_is_what_its_sections_say() -> None:
+    """A hollow cylinder, L^2 / 12 + (D^2 + d^2) / 16 and splitting it changes nothing; a core is what it is made of."""
+    whole = Segment(length=0.1, outer_diameter=0.08, inner_diameter=0.03, material=STEEL)
+    body = body_of(Part([whole]))
+    assert body.inertia == pytest.approx(whole.mass * (0.01 / 12 + (0.08**2 + 0.03**2) / 16), rel=1e-12)
+    cut = body_of(Part([replace(whole, length=0.03), replace(whole, length=0.07)]))
+    assert (cut.mass, cut.centre, cut.inertia) == pytest.approx((body.mass, body.centre, body.inertia), rel=1e-12)
+    filled = body_of(Part([replace(whole, core=STEEL)]))
+    solid = body_of(Part([replace(whole, inner_diameter=0.0)]))
+    assert filled.inertia == pytest.approx(solid.inertia, rel=1e-12)
+
+
+def test_stiffnesses_come_back_and_both_solutions_are_found() -> None:
+    """From exact undamped eigenvalues, away from a double root, to 1e-9."""
+    worst = 0.0
+    for joint, apart in draw(SEED + 1):
+        if apart < 0.05:
+            continue
+        f = joint.undamped_modes().frequency_hz
+        found = radial_from_modes(joint.body, joint.z1, joint.z2, f)
+        assert len(found.solutions) == 2
+        errors = [abs(s.joint.k_x1 / joint.k_x1 - 1.0) + abs(s.joint.k_x2 / joint.k_x2 - 1.0) for s in found.solutions]
+        worst = max(worst, min(errors))
+        for other in found.solutions:
+            np.testing.assert_allclose(other.joint.undamped_modes().frequency_hz, f, rtol=1e-11)
+        ratios = joint.undamped_modes().ratio(0.1, -0.05)
+        shape = Shape(first=0.1, second=-0.05, ratio=(complex(ratios[0]), complex(ratios[1])))
+        chosen = radial_from_modes(joint.body, joint.z1, joint.z2, f, shape=shape)
+        assert len(chosen.solutions) == 1
+        assert chosen.solutions[0].joint.k_x1 == pytest.approx(joint.k_x1, rel=1e-9)
+    print(f"worst relative error {worst:.1e}")
+    assert worst < 1e-9
+
+
+@pytest.mark.parametrize("damping", [(0.004, 0.018), (0.02, 0.07)])
+def test_dampings(damping: tuple[float, float], summarise: Callable[[str, str, object], None]) -> None:
+    """First order: an error of at most 5 zeta^2 of the larger damping; from complex eigenvalues: all four to 1e-9."""
+    first, exact = 0.0, 0.0
+    for joint, apart in draw(SEED + 2, damping):
+        if apart < 0.2:
+            continue
+        modes = joint.modes()
+        zeta = float(modes.damping_ratio.max())
+        # Stiffness by the undamped equations, of the undamped frequencies; damping ratios as they are.
+        undamped = radial_from_modes(
+            joint.body, joint.z1, joint.z2, joint.undamped_modes().frequency_hz, modes.damping_ratio
+        )
+        best = min(undamped.solutions, key=lambda s: abs(s.joint.k_x1 / joint.k_x1 - 1.0))
+        error = max(abs(best.joint.c_x1 - joint.c_x1), abs(best.joint.c_x2 - joint.c_x2)) / max(joint.c_x1, joint.c_x2)
+        first = max(first, error / zeta**2)
+        damped = radial_from_modes(joint.body, joint.z1, joint.z2, modes.frequency_hz, modes.damping_ratio)
+        all_four = [s.exact for s in damped.solutions if s.exact is not None]
+        names = ("k_x1", "k_x2", "c_x1", "c_x2")
+        errors = [max(abs(getattr(one, n) / getattr(joint, n) - 1.0) for n in names) for one in all_four]
+        exact = max(exact, min(errors))
+    text = f"zeta {damping}: first order off by {first:.2f} zeta^2 at most, exact to {exact:.1e} (seed {SEED + 2})"
+    summarise(f"dampings of the taper at {damping}", text, {"first_order_over_zeta_squared": first, "exact": exact})
+    assert first < 5.0
+    assert exact < 1e-9
+
+
+def test_no_real_joint_within_the_noise() -> None:
+    """At the double root noise makes the discriminant negative in about half of the draws, and that is said."""
+    body = Body(mass=4.5, inertia=0.01)
+    z1, z2 = 0.02, -0.08
+    k1 = 1e9
+    k2 = k1 * (1 / body.mass + z1**2 / body.inertia) / (1 / body.mass + z2**2 / body.inertia)
+    joint = RadialJoint(body=body, z1=z1, z2=z2, k_x1=k1, k_x2=k2)
+    f = joint.undamped_modes().frequency_hz
+    random = np.random.default_rng(SEED)
+    error = 1e-3 * f
+    none, held = 0, 0
+    for _ in range(200):
+        found = radial_from_modes(
+            body, z1, z2, f + error * random.standard_normal(2), frequency_standard_error_hz=error
+        )
+        spans = found.within_noise
+        if not found.solutions:
+            none += 1
+            assert found.discriminant < 0.0
+            assert "no real joint" in found.statement
+        else:
+            spans = found.solutions[0].intervals
+        held += bool(spans) and spans["k_x1"][0] <= k1 <= spans["k_x1"][1]
+    print(f"seed {SEED}: no real joint in {none} of 200 draws, an interval holds the truth in {held}")
+    assert 70 < none < 130
+    # 0.01 quantiles of the binomial distribution with 200 draws of 0.95.
+    assert 181 <= held <= 198
+    # Frequencies that no rigid holder on these springs can have are not called noise.
+    far = radial_from_modes(body, z1, z2, [f[0], f[0] * 1.02], frequency_standard_error_hz=[1.0, 1.0])
+    assert far.solutions == ()
+    assert far.within_noise == {}
+    assert "nor any within their noise" in far.statement
+    assert "standard errors" in radial_from_modes(body, z1, z2, [f[0], f[0] * 1.02]).statement
+
+
+def test_intervals_cover_away_from_the_double_root() -> None:
+    random = np.random.default_rng(SEED + 3)
+    body = Body(mass=4.5, inertia=0.01)
+    joint = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=9e8, c_x1=900.0, c_x2=500.0)
+    modes = joint.modes()
+    of_f, of_zeta = 5e-4 * modes.frequency_hz, 0.03 * modes.damping_ratio
+    held = dict.fromkeys(("k_x1", "k_x2", "c_x1", "c_x2"), 0)
+    for _ in range(200):
+        found = radial_from_modes(
+            body,
+            joint.z1,
+            joint.z2,
+            modes.frequency_hz + of_f * random.standard_normal(2),
+            modes.damping_ratio + of_zeta * random.standard_normal(2),
+            frequency_standard_error_hz=of_f,
+            damping_standard_error=of_zeta,
+        )
+        best = min(found.solutions, key=lambda s: abs(s.joint.k_x1 / joint.k_x1 - 1.0))
+        for name, (low, high) in best.intervals.items():
+            held[name] += low <= getattr(joint, name) <= high
+    print(f"seed {SEED + 3}: held {held} of 200")
+    # 0.01 quantiles of the binomial distribution with 200 draws of 0.95: 181 to 198.
+    assert all(181 <= count <= 198 for count in held.values())
+
+
+def test_axial_and_rotation_alone() -> None:
+    """Eqs. 14 and 15, and the formula without a number."""
+    body = Body(mass=4.5, inertia=0.01)
+    joint = AxialJoint(body=body, k_z1=4.9e9, c_z1=1500.0)
+    modes = joint.modes()
+    found = axial_from_mode(
+        body,
+        modes.frequency_hz[0],
+        modes.damping_ratio[0],
+        frequency_standard_error_hz=5.0,
+        damping_standard_error=1e-4,
+    )
+    assert found.joint.k_z1 == pytest.approx(4.9e9, rel=1e-12)
+    assert found.joint.c_z1 == pytest.approx(1500.0, rel=1e-12)
+    low, high = found.intervals["k_z1"]
+    assert (high - low) / 4.9e9 == pytest.approx(4 * 1.96 * 5.0 / modes.frequency_hz[0], rel=1e-3)
+    # Springs that balance about the centre of gravity: then, and only then, a mode is rotation alone.
+    balanced = RadialJoint(body=body, z1=0.05, z2=-0.05, k_x1=1e9, k_x2=1e9, c_x1=600.0, c_x2=600.0)
+    modes = balanced.modes()
+    k, c = rotation_alone(body, modes.frequency_hz, modes.damping_ratio)
+    rotation = int(np.argmin(np.abs(modes.shapes[0])))
+    assert k[rotation] == pytest.approx(2e9 * 0.05**2, rel=1e-9)
+    assert c[rotation] == pytest.approx(1200.0 * 0.05**2, rel=1e-9)
+    coupled = replace(balanced, k_x1=4e9)
+    k, _ = rotation_alone(body, coupled.modes().frequency_hz, coupled.modes().damping_ratio)
+    assert min(abs(k / coupled.matrices()[2][1, 1] - 1.0)) > 0.05
+
+
+def test_mistakes() -> None:
+    body = Body(mass=4.5, inertia=0.01)
+    with pytest.raises(ValueError, match="expected two ascending frequencies"):
+        radial_from_modes(body, 0.02, -0.08, [3000.0, 2000.0])
+    with pytest.raises(ValueError, match="expected two places"):
+        radial_from_modes(body, 0.02, 0.02, [2000.0, 3000.0])
+    with pytest.raises(ValueError, match="two positive finite numbers"):
+        radial_from_modes(body, 0.02, -0.08, [2000.0])
+    with pytest.raises(ValueError, match="k_x1 is 0"):
+        RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=0.0, k_x2=1e9)
+    with pytest.raises(ValueError, match="does not oscillate"):
+        RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=1e9, c_x1=1e7, c_x2=1e7).modes()
