@@ -46,8 +46,11 @@ def tie(assembly: Assembly, addresses: Sequence[str], points: tuple[Coordinate, 
     elements = {**assembly.elements, **assembly.attachments}
     if type(assembly) is not Assembly or any(type(one) not in _KNOWN for one in elements.values()):
         return None
+    if assembly.motion != "bending":
+        return None
     flat = assembly._flatten(points)
-    tables = (*flat.tables(), flat.beside())
+    # Those of an assembly are made once and belong to it.
+    tables = tuple(table.copy() for table in (*flat.tables(), flat.beside()))
     rates = [
         (*entry[:3], index, entry[3])
         for index, address in enumerate(addresses)
