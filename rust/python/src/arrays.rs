@@ -61,9 +61,10 @@ pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
     const TABLES: [Table; 5] =
         [Table::Segments, Table::Joints, Table::Masses, Table::Grounds, Table::Overlaps];
     let name = "parameters";
-    let table = TABLES.get(index(name, row[0])?).copied().ok_or_else(|| {
-        PyValueError::new_err(format!("parameters: table is {}, expected 0 to 4", row[0]))
-    })?;
+    let table = TABLES
+        .get(index(name, row[0])?)
+        .copied()
+        .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 4", row[0])))?;
     Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
 }
 
