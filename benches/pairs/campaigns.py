@@ -133,8 +133,8 @@ def campaign_pairs(lines: int, starts: int = STARTS) -> Iterator[Pair]:
         seconds = time.perf_counter() - begun
         evaluations = sum(profile.evaluations for profile in profiles.values())
         return (
-            f"evaluations: ours {ours.evaluations}, most on fewer lines where there are many, reference {theirs.evaluations} "
-            f"residuals, {theirs.jacobians} Jacobians; {len(profiles)} profiles of ours {seconds:.2f} s, "
+            f"evaluations: ours {ours.evaluations}, on fewer lines where there are many, reference "
+            f"{theirs.evaluations} residuals, {theirs.jacobians} Jacobians; {len(profiles)} profiles of ours {seconds:.2f} s, "
             f"{evaluations} evaluations"
         )
 
