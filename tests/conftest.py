@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 # Before NumPy comes in: the finite elements factorise small matrices, on which BLAS threads wait for each other
 # (ten times slower where another process works as well).
@@ -55,6 +56,20 @@ def summarise(pytestconfig: pytest.Config) -> Callable[[str, str, object], None]
         summaries[name] = (text, values)
 
     return add
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Hand what a worker of pytest-xdist measured to the process that prints."""
+    output = getattr(session.config, "workeroutput", None)
+    if output is not None:
+        output["summaries"] = json.dumps(session.config.stash[_SUMMARIES])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Take what a worker of pytest-xdist measured; one that crashed has nothing."""
+    found = getattr(node, "workeroutput", {}).get("summaries", "{}")
+    node.config.stash[_SUMMARIES].update(json.loads(found))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

@@ -1,0 +1,185 @@
+"""The cut: what the tool does to the workpiece, and which part of it a direction feels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from receptance import _checks
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Milling", "Turning"]
+
+Feed = Literal["up", "down"]
+_MOST_TEETH = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Milling:
+    """A milling cut with straight teeth at equal distances.
+
+    x is the direction of feed, y is across it; angles of a tooth count from y to x, the way the spindle turns. The
+    tangential force on a tooth is k_t times depth times chip thickness, the normal (radial) force k_n times the same.
+
+    Parameters
+    ----------
+    teeth : int
+        Number of teeth.
+    k_t : float
+        Tangential cutting coefficient in N/m^2, more than zero.
+    k_n : float
+        Normal cutting coefficient in N/m^2, zero or more.
+    immersion : float, optional
+        Radial immersion, width of cut over diameter of the tool: over 0, up to 1; 1 is a slot.
+    feed : {"down", "up"}, optional
+        Down-milling (climb) or up-milling (conventional); a slot is both.
+
+    Raises
+    ------
+    ValueError
+        A value out of its range.
+
+    References
+    ----------
+    Altintas, Budak 1995, Analytical prediction of stability lobes in milling, CIRP Annals 44, eqs. 1 to 4.
+
+    Examples
+    --------
+    >>> cut = Milling(teeth=2, k_t=6e8, k_n=2e8, immersion=0.5)
+    >>> [round(float(angle), 4) for angle in cut.engagement]
+    [1.5708, 3.1416]
+    """
+
+    teeth: int
+    k_t: float
+    k_n: float
+    immersion: float = 1.0
+    feed: Feed = "down"
+
+    def __post_init__(self) -> None:
+        owner = "Milling"
+        whole = isinstance(self.teeth, (int, np.integer)) and not isinstance(self.teeth, bool)
+        if not whole or not 1 <= self.teeth <= _MOST_TEETH:
+            raise ValueError(f"{owner}: teeth is {self.teeth!r}, expected a whole number from 1 to {_MOST_TEETH}")
+        object.__setattr__(self, "k_t", _checks.positive(owner, "k_t", self.k_t, unit="N/m^2"))
+        object.__setattr__(self, "k_n", _checks.not_negative(owner, "k_n", self.k_n, unit="N/m^2"))
+        immersion = _checks.positive(owner, "immersion", self.immersion)
+        if immersion > 1.0:
+            raise ValueError(
+                f"{owner}: immersion is {immersion:g}, expected at most 1: the width of cut over the diameter"
+            )
+        object.__setattr__(self, "immersion", immersion)
+        if self.feed not in get_args(Feed):
+            raise ValueError(f"{owner}: feed is {self.feed!r}, expected one of {', '.join(map(repr, get_args(Feed)))}")
+
+    @property
+    def engagement(self) -> tuple[float, float]:
+        """Angles at which a tooth enters and leaves the cut, in rad."""
+        if self.feed == "up":
+            return 0.0, float(np.arccos(1.0 - 2.0 * self.immersion))
+        return float(np.arccos(2.0 * self.immersion - 1.0)) if self.immersion < 1.0 else 0.0, np.pi
+
+    def directional(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Force over depth and displacement between two passes of a tooth, for one tooth at an angle in the cut.
+
+        Parameters
+        ----------
+        angle : ndarray
+            Angles of the tooth in rad, `(n,)`.
+
+        Returns
+        -------
+        ndarray
+            `(n, 2, 2)` in N/m^2, force in x and y by displacement in x and y; zero outside the cut.
+        """
+        first, last = self.engagement
+        turned = np.mod(angle, 2.0 * np.pi)
+        cuts = (turned >= first) & (turned <= last)
+        sine, cosine = np.sin(turned) * cuts, np.cos(turned) * cuts
+        along = np.stack([-self.k_t * cosine - self.k_n * sine, self.k_t * sine - self.k_n * cosine], axis=-1)
+        across = np.stack([sine, cosine], axis=-1)
+        return np.asarray(along[..., :, None] * across[..., None, :])
+
+    def directional_mean(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean of `directional` of all teeth while the first turns from one angle to another, in closed form.
+
+        Parameters
+        ----------
+        start, end : ndarray
+            Angles in rad, `(n,)`, ascending.
+
+        Returns
+        -------
+        ndarray
+            `(n, 2, 2)` in N/m^2.
+        """
+        offsets = 2.0 * np.pi * np.arange(self.teeth) / self.teeth
+        low, high = start[:, None] + offsets, end[:, None] + offsets
+        total = self._integral(high) - self._integral(low)
+        return np.asarray(total.sum(axis=1) / (end - start)[:, None, None])
+
+    def _integral(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Integral of `directional` from zero to an angle, over any number of turns."""
+        first, last = self.engagement
+        turns = np.floor(angle / (2.0 * np.pi))
+        within = np.clip(angle - 2.0 * np.pi * turns, first, last)
+        whole = self._antiderivative(np.array(last)) - self._antiderivative(np.array(first))
+        part = self._antiderivative(within) - self._antiderivative(np.array(first))
+        return np.asarray(turns[..., None, None] * whole + part)
+
+    def _antiderivative(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        double = 2.0 * angle
+        square, product, other = (
+            0.5 * angle - 0.25 * np.sin(double),  # sin^2
+            -0.25 * np.cos(double),  # sin cos
+            0.5 * angle + 0.25 * np.sin(double),  # cos^2
+        )
+        t, n = self.k_t, self.k_n
+        rows = [-t * product - n * square, -t * other - n * product, t * square - n * product, t * product - n * other]
+        return np.stack(rows, axis=-1).reshape(*np.shape(angle), 2, 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turning:
+    """A turning cut: one tooth, always in the cut.
+
+    Parameters
+    ----------
+    k : float
+        Cutting coefficient in N/m^2, more than zero: force over depth and chip thickness.
+    angle_deg : float, optional
+        Angle in degrees between the force and the direction of the chip's thickness, in the plane of the receptance.
+
+    Raises
+    ------
+    ValueError
+        A value out of its range.
+
+    References
+    ----------
+    Tlusty, Polacek 1963; Altintas 2012, Manufacturing Automation, section 4.3.
+
+    Examples
+    --------
+    >>> Turning(k=1e9).share
+    1.0
+    """
+
+    k: float
+    angle_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "k", _checks.positive("Turning", "k", self.k, unit="N/m^2"))
+        angle = _checks.number("Turning", "angle_deg", self.angle_deg, unit="degrees")
+        if not -90.0 < angle < 90.0:
+            raise ValueError(f"Turning: angle_deg is {angle:g}, expected between -90 and 90 degrees")
+        object.__setattr__(self, "angle_deg", angle)
+
+    @property
+    def share(self) -> float:
+        """Share of the force that acts along the thickness of the chip."""
+        return float(np.cos(np.deg2rad(self.angle_deg)))

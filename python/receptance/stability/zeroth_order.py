@@ -1,0 +1,147 @@
+"""Stability lobes from receptances: the cutting force's mean over a tooth passing (zeroth order), and turning."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.stability.cutting import Milling, Turning
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["critical_depths", "limit_over_speed"]
+
+
+def critical_depths(
+    cut: Milling | Turning, frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth of cut at which a vibration of each frequency neither grows nor decays, and its phase between two teeth.
+
+    Parameters
+    ----------
+    cut : Milling or Turning
+        The cut.
+    frequency_hz : ndarray
+        Chatter frequencies `(n,)`.
+    receptance : ndarray
+        `(n, 2, 2)` in x and y for milling, `(n, 1, 1)` along the thickness of the chip for turning, in m/N.
+
+    Returns
+    -------
+    depth, phase : ndarray
+        `(n, k)` in m and rad, k of the eigenvalues; infinite where that frequency cannot chatter. The time between two
+        teeth is then (phase + 2 pi j) / w_c with any whole number j from zero.
+
+    References
+    ----------
+    Altintas, Budak 1995, eqs. 15 to 24; for turning Altintas 2012, eqs. 4.16 to 4.20.
+    """
+    if isinstance(cut, Turning):
+        eigenvalues = -cut.k * cut.share * receptance[:, 0, 0][:, None]
+    else:
+        turn = np.array([0.0]), np.array([2.0 * np.pi])
+        eigenvalues = _eigenvalues(receptance @ cut.directional_mean(*turn)[0])
+    # 1 = a (1 - e^{-i w T}) mu, with the eigenvalue mu of G A: 1/a is real where Re(1/mu) = (1 - cos wT) a.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / eigenvalues
+        depth = np.abs(inverse) ** 2 / (2.0 * inverse.real)
+        grows = np.isfinite(depth) & (depth > 0.0)
+        # a (1 - e^{-i psi}) = inverse.
+        phase = np.mod(2.0 * np.arctan2(inverse.real, inverse.imag), 2.0 * np.pi)
+    return np.where(grows, depth, np.inf), np.where(grows, phase, np.nan)
+
+
+def _eigenvalues(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Both eigenvalues of 2 x 2 matrices, the smaller without cancellation."""
+    half = 0.5 * (matrices[:, 0, 0] + matrices[:, 1, 1])
+    determinant = matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
+    root = np.sqrt(half**2 - determinant)
+    root = np.where((half.conj() * root).real < 0.0, -root, root)
+    larger = half + root
+    smaller = np.divide(determinant, larger, out=np.zeros_like(larger), where=larger != 0.0)
+    return _followed(np.stack([larger, smaller], axis=1))
+
+
+def _followed(pairs: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Pairs in such an order that each column goes on from line to line: magnitudes that are equal have no order."""
+    before, after = pairs[:-1], pairs[1:]
+    straight = np.abs(after - before).sum(axis=1)
+    crossed = np.abs(after[:, ::-1] - before).sum(axis=1)
+    turned = np.concatenate([[0], np.cumsum(crossed < straight)]) % 2 == 1
+    return np.where(turned[:, None], pairs[:, ::-1], pairs)
+
+
+def limit_over_speed(
+    teeth: int,
+    speeds_rpm: NDArray[np.float64],
+    frequency_hz: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    phase: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest critical depth at each spindle speed, and its chatter frequency.
+
+    Lobe j is where the time between two teeth holds j whole waves and the phase. Between two lines both the number of
+    waves and 1/depth go linearly with frequency.
+
+    Returns
+    -------
+    limit, chatter_hz : ndarray
+        `(n_speeds,)`; infinite and NaN where nothing chatters at that speed.
+    """
+    # Ascending times between teeth; the order of the speeds is the caller's.
+    order = np.argsort(-speeds_rpm, kind="stable")
+    period = 60.0 / (teeth * speeds_rpm[order])
+    inverse_limit, chatter = np.zeros(period.size), np.full(period.size, np.nan)
+    for column in range(depth.shape[1]):
+        chatters = np.isfinite(depth[:, column])
+        first = np.flatnonzero(chatters[:-1] & chatters[1:])
+        if not first.size:
+            continue
+        share = phase[:, column] / (2.0 * np.pi)
+        # The phase goes on continuously along a branch; its step is less than half a turn.
+        waves = share[first], share[first] + np.mod(share[first + 1] - share[first] + 0.5, 1.0) - 0.5
+        ends = frequency_hz[first], frequency_hz[first + 1]
+        inverse = 1.0 / depth[first, column], 1.0 / depth[first + 1, column]
+        for lobe in range(-1, int(np.ceil(frequency_hz[-1] * period[-1])) + 1):
+            _take_lobe(inverse_limit, chatter, period, lobe, waves, ends, inverse)
+    limit = np.full(period.size, np.inf)
+    np.divide(1.0, inverse_limit, out=limit, where=inverse_limit > 0.0)
+    back = np.empty_like(order)
+    back[order] = np.arange(order.size)
+    return limit[back], chatter[back]
+
+
+_Ends = tuple["NDArray[np.float64]", "NDArray[np.float64]"]
+
+
+def _take_lobe(
+    inverse_limit: NDArray[np.float64],
+    chatter: NDArray[np.float64],
+    period: NDArray[np.float64],
+    lobe: int,
+    waves: _Ends,
+    ends: _Ends,
+    inverse: _Ends,
+) -> None:
+    """Raise 1/limit to that of one lobe at the times between teeth that its pieces pass."""
+    times = [(lobe + each) / f for each, f in zip(waves, ends, strict=True)]
+    low, high = np.minimum(*times), np.maximum(*times)
+    begin, end = np.searchsorted(period, low, "left"), np.searchsorted(period, high, "right")
+    count = np.where(high > 0.0, end - begin, 0)
+    piece = np.repeat(np.arange(count.size), count)
+    if not piece.size:
+        return
+    index = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count) + begin[piece]
+    # f T - share - lobe is zero: linear along the piece.
+    rest = [f[piece] * period[index] - each[piece] - lobe for each, f in zip(waves, ends, strict=True)]
+    at = np.divide(rest[0], rest[0] - rest[1], out=np.zeros(piece.size), where=rest[0] != rest[1]).clip(0.0, 1.0)
+    value = inverse[0][piece] + at * (inverse[1] - inverse[0])[piece]
+    # The last of several pieces at one time is the largest.
+    rising = np.argsort(value, kind="stable")
+    index, value = index[rising], value[rising]
+    better = value > inverse_limit[index]
+    index, rising = index[better], rising[better]
+    inverse_limit[index] = value[better]
+    chatter[index] = (ends[0][piece] + at * (ends[1] - ends[0])[piece])[rising]

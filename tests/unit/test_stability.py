@@ -1,0 +1,179 @@
+"""Cuts, tip modes and lobes: what they refuse, and what they say."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import FRF
+from receptance.modal import circle_fit
+from receptance.plot.stability import draw_lobes
+from receptance.stability import (
+    Milling,
+    TipModes,
+    Turning,
+    floquet_multiplier,
+    receptance_matrix,
+    semi_discretised_limit,
+    stability_lobes,
+)
+
+SEED = 20261121
+TIP = TipModes(frequency_hz=[922.0, 1400.0], damping_ratio=[0.011, 0.02], shapes=[[5.0, 0.0], [0.0, 4.0]])
+CUT = Milling(teeth=3, k_t=6e8, k_n=2e8, immersion=0.5, feed="up")
+LINES = np.arange(500.0, 2500.0, 1.0)
+SPEEDS = np.arange(4000.0, 30000.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"teeth": 0}, "teeth is 0, expected a whole number from 1 to 1000"),
+        ({"teeth": 2.5}, "teeth is 2.5"),
+        ({"k_t": -6e8}, "k_t is -6e"),
+        ({"k_n": -1.0}, "k_n is -1"),
+        ({"immersion": 1.2}, "immersion is 1.2, expected at most 1"),
+        ({"immersion": 0.0}, "immersion is 0"),
+        ({"feed": "climb"}, "feed is 'climb', expected one of 'up', 'down'"),
+    ],
+)
+def test_cuts_that_do_not_exist(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Milling(**{"teeth": 2, "k_t": 6e8, "k_n": 2e8, **changes})
+
+
+def test_turning_refuses() -> None:
+    with pytest.raises(ValueError, match="angle_deg is 90, expected between"):
+        Turning(k=1e9, angle_deg=90.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"damping_ratio": [0.0, 0.1]}, r"damping_ratio\[0\] is 0, expected over 0"),
+        ({"frequency_hz": [100.0, -1.0]}, r"frequency_hz\[1\] is -1"),
+        ({"shapes": [[1.0, np.nan], [0.0, 1.0]]}, r"shapes\[0, 1\] is nan, expected finite"),
+        ({"shapes": [[1.0, 1.0]]}, r"expected \(k,\), \(k,\) and \(k, 2\)"),
+    ],
+)
+def test_modes_that_do_not_exist(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        TipModes(**{"frequency_hz": [1.0, 2.0], "damping_ratio": [0.1, 0.1], "shapes": np.eye(2), **changes})
+
+
+def test_the_mean_of_the_force_is_its_integral() -> None:
+    """Closed form against a sum over fine steps, with entry and exit within the step."""
+    angle = np.linspace(0.3, 2.9, 200_001)
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    for cut in (CUT, Milling(teeth=5, k_t=6e8, k_n=2e8, immersion=0.1), Milling(teeth=1, k_t=1e8, k_n=0.0)):
+        teeth = 2.0 * np.pi * np.arange(cut.teeth) / cut.teeth
+        fine = sum(cut.directional(middle + offset).mean(axis=0) for offset in teeth)
+        np.testing.assert_allclose(cut.directional_mean(angle[:1], angle[-1:])[0], fine, rtol=0, atol=2e-5 * cut.k_t)
+
+
+def test_lobes_from_measured_frfs() -> None:
+    values = TIP.receptance(LINES)
+    x = FRF(frequency_hz=LINES, values=values[:, 0, 0])
+    y = FRF(frequency_hz=LINES[100:], values=values[100:, 1, 1]).to("accelerance")
+    f, matrix = receptance_matrix(x, y)
+    assert f.size == LINES.size - 100
+    np.testing.assert_allclose(matrix, values[100:], rtol=1e-12, atol=1e-20)
+    lobes = stability_lobes(CUT, f, matrix, speeds_rpm=SPEEDS)
+    speed, depth = lobes.best()
+    assert depth == lobes.depth[np.isfinite(lobes.depth)].max()
+    assert speed in SPEEDS
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(lobes)).depth, lobes.depth)
+
+
+@pytest.mark.parametrize(
+    ("x", "words"),
+    [
+        (None, "neither x nor y was given"),
+        (FRF(frequency_hz=LINES, values=np.ones((LINES.size, 2, 1))), r"x has entries \(2, 1\)"),
+        (FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0], decay_rate=5.0), "exponential window of 5"),
+    ],
+)
+def test_frfs_that_do_not_serve(x: FRF | None, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        receptance_matrix(x)
+
+
+def test_lines_that_do_not_match() -> None:
+    x = FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0])
+    y = FRF(frequency_hz=LINES + 0.25, values=TIP.receptance(LINES)[:, 1, 1])
+    with pytest.raises(ValueError, match="y shares 0 lines with the other FRFs"):
+        receptance_matrix(x, y)
+
+
+def test_modes_from_estimates() -> None:
+    x = FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0])
+    found = TipModes.from_estimates([circle_fit(x)])
+    np.testing.assert_allclose(found.shapes, [[5.0, 0.0]], rtol=1e-6)
+    assert found.frequency_hz[0] == pytest.approx(922.0)
+
+
+def test_bands_from_draws() -> None:
+    """Of further draws about as many limits as should lie above the depth that is stable with a probability."""
+    print(f"seed {SEED}")
+    rng = np.random.default_rng(SEED)
+
+    def drawn() -> Any:
+        shift = 1.0 + 0.01 * rng.normal(size=2)
+        return TipModes(
+            frequency_hz=TIP.frequency_hz * shift, damping_ratio=TIP.damping_ratio, shapes=TIP.shapes
+        ).receptance(LINES)
+
+    speeds = SPEEDS[::20]
+    lobes = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=speeds, draws=[drawn() for _ in range(200)])
+    assert lobes.lower is not None
+    assert lobes.upper is not None
+    assert (lobes.lower <= lobes.upper).all()
+    safe = lobes.stable_depth(0.9)
+    more = np.array([stability_lobes(CUT, LINES, drawn(), speeds_rpm=speeds).depth for _ in range(150)])
+    share = np.mean(more >= safe, axis=0)
+    assert abs(share.mean() - 0.9) < 0.04, share
+    assert lobes.best(probability=0.9)[1] <= lobes.best()[1]
+    with pytest.raises(ValueError, match="200 draws cannot show a probability"):
+        lobes.stable_depth(0.999)
+    figure = draw_lobes(lobes, probability=0.9, title="three teeth")
+    assert [axes.get_ylabel() for axes in figure.axes] == ["depth of cut (mm)", "chatter (Hz)"]
+    # The order of the speeds does not matter.
+    turned = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=speeds[::-1])
+    np.testing.assert_array_equal(turned.depth[::-1], lobes.depth)
+
+
+def test_what_lobes_refuse_and_note() -> None:
+    values = TIP.receptance(LINES)
+    with pytest.raises(ValueError, match="no draws of the receptance"):
+        stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS).stable_depth()
+    with pytest.raises(ValueError, match="3 draws, expected at least 20"):
+        stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS, draws=[values] * 3)
+    with pytest.raises(ValueError, match=r"receptance has shape \(5, 2, 2\)"):
+        stability_lobes(CUT, LINES, values[:5], speeds_rpm=SPEEDS)
+    with pytest.raises(ValueError, match="speeds_rpm must be finite and more than zero"):
+        stability_lobes(CUT, LINES, values, speeds_rpm=[0.0])
+    values[7] = np.nan
+    with pytest.raises(ValueError, match="receptance is not finite at line 7"):
+        stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS)
+    below = LINES[LINES < 900.0]
+    note = stability_lobes(CUT, below, TIP.receptance(below), speeds_rpm=SPEEDS).notes
+    assert any("the limit lies at an end of the lines" in line or "no line can chatter" in line for line in note)
+
+
+def test_semi_discretisation_refuses() -> None:
+    with pytest.raises(ValueError, match="expected a whole number from 4 to 2000; at speeds this low"):
+        floquet_multiplier(CUT, TIP, speed_rpm=50.0, depth=1e-3)
+    with pytest.raises(ValueError, match="expected finite depths in m, zero or more"):
+        floquet_multiplier(CUT, TIP, speed_rpm=5000.0, depth=-1e-3)
+    with pytest.raises(ValueError, match="most is 0"):
+        semi_discretised_limit(CUT, TIP, speeds_rpm=5000.0, most=0.0)
+
+
+def test_without_a_cut_the_structure_decays() -> None:
+    """The multiplier is that of the slowest mode over a tooth passing."""
+    found = floquet_multiplier(CUT, TIP, speed_rpm=6000.0, depth=0.0)
+    slowest = np.min(TIP.damping_ratio * 2.0 * np.pi * TIP.frequency_hz)
+    np.testing.assert_allclose(found, np.exp(-slowest * 60.0 / (3 * 6000.0)), rtol=1e-9)
