@@ -292,3 +292,111 @@ impl WithSimd for Sum<'_> {
         sums.into_iter().map(total).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::least_squares::Stop;
+    use crate::model::{Table, Tables};
+    use crate::model_search::fit_models;
+    use crate::request::Parameter;
+    use crate::response::receptance;
+    use crate::ties::Rate;
+
+    const BAR: [f64; 14] = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0];
+    // One unknown modulus, and a length that is 0.2 exp(0.01 u).
+    const ADDRESSES: [f64; 12] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.2, 0.0, 0.01, 0.0, 0.0];
+    const LOGARITHMIC: [bool; 2] = [true, false];
+    const BOUNDS: [[f64; 2]; 2] = [[10.0, -8.0], [12.0, 8.0]];
+
+    fn with_campaign<T>(lines: usize, work: impl FnOnce(&Campaign) -> T) -> T {
+        let w: Vec<Complex64> = (0..lines).map(|i| Complex64::new(500.0 + 20.0 * i as f64, 0.0)).collect();
+        let measured =
+            receptance(&model(&BAR), &w, &request(&[]), 1).map(|found| found.receptance).unwrap_or_default();
+        let weights = vec![100.0; lines];
+        let mut fixed = BAR;
+        (fixed[5], fixed[2]) = (0.0, 0.0);
+        let tables = Tables { segments: &fixed, ..Tables::default() };
+        let rates =
+            [(5, 0), (2, 1)].map(|(column, address)| Rate { entry: entry(column), address, rate: 1.0 });
+        let point = Coordinate { node: 0, direction: 0 };
+        let seen = Seen::Receptance {
+            w: &w,
+            measured: &measured,
+            weights: &weights,
+            response: point,
+            excitation: point,
+        };
+        let tied = Tied::new(tables, &rates, &ADDRESSES, 2);
+        let variables = Variables { logarithmic: &LOGARITHMIC, lower: &BOUNDS[0], upper: &BOUNDS[1] };
+        let known = vec![Known { variable: 1, scale: 1.0, offset: 0.0 }];
+        let observed = tied.into_iter().map(|tied| Modelled { tied, seen }).collect();
+        work(&Campaign { observed, known, variables })
+    }
+
+    fn entry(column: usize) -> Parameter {
+        Parameter { table: Table::Segments, row: 0, column }
+    }
+
+    fn model(bar: &[f64]) -> crate::model::Model {
+        let tables = Tables { segments: bar, ..Tables::default() };
+        match crate::model::Model::new(crate::model::Motion::Bending, tables) {
+            Ok(model) => model,
+            Err(error) => unreachable!("{error}"),
+        }
+    }
+
+    fn request(parameters: &[Parameter]) -> Request {
+        let point = vec![Coordinate { node: 0, direction: 0 }];
+        Request { excitations: point.clone(), responses: point, parameters: parameters.to_vec(), joint: None }
+    }
+
+    #[test]
+    fn normal_matrices_are_sums_over_lines() {
+        with_campaign(300, |campaign| {
+            let x = [11.2, 0.7];
+            let mut bar = BAR;
+            (bar[5], bar[2]) = (10.0_f64.powf(x[0]), 0.2 * (0.01 * x[1]).exp());
+            let Seen::Receptance { w, measured, weights, .. } = campaign.observed[0].seen else { return };
+            let found = receptance(&model(&bar), w, &request(&[entry(5), entry(2)]), 1);
+            let Ok(found) = found else { unreachable!() };
+            let by = [bar[5] * core::f64::consts::LN_10, 0.01 * bar[2]];
+            let mut sum = [[0.0; 3]; 3];
+            for line in 0..w.len() {
+                let h = found.receptance[line];
+                let slope = |k: usize| -found.derivative[2 * line + k] / h * by[k] * weights[line];
+                let row = [slope(0), slope(1), (measured[line] / h).ln() * weights[line]];
+                for i in 0..3 {
+                    for j in 0..3 {
+                        sum[i][j] += (row[i].conj() * row[j]).re;
+                    }
+                }
+            }
+            for (i, j, prior) in [(1, 1, 1.0), (1, 2, x[1]), (2, 1, x[1]), (2, 2, x[1] * x[1])] {
+                sum[i][j] += prior;
+            }
+            for threads in [1, 2] {
+                let own = campaign.normal_matrix(&x, threads).unwrap_or_default();
+                for (own, expected) in own.iter().zip(sum.as_flattened()) {
+                    assert!((own - expected).abs() <= 1e-10 * expected.abs(), "{own} {expected}");
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn fits_find_the_truth_and_hold_what_is_not_free() {
+        with_campaign(300, |campaign| {
+            let stop = Stop { tolerance: 1e-10, evaluations: 100 };
+            let starts = [11.25, 0.5, 11.35, -1.0];
+            let free = fit_models(campaign, &[true, true], &starts, stop, 2).unwrap_or_default();
+            assert_eq!(free.len(), 2);
+            for end in &free {
+                assert!((end.x[0] - 2e11_f64.log10()).abs() < 1e-7 && end.x[1].abs() < 1e-4, "{end:?}");
+            }
+            let held = fit_models(campaign, &[true, false], &starts[..2], stop, 1).unwrap_or_default();
+            assert!(held[0].x[1] == 0.5 && held[0].cost > free[0].cost + 0.1, "{held:?}");
+            assert!(fit_models(campaign, &[true], &starts, stop, 1).is_err());
+        });
+    }
+}
