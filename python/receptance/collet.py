@@ -51,7 +51,7 @@ class ColletJoint:
     ... )
     >>> assembly = Assembly([tool, collet, holder])
     >>> assembly.natural_frequency_derivatives(8e3, ["collet.inner.k_y", "collet.mass"])[0].round(0)
-    array([2551.])
+    array([2560.])
     """
 
     inner: PointJoint
