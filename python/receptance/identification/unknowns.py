@@ -105,6 +105,11 @@ class Unknown:
             object.__setattr__(self, name, value)
 
     @property
+    def reached(self) -> tuple[str, ...]:
+        """Addresses that it changes."""
+        return (self.address,)
+
+    @property
     def plain(self) -> bool:
         """Whether it is one number for all observations, and called by its address."""
         return self.configurations is None and self.prior is None and self.name == self.address
