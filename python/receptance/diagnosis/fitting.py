@@ -27,13 +27,15 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["Fit", "fit_base", "refit", "thinned"]
+__all__ = ["Explored", "Fit", "explore", "fit_base", "refit", "starting_at", "thinned"]
 
 EXPLORING = 240
 """Lines of each receptance while starts are compared."""
 _CLOSE = 1e-3
 """A fit has converged where the next step promises less than this of chi-square."""
-_MOST = 60
+_AS_GOOD = 4.0
+"""Ends on few lines whose chi-square differs by less may change places on all of them."""
+_MOST = 100
 _EXPLORING_MOST = 30
 
 
@@ -153,29 +155,56 @@ def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
     return _finish(model, found.values, threads, found.evaluations)
 
 
-def refit(
-    model: Model, starts: Sequence[Mapping[str, float]], *, threads: int | None = None
-) -> Fit:
-    """Return a model fitted from several starts near the point that is known: names and values; the rest is as given.
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """Where the starts of a model ended on few lines, the best end first."""
 
-    Every start goes to its end on few lines, the best ones go on to all of them. It has converged where
-    the best end has and none that was left unfinished is better on the few lines.
-    """
-    few = thinned(model)
-    task = few.task(threads)
+    model: Model
+    ends: tuple[tuple[float, dict[str, float]], ...]
+    evaluations: int
+    threads: int | None
+
+    @property
+    def chi_square(self) -> float:
+        """Best sum of squares on the few lines."""
+        return self.ends[0][0] if self.ends else np.inf
+
+    def finished(self) -> Fit:
+        """Return the fit on all lines, from the best end, and from another one that is nearly as good."""
+        near = [values for cost, values in self.ends if cost < self.chi_square + _AS_GOOD][:2]
+        done = [_finish(self.model, values, self.threads, self.evaluations) for values in near]
+        return min(done, key=lambda fit: fit.chi_square)
+
+    def evaluated(self) -> Fit:
+        """Return the model at the best end on few lines, for what is too far off to be worth more."""
+        task = self.model.task(self.threads)
+        problem = task.problem()
+        x = _vector(task, self.ends[0][1])
+        residual = problem.residual(x)
+        return Fit(self.model, task, problem, x, float(residual @ residual), False, self.evaluations)
+
+
+def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int | None = None) -> Explored:
+    """Return where starts lead on few lines: names and values; what they do not name is as given."""
+    task = thinned(model).task(threads)
     problem = task.problem()
-    ends = []
+    found: list[tuple[float, NDArray[np.float64]]] = []
     for values in starts:
         end = minimise(problem, _vector(task, values), most=_EXPLORING_MOST, least=_CLOSE)
         if np.isfinite(end.cost):
-            ends.append(end)
-    if not ends:
-        whole = model.task(threads)
-        return Fit(model, whole, whole.problem(), whole.variables.start, np.inf, False)
-    ends.sort(key=lambda end: end.cost)
-    best = [ends[0], *(end for end in ends[1:] if end.cost < ends[0].cost + 2.0 and _elsewhere(end.x, ends[0].x, task))]
-    done = [_finish(model, problem.named(end.x), threads, end.evaluations) for end in best[:2]]
-    return min(done, key=lambda fit: fit.chi_square)
+            found.append((2.0 * end.cost, end.x))
+    found.sort(key=lambda pair: pair[0])
+    different: list[tuple[float, NDArray[np.float64]]] = []
+    for cost, x in found:
+        if all(_elsewhere(x, other, task) for _, other in different):
+            different.append((cost, x))
+    ends = tuple((cost, problem.named(x)) for cost, x in different)
+    return Explored(model, ends, problem.evaluations, threads)
+
+
+def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:
+    """Return a model fitted on all lines from one start."""
+    return _finish(model, start, threads, 0)
 
 
 def _elsewhere(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:

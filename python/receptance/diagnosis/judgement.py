@@ -33,8 +33,6 @@ def conclude(selection: Selection) -> Judgement:
     """
     notes: list[str] = []
     base, limit = selection.base, max(selection.threshold, 0.0)
-    if not base.converged:
-        return Judgement("unexplained", (), (), ("the fit of the base model has not converged, so nothing is named",))
     best = next(iter(selection.explanations), None)
     if best is None or best.evidence <= limit:
         return _nothing(selection)
@@ -78,6 +76,8 @@ def _nothing(selection: Selection) -> Judgement:
     from receptance.diagnosis.adequacy import judge
 
     adequacy = judge(selection.base)
+    if not selection.base.converged:
+        return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
     if adequacy.passed:
         return Judgement("adequate", (), (), ())
     place = adequacy.worst[0]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from receptance.diagnosis.adequacy import Adequacy, judge
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
-from receptance.diagnosis.fitting import Fit, fit_base, refit
+from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
 from receptance.errors import ReceptanceError
@@ -27,6 +27,11 @@ _MORE = 6
 _FRESH_FROM = 4.0
 """Other quantities are only tried where the base misses the data by more than this."""
 _SETTLED = 1e-9
+_LEAST = 4
+"""So many explanations are fitted on all lines in any case."""
+_FAR = 60.0
+_FAR_SHARE = 0.3
+"""An explanation whose chi-square on few lines is worse than the best by more than this is only evaluated on all lines."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,12 +146,8 @@ def select(
     found = directions(base, variants)
     penalty = math.log(max(base.independent, 2.0))
     selection = Selection(base, penalty, chance(found, penalty, seed=seed), found, undecidable)
-    for direction in _chosen(found):
-        say(f"{direction.cause.id}, {direction.variant.name}")
-        one = _explained(selection, (), base, direction, seed, threads)
-        if one is not None:
-            selection.singles.append(one)
-    selection.singles = _best_each(selection.singles)
+    selection.singles = _fitted(selection, (), base, _chosen(found), seed, threads, say)
+    selection = _rebased(selection, threads)
     roots = selection.singles
     for _ in range(1, most):
         roots = _added(selection, roots, causes, seed, threads, say)
@@ -154,6 +155,22 @@ def select(
             break
         selection.several += roots
     return selection
+
+
+def _rebased(selection: Selection, threads: int | None) -> Selection:
+    """Return the selection with the base fitted from the best explanation too: a base that was stuck convicts nobody."""
+    if not selection.singles:
+        return selection
+    base, best = selection.base, selection.singles[0]
+    try:
+        again = refit(base.model, best.fit.values, threads=threads)
+    except ReceptanceError:
+        return selection
+    if again.chi_square >= base.chi_square - _SETTLED * base.chi_square:
+        return selection
+    less = base.chi_square - again.chi_square
+    singles = [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in selection.singles]
+    return replace(selection, base=again, singles=singles)
 
 
 def _variants(
@@ -197,21 +214,50 @@ def _starts(direction: Direction, values: dict[str, float]) -> list[dict[str, fl
     return [{**values, **one} for one in different]
 
 
-def _explained(
+def _fitted(
     selection: Selection,
     steps: tuple[tuple[Cause, str], ...],
     root: Fit,
-    direction: Direction,
+    chosen: Sequence[Direction],
     seed: int,
     threads: int | None,
-) -> Explanation | None:
-    try:
+    say: Callable[[str], None],
+) -> list[Explanation]:
+    """Return the explanations that add one cause each, the best variant of each, the best evidence first.
+
+    All are explored on few lines. Those that come anywhere near the best one there are fitted on all lines; what is far
+    off is only evaluated on them.
+    """
+    explored: list[tuple[Direction, Explored]] = []
+    found: list[Explanation] = []
+    for direction in chosen:
+        say(f"{' + '.join([cause.id for cause, _ in steps] + [direction.cause.id])}, {direction.variant.name}")
         if direction.variant.fresh:
-            fit = fit_base(direction.variant.model, seed=seed, threads=threads)
-        else:
-            fit = refit(direction.variant.model, _starts(direction, root.values), threads=threads)
-    except ReceptanceError:
-        return None
+            try:
+                fit = fit_base(direction.variant.model, seed=seed, threads=threads)
+            except ReceptanceError:
+                continue
+            found.append(_explanation(selection, steps, direction, fit))
+            continue
+        there = explore(direction.variant.model, _starts(direction, root.values), threads=threads)
+        if there.ends:
+            explored.append((direction, there))
+    explored.sort(key=lambda pair: pair[1].chi_square)
+    best = explored[0][1].chi_square if explored else 0.0
+    far = best + _FAR + _FAR_SHARE * (max((one.chi_square for _, one in explored), default=0.0) - best)
+    for number, (direction, there) in enumerate(explored):
+        near = number < _LEAST or there.chi_square <= far
+        try:
+            fit = there.finished() if near else there.evaluated()
+        except ReceptanceError:
+            continue
+        found.append(_explanation(selection, steps, direction, fit))
+    return _best_each(found)
+
+
+def _explanation(
+    selection: Selection, steps: tuple[tuple[Cause, str], ...], direction: Direction, fit: Fit
+) -> Explanation:
     base = selection.base
     own = sum(unknown.prior is None for unknown in fit.model.unknowns)
     count = max(own - sum(unknown.prior is None for unknown in base.model.unknowns), 1)
@@ -249,13 +295,11 @@ def _added(
         variants, _ = _variants(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
         ranked = _chosen([one for one in directed if one.score > selection.penalty * one.count])
-        seen: dict[str, int] = {}
+        own: list[Direction] = []
         for direction in ranked:
-            seen[direction.cause.id] = seen.get(direction.cause.id, 0) + 1
-            if len(seen) > _MORE or seen[direction.cause.id] > 1:
-                continue
-            say(f"{' + '.join(sorted(root.ids))} + {direction.cause.id}")
-            one = _explained(selection, root.steps, root.fit, direction, seed, threads)
-            if one is not None and one.evidence > root.evidence + max(selection.threshold, 0.0):
+            if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):
+                own.append(direction)
+        for one in _fitted(selection, root.steps, root.fit, own, seed, threads, say):
+            if one.evidence > root.evidence + max(selection.threshold, 0.0):
                 found.append(one)
     return _best_each(found)
