@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 from receptance.assembly import Assembly
-from receptance.beams import Part, Section
+from receptance.beams import Part, Section, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, renamed
+from receptance.identification.laws import Move, Tolerance
 from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
+from receptance.materials import Material
 from receptance.spread import SpreadJoint
 
 __all__ = ["JOINT_CAUSES"]
@@ -20,6 +23,9 @@ _SHORTEST = 1e-4
 """A spread joint this short is a point joint."""
 _VARIED = 1.05
 """A condition has been varied where its largest value is this many times its smallest."""
+_STUB = 1e-4
+"""Length in m of the body that stands for a collet between two springs."""
+_LIGHT = Material(youngs_modulus=1e13, density=1e2, poisson_ratio=0.3, name="stands for a collet")
 _STIFFNESSES = ("k_y", "k_theta")
 _DAMPINGS = ("c_y", "c_theta")
 
@@ -95,20 +101,27 @@ def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Ite
     def law(*fields: str) -> Model:
         # What a fit of the base has taken as fixed, and zero, no power can change.
         moved = [field for field in fields if any(_there(model, f"{name}.{field}") for name in model.joints)]
-        return model.plus(
-            *(
-                p[field].move(
-                    {f"{name}.{field}": 1.0 for name in model.joints}, relative=True, of=of, reference=reference
-                )
-                for field in moved
-            )
-        )
+        moves = [
+            p[field].move(dict.fromkeys(model.joint_addresses(field), 1.0), relative=True, of=of, reference=reference)
+            for field in moved
+        ]
+        return model.plus(*moves)
 
-    yield Variant(f"{prefix}k_theta", law("k_theta"))
-    yield Variant(f"{prefix}k_y", law("k_y"))
-    yield Variant(f"{prefix}k_y and k_theta", law(*_STIFFNESSES))
-    if any(model.has(f"{name}.{field}") for name in model.joints for field in _DAMPINGS):
-        yield Variant(f"{prefix}stiffness and damping", law(*_STIFFNESSES, *_DAMPINGS))
+    def shared(fields: tuple[str, ...], losing: bool) -> Model:
+        moves = {address: 1.0 for field in fields for address in model.joint_addresses(f"k_{field}")}
+        if losing:
+            moves |= {address: -1.0 for field in fields for address in model.joint_addresses(f"c_{field}")}
+        return model.plus(p["exponent"].move(moves, relative=True, of=of, reference=reference))
+
+    damped = any(model.has(f"{name}.{field}") for name in model.joints for field in _DAMPINGS)
+    for fields in (("y",), ("theta",), ("y", "theta")):
+        title = " and ".join(f"k_{field}" for field in fields)
+        yield Variant(f"{prefix}{title}", shared(fields, False))
+        if damped:
+            yield Variant(f"{prefix}{title}, damping the other way", shared(fields, True))
+    yield Variant(f"{prefix}k_y and k_theta apart", law(*_STIFFNESSES))
+    if damped:
+        yield Variant(f"{prefix}stiffness and damping apart", law(*_STIFFNESSES, *_DAMPINGS))
 
 
 def _there(model: Model, address: str) -> bool:
@@ -153,16 +166,13 @@ def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         raise UndecidableError("the model has no joint between tool and holder")
     if not _varied(_values(model, "plane")):
         raise UndecidableError("all was measured in one plane: measure in two, and state the condition 'plane' as 1 and 2")
-    for fields in (("k_theta",), ("k_y",), _STIFFNESSES):
-        moves = (
-            p[field].move({f"{name}.{field}": 1.0 for name in model.joints}, relative=True, of="plane") for field in fields
-        )
-        yield Variant(" and ".join(fields), model.plus(*moves))
+    yield from _laws(p, model, "plane", "")
 
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
+    yield from _between(p, model)
     sides = {
         "on the tool": lambda anatomy: PointMass(mass=0.0, part=anatomy.tool[-1], position="end", name="cause_collet"),
         "on the holder": lambda anatomy: PointMass(mass=0.0, part=anatomy.holder[0], position=0.0, name="cause_collet"),
@@ -172,6 +182,55 @@ def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         if len(points) > 1:
             raise UndecidableError("tool or holder are called differently in the assemblies")
         yield Variant(name, model.attached(*points).plus(p["mass"].unknown("cause_collet.mass")))
+
+
+def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a collet between two springs in series that together are the joint (Matthias et al. 2016, eq. 15)."""
+    joints = _point_joints(model)
+    if len(joints) > 1:
+        return
+    (joint,) = joints
+    tools = {one.tool[-1] for one in model.anatomies if one.joint}
+    if len(tools) > 1:
+        return
+    gyration = min(_diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements)
+    fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
+
+    def build(assembly: Assembly) -> Assembly:
+        if joint not in assembly.elements:
+            return assembly
+        elements = renamed(assembly)
+        own = elements[joint]
+        inner = PointJoint(**{**{f: 2.0 * getattr(own, f) for f in fields}, "loss_factor": own.loss_factor}, name=joint)
+        stub = Part([Segment(length=_STUB, outer_diameter=gyration, material=_LIGHT)], name="cause_collet")
+        chain = []
+        for name, element in elements.items():
+            chain += [inner, stub, replace(inner, name="cause_seat")] if name == joint else [element]
+        point = PointMass(mass=0.0, part="cause_collet", name="cause_collet_mass")
+        points = [replace(one, name=name) for name, one in assembly.attachments.items()]
+        return Assembly(chain, [*points, point])
+
+    changed = model.rebuilt(build)
+    unknowns = []
+    for unknown in model.unknowns:
+        own, field = unknown.address.partition(".")[::2]
+        if own == joint and field in PointJoint.columns_of:
+            # Two springs in series, each twice as stiff; a loss factor is that of both.
+            times = 1.0 if field == "loss_factor" else 2.0
+            unknown = replace(unknown, multiple=times, also={f"cause_seat.{field}": times})
+        elif isinstance(unknown, Move):
+            moves = dict(unknown.moves)
+            moves |= {f"cause_seat.{a.partition('.')[2]}": n for a, n in moves.items() if a.partition(".")[0] == joint}
+            unknown = replace(unknown, moves=moves)
+        unknowns.append(unknown)
+    mass = p["mass"].move({"cause_collet_mass.mass": 1.0, "cause_collet_mass.inertia": (0.6 * gyration) ** 2})
+    halves = {f"{joint}.{field}": 1.0 for field in fields} | {f"cause_seat.{field}": -1.0 for field in fields}
+    split = p["split"].move(halves, relative=True)
+    yield Variant("between tool and holder", replace(changed, unknowns=tuple(unknowns)).plus(mass, split))
+
+
+def _diameter(assembly: Assembly, tool: str) -> float:
+    return float(assembly.elements[tool].segments[-1].outer_diameter)  # type: ignore[union-attr]
 
 
 def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -188,20 +247,28 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     )
     length = p["length"]
     upper = min(length.upper, 0.98 * longest)
-    for points in (None, 2, 3):
-        changed = model.rebuilt(lambda assembly, points=points: _spread_out(assembly, anatomy, points))  # type: ignore[misc]
-        if changed is None:
-            raise UndecidableError("the holder's mouth is narrower than the shank")
+    tolerances = tuple(replace(t, moves=_beside(t.moves, anatomy)) for t in model.tolerances)
+    for points in (None, 2, 4):
+        title = "layer" if points is None else f"{points} points"
+        partly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=False))
         unknown = length.move({f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0})
         unknown = replace(unknown, upper=upper - _SHORTEST)
-        tolerances = tuple(replace(t, moves=_beside(t.moves, anatomy)) for t in model.tolerances)
-        yield Variant(
-            "layer" if points is None else f"{points} points",
-            replace(changed, tolerances=tolerances).plus(unknown),
-        )
+        yield Variant(title, replace(partly, tolerances=tolerances).plus(unknown))
+        wholly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=True))
+        yield Variant(f"{title} over the whole insertion", replace(wholly, tolerances=_present(tolerances, wholly)))
 
 
-def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None) -> Assembly:
+def _present(tolerances: tuple[Tolerance, ...], model: Model) -> tuple[Tolerance, ...]:
+    """Return tolerances without what a structure no longer has."""
+    kept = []
+    for one in tolerances:
+        moves = {a: n for a, n in one.moves.items() if any(covered(a, o.assembly) for o in model.observations)}
+        if moves:
+            kept.append(replace(one, moves=moves))
+    return tuple(kept)
+
+
+def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
     elements = renamed(assembly)
     if anatomy.joint not in elements:
         return assembly
@@ -215,10 +282,13 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None) -> Ass
     )
     sleeve = Section(outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear)
     kept = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
+    length = first.length - _SHORTEST if whole else _SHORTEST
     elements[anatomy.joint] = SpreadJoint(
-        length=_SHORTEST, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **kept
+        length=length, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **kept
     )
-    segments = (replace(first, length=first.length - _SHORTEST), *holder.segments[1:])
+    # Where the joint holds the whole insertion nothing of the shank is bonded any more.
+    rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
+    segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
     points_ = [replace(point, name=name) for name, point in assembly.attachments.items()]
     return Assembly(elements.values(), points_)
@@ -274,7 +344,7 @@ JOINT_CAUSES = (
     Cause(
         id="joint_amplitude",
         group="structure",
-        parameters=_exponents(*_STIFFNESSES, *_DAMPINGS),
+        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
         change=_amplitude,
         meaning="the joint depends on how hard it is hit",
         remedy="measure at the amplitude of use, or give the joint its law of amplitude",
@@ -282,7 +352,7 @@ JOINT_CAUSES = (
     Cause(
         id="joint_overhang_law",
         group="structure",
-        parameters=_exponents(*_STIFFNESSES, *_DAMPINGS),
+        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
         change=_across,
         meaning="the joint changes with overhang, torque or pre-force, and the model has one for all",
         remedy="give the joint a law of that condition; vary it alone to confirm",
@@ -290,7 +360,7 @@ JOINT_CAUSES = (
     Cause(
         id="xy_asymmetry",
         group="structure",
-        parameters=_exponents(*_STIFFNESSES),
+        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
         change=_planes,
         meaning="the joint is stiffer in one plane than in the other",
         remedy="identify the two planes apart",
@@ -298,7 +368,10 @@ JOINT_CAUSES = (
     Cause(
         id="collet_mass",
         group="structure",
-        parameters=(Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),),
+        parameters=(
+            Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),
+            Parameter(name="split", unit="", lower=-2.0, upper=2.0, typical=0.0, secondary=True),
+        ),
         change=_collet,
         meaning="collet and nut move with the joint, and the model has no mass there",
         remedy="weigh collet and nut and add their mass",

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
-from receptance.identification.factors import DECAY_RATE, DELAY, LOG_GAIN
+from receptance.identification.factors import DECAY_RATES, DELAY, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation
 from receptance.joints import GroundSpring, PointMass
 
 __all__ = ["MEASUREMENT_CAUSES"]
 
+_ROPES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Where on the holder a suspension is tried, as shares of its length."""
 _SPLIT = 1e-5
 """A hit at the very tip is moved by this much, in m, so that there is a step that can move on."""
 
@@ -81,21 +84,39 @@ def _gain(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _receptances(model)
-    yield Variant("all", model.plus(p["decay_rate"].unknown(DECAY_RATE)))
+    recorded = ("accelerations", "velocities", "displacements")
+    for name, address in zip(recorded, DECAY_RATES, strict=True):
+        yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
-    mouths = dict.fromkeys(anatomy.holder[0] for anatomy in model.anatomies if anatomy.holder)
-    if len(ends) != 1 or len(mouths) != 1:
+    holders = {anatomy.holder for anatomy in model.anatomies if anatomy.holder}
+    if len(holders) != 1:
         raise UndecidableError("the model has no holder, or several")
-    places = {
-        "at the holder's far end": GroundSpring(part=next(iter(ends)), position="end", name="cause_rope"),
-        "at the holder's mouth": GroundSpring(part=next(iter(mouths)), position=0.0, name="cause_rope"),
-    }
-    for name, spring in places.items():
+    lengths = {part: _length(model, part) for part in holders.pop()}
+    for share in _ROPES:
+        part, position = _at(lengths, share)
+        spring = GroundSpring(part=part, position=position, name="cause_rope")
         unknown = p["stiffness"].unknown("cause_rope.k_y")
-        yield Variant(name, model.attached(spring).plus(unknown))
+        yield Variant(f"at {100 * share:.0f} % of the holder", model.attached(spring).plus(unknown))
+
+
+def _length(model: Model, part: str) -> float:
+    return next(
+        sum(segment.length for segment in one.assembly.elements[part].segments)  # type: ignore[union-attr]
+        for one in model.observations
+        if part in one.assembly.elements
+    )
+
+
+def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
+    """Return the part and the place in it at a share of the length of all parts."""
+    left = share * sum(lengths.values())
+    for part, length in lengths.items():
+        if left < length * (1.0 - 1e-9):
+            return part, left
+        left -= length
+    return part, "end"
 
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

@@ -64,6 +64,11 @@ class Model:
         """Names of the joints between tool and holder."""
         return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
 
+    def joint_addresses(self, field: str) -> tuple[str, ...]:
+        """Return the addresses that are a field of the joints, those included that follow them."""
+        own = [f"{name}.{field}" for name in self.joints]
+        return (*own, *(other for one in self.unknowns if one.address in own for other in one.also))
+
     def _anatomy(self, assembly: Assembly) -> Anatomy:
         names = list(assembly.elements)
         joints = [name for name in names if isinstance(assembly.elements[name], (PointJoint, SpreadJoint))]

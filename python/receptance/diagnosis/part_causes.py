@@ -114,7 +114,7 @@ def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not parts:
         raise UndecidableError("no part is described as rigid")
     for name in parts:
-        moves = {f"{name}.segment[*].youngs_modulus": -math.log(10.0)}
+        moves = {address: -math.log(10.0) for address in rigid if address.split(".")[0] == name}
         yield Variant(name, model.plus(p["decades"].move(moves, relative=True)))
 
 

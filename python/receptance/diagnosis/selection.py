@@ -7,12 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+
 from receptance.diagnosis.adequacy import Adequacy, judge
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
 from receptance.errors import ReceptanceError
+from receptance.identification.laws import Move
+from receptance.identification.observations import MeasuredFRF
 
 __all__ = ["Explanation", "Selection", "select"]
 
@@ -24,8 +28,10 @@ _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
 """Causes that are tried in addition to each of them."""
-_FRESH_FROM = 4.0
-"""Other quantities are only tried where the base misses the data by more than this."""
+_FRESH_FROM = 0.3
+"""Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
+_LARGE = 3.0
+"""Large sizes from which fits begin are so many times the typical one."""
 _SETTLED = 1e-9
 _LEAST = 4
 """So many explanations are fitted on all lines in any case."""
@@ -184,8 +190,19 @@ def _variants(
         except UndecidableError as error:
             undecidable[cause.id] = str(error)
             continue
-        found += [(cause, variant) for variant in own if not variant.fresh or fit.misfit > _FRESH_FROM]
+        found += [(cause, variant) for variant in own if not variant.fresh or _far_off(fit)]
     return found, undecidable
+
+
+def _far_off(fit: Fit) -> bool:
+    """Return whether receptances are off by factors, as only another quantity makes them."""
+    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
+    off = [
+        float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
+        for one, residual in zip(fit.model.observations, parts, strict=False)
+        if isinstance(one, MeasuredFRF)
+    ]
+    return bool(off) and max(off) > _FRESH_FROM
 
 
 def _chosen(found: Sequence[Direction]) -> list[Direction]:
@@ -196,20 +213,33 @@ def _chosen(found: Sequence[Direction]) -> list[Direction]:
     chosen = []
     for own in by_cause.values():
         ranked = sorted(own, key=lambda one: -one.score)
-        chosen += ranked if own[0].variant.fresh else ranked[:_WAYS]
+        # What has no number of its own promises nothing to first order, and is fitted in any case.
+        chosen += [one for one in ranked if not one.names]
+        chosen += [one for one in ranked if one.names][:_WAYS]
     return sorted(chosen, key=lambda one: -one.score)
 
 
-def _starts(direction: Direction, values: dict[str, float]) -> list[dict[str, float]]:
-    """Return where fits of a cause begin: at its null, where its direction points, and at ordinary sizes."""
+def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
+    """Return where fits of a cause begin: at its null, where its direction points, and at larger sizes.
+
+    What has no number of its own changes the joint instead: its stiffnesses begin at several times what they were.
+    """
+    values = fit.values
+    if not direction.names:
+        joints = tuple(f"{name}.k_" for name in fit.model.joints)
+        stiff = [u.name for u in fit.model.unknowns if u.address.startswith(joints) and not isinstance(u, Move)]
+        return [{**values, **{name: times * values[name] for name in stiff}} for times in (1.0, 3.0, 10.0)]
     parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
     null = {name: one.start for name, one in parameters.items()}
     starts = [null]
     if direction.step:
         starts.append({**null, **direction.step})
-    starts.append({name: one.typical for name, one in parameters.items()})
-    if any(one.lower < one.null for one in parameters.values() if not one.secondary):
-        starts.append({n: 2 * one.null - one.typical if not one.secondary else one.typical for n, one in parameters.items()})
+    for times in (_LARGE, -_LARGE):
+        large = {
+            name: one.typical if one.secondary else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
+            for name, one in parameters.items()
+        }
+        starts.append(large)
     different = [one for i, one in enumerate(starts) if one not in starts[:i]]
     return [{**values, **one} for one in different]
 
@@ -239,7 +269,7 @@ def _fitted(
                 continue
             found.append(_explanation(selection, steps, direction, fit))
             continue
-        there = explore(direction.variant.model, _starts(direction, root.values), threads=threads)
+        there = explore(direction.variant.model, _starts(direction, root), threads=threads)
         if there.ends:
             explored.append((direction, there))
     explored.sort(key=lambda pair: pair[1].chi_square)
@@ -287,14 +317,18 @@ def _added(
     if not roots or roots[0].evidence <= selection.threshold:
         return []
     found: list[Explanation] = []
-    best = roots[0].evidence
+    best = roots[0]
+    open_ = not best.adequacy.passed
     for root in roots[:_ROOTS]:
-        if root.adequacy.passed and root.evidence < best - MARGIN:
+        # Where the best one leaves nothing to be explained, only its rivals are worth a second look.
+        if root is not best and not open_ and root.evidence < best.evidence - MARGIN:
             continue
         others = [cause for cause in causes if cause.id not in root.ids]
         variants, _ = _variants(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
-        ranked = _chosen([one for one in directed if one.score > selection.penalty * one.count])
+        promising = [one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)]
+        open_ = open_ or bool(promising)
+        ranked = _chosen(promising)
         own: list[Direction] = []
         for direction in ranked:
             if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):

@@ -141,7 +141,7 @@ class Law(Unknown):
 
     def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
         """Return the unknown for the value at the references."""
-        fields = ("address", "lower", "upper", "start", "scale", "prior")
+        fields = ("address", "lower", "upper", "start", "scale", "prior", "multiple", "also")
         given = {field: getattr(self, field) for field in fields}
         return replace(Unknown(**given), name=name, configurations=configurations)
 

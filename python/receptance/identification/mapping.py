@@ -78,6 +78,8 @@ class Placed:
         What moves, `m` of them; each is one parameter, `segment[*]` is spelled out.
     base : ndarray
         `(m,)` which unknown is the value before errors, -1 for none.
+    scale : ndarray
+        `(m,)` by how much that unknown is multiplied.
     fixed : ndarray
         `(m,)` value where it is none.
     exponents, shifts : ndarray
@@ -86,23 +88,24 @@ class Placed:
 
     addresses: tuple[str, ...]
     base: NDArray[np.intp]
+    scale: NDArray[np.float64]
     fixed: NDArray[np.float64]
     exponents: NDArray[np.float64]
     shifts: NDArray[np.float64]
 
     def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values of the addresses in SI units, `(m,)`."""
-        start = np.where(self.base >= 0, unknowns[self.base], self.fixed)
+        start = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
         result: NDArray[np.float64] = start * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
         return result
 
     def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
-        start = np.where(self.base >= 0, unknowns[self.base], self.fixed)
+        start = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
         factor = np.exp(self.exponents @ unknowns)
         result = (start * factor)[:, None] * self.exponents + self.shifts
         own = np.flatnonzero(self.base >= 0)
-        result[own, self.base[own]] += factor[own]
+        result[own, self.base[own]] += factor[own] * self.scale[own]
         return result
 
     def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
@@ -189,6 +192,7 @@ class Parameters:
         """
         index = dict(self._index)
         bases: dict[str, int] = {}
+        scales: dict[str, float] = {}
         exponents: dict[str, dict[int, float]] = {}
         shifts: dict[str, dict[int, float]] = {}
 
@@ -206,7 +210,9 @@ class Parameters:
             if isinstance(unknown, Move):
                 self._move(unknown, place, exponents if unknown.relative else shifts)
                 continue
-            for address in sorted(place.covered(unknown.address)):
+            own_addresses = dict.fromkeys(sorted(place.covered(unknown.address)), unknown.multiple)
+            own_addresses |= {other: n for other, n in unknown.also.items() if place.covered(other)}
+            for address, multiple in own_addresses.items():
                 name = unknown.name
                 if isinstance(unknown, Law):
                     own = exponents.setdefault(address, {})
@@ -223,6 +229,7 @@ class Parameters:
                                 "among those of the fit"
                             )
                 bases[address] = index[name]
+                scales[address] = multiple
         for tolerance in self.tolerances if tolerances is None else tolerances:
             if not place.among(tolerance.configurations, tolerance.labels):
                 continue
@@ -236,6 +243,7 @@ class Parameters:
         return Placed(
             addresses=addresses,
             base=np.array([bases.get(address, -1) for address in addresses], dtype=np.intp),
+            scale=np.array([scales.get(address, 1.0) for address in addresses]),
             fixed=np.array([0.0 if a in bases else place.value(a) for a in addresses]),
             exponents=_matrix(exponents, addresses, len(index)),
             shifts=_matrix(shifts, addresses, len(index)),

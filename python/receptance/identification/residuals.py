@@ -13,7 +13,7 @@ import numpy as np
 
 from receptance.beams import Part
 from receptance.errors import ReceptanceError
-from receptance.identification.factors import DECAY_RATE, DELAY, FACTORS, LOG_GAIN, frequency_weights
+from receptance.identification.factors import DECAY_RATES, DELAY, FACTORS, LOG_GAIN, frequency_weights
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -93,17 +93,20 @@ class _Factors:
         self.columns = {name: variables.addresses.index(name) for name in FACTORS if name in variables.addresses}
         self._lines = lines
         self._angular = 2.0 * np.pi * lines.real
+        self._stated = 2j * np.pi * lines
+        self._decays = {name: column for name, column in self.columns.items() if name in DECAY_RATES}
 
     def lines(self, values: NDArray[np.float64]) -> NDArray[Any]:
         """Return the lines on which the structure is evaluated."""
-        if DECAY_RATE not in self.columns:
+        if not self._decays:
             return self._lines
-        shifted: NDArray[Any] = self._lines - 1j * values[self.columns[DECAY_RATE]] / (2.0 * np.pi)
+        rate = sum(values[column] for column in self._decays.values())
+        shifted: NDArray[Any] = self._lines - 1j * rate / (2.0 * np.pi)
         return shifted
 
     def weights(self, assembly: Assembly) -> tuple[list[str], NDArray[np.float64]]:
         """Return the addresses whose derivatives make that with respect to frequency, and their weights."""
-        return frequency_weights(assembly) if DECAY_RATE in self.columns else ([], np.empty(0))
+        return frequency_weights(assembly) if self._decays else ([], np.empty(0))
 
     def factor(self, values: NDArray[np.float64]) -> NDArray[np.complex128] | float:
         """Return what the receptance is multiplied by."""
@@ -112,12 +115,17 @@ class _Factors:
         gain = values[self.columns[LOG_GAIN]] if LOG_GAIN in self.columns else 0.0
         delay = values[self.columns[DELAY]] if DELAY in self.columns else 0.0
         result: NDArray[np.complex128] = np.exp(gain - 1j * self._angular * delay)
+        for name, column in self._decays.items():
+            result *= (1.0 + values[column] / self._stated) ** DECAY_RATES[name]
         return result
 
-    def slope(self, name: str, by_frequency: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def slope(
+        self, name: str, values: NDArray[np.float64], by_frequency: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
         """Return the derivative of the logarithm of the receptance; `by_frequency` is that by ln w."""
-        if name == DECAY_RATE:
-            result: NDArray[np.complex128] = -1j * by_frequency / self._angular
+        if name in DECAY_RATES:
+            rate = values[self.columns[name]]
+            result: NDArray[np.complex128] = (by_frequency + DECAY_RATES[name]) / (self._stated + rate)
             return result
         if name == DELAY:
             return -1j * self._angular
@@ -200,7 +208,7 @@ class FRFResidual:
             if factors.columns:
                 own = len(model.addresses)
                 by_frequency = dh[:, own:] @ weights / h
-                added = np.column_stack([h * factors.slope(name, by_frequency) for name in factors.columns])
+                added = np.column_stack([h * factors.slope(name, values, by_frequency) for name in factors.columns])
                 factor = np.asarray(factors.factor(values))
                 dh = np.hstack([dh[:, :own], added]) * factor[:, None]
                 h = h * factor
