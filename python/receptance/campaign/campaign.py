@@ -15,9 +15,11 @@ from receptance.coordinates import Coordinate
 from receptance.identification import Unknown
 
 if TYPE_CHECKING:
+    from receptance.campaign.diagnosis import CampaignDiagnosis
     from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.prediction import CampaignPrediction
+    from receptance.diagnosis import Cause
 
 __all__ = ["Campaign"]
 
@@ -149,8 +151,8 @@ class Campaign:
     ) -> CampaignDiagnosis:
         """Say whether the model is adequate for what was measured, and what it lacks if not.
 
-        All tolerances are fitted, with what is stated as what is known. Improvement is measured on what is held out, or,
-        where nothing is, on assemblies that are left out in turn.
+        All tolerances are fitted, with what is stated as what is known. Improvement is measured on what is held out,
+        or, where nothing is, on assemblies that are left out in turn.
 
         Parameters
         ----------

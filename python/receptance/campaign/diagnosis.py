@@ -80,8 +80,8 @@ def diagnose_campaign(
     numbers = sum(one.observation.frequency_hz.size for one in seen.values())
     if kept_back and numbers <= len(campaign.unknowns):
         notes.append(
-            f"the {numbers} numbers to identify from leave nothing to judge {len(campaign.unknowns)} unknowns by, so the "
-            "diagnosis sees what is held out as well; improvement is measured on assemblies that were left out in turn"
+            f"the {numbers} numbers to identify from leave nothing to judge {len(campaign.unknowns)} unknowns by, so "
+            "the diagnosis sees what is held out as well; improvement is measured on assemblies left out in turn"
         )
         seen, kept_back = dict(campaign.measurements), {}
     if not seen:

@@ -141,7 +141,7 @@ def diagnose(
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = _loaded(campaign, targets)
         found = with_progress(lambda say: read.diagnose(causes or None, progress=say))
-    targets.write(found.as_dict(), None)
+    targets.write(found.as_dict(), lambda: None)  # type: ignore[arg-type,return-value]
     console = output()
     console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
     console.print(Text(found.verdict.summary()), soft_wrap=True)

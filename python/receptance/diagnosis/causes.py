@@ -147,8 +147,9 @@ class Cause:
     parameters : sequence of Parameter
         Its numbers; unknowns of the change are made of these.
     change : callable
-        Gets the causes's parameters as a mapping by name, and a `Model`; yields `Variant` after `Variant`, ways in which
-        it can act. Raises `UndecidableError` where the data cannot speak about it. It only describes: it fits nothing.
+        Gets the cause's parameters as a mapping by name, and a `Model`; yields `Variant` after `Variant`, ways in
+        which it can act. Raises `UndecidableError` where the data cannot speak about it. It only describes, and
+        fits nothing.
     meaning : str
         What it is in the workshop.
     remedy : str

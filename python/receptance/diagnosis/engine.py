@@ -106,8 +106,9 @@ def diagnose(
     ...     Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
     ...     Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
     ... ]
-    >>> diagnose(observations, joint, causes=["sensor_mass", "calibration_gain", "tool_modulus"], most=1)
-    Verdict(named: sensor_mass; misfit 45.79)
+    >>> verdict = diagnose(observations, joint, causes=["sensor_mass", "calibration_gain", "tool_modulus"], most=1)
+    >>> verdict.verdict, [one.id for one in verdict.causes]
+    ('named', ['sensor_mass'])
     """
     wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
     errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
@@ -133,8 +134,8 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
         spread = one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz
         if spread is None:
             raise ValueError(
-                f"{one!r} has no standard deviation: without knowing how far noise can go, nothing can be said of what is "
-                "left"
+                f"{one!r} has no standard deviation: without knowing how far noise can go, nothing can be said of "
+                "what is left"
             )
     return found
 

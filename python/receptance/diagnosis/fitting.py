@@ -234,7 +234,7 @@ def _finish(model: Model, values: Mapping[str, float], threads: int | None, befo
 
 def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:
     unknowns = task.variables.unknowns
-    chosen = [min(max(values.get(u.name, u.start), u.lower), u.upper) for u in unknowns]
+    chosen = [min(max(float(values.get(u.name, u.start or 0.0)), u.lower), u.upper) for u in unknowns]
     return task.variables.from_values(np.array(chosen, dtype=np.float64))
 
 

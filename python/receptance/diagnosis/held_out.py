@@ -48,7 +48,8 @@ def folded(
     if len(names) < 2:
         return None
     count = min(len(names), _FOLDS)
-    pairs, folds = [], []
+    pairs: list[tuple[float, float]] = []
+    folds: list[dict[str, Any]] = []
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
         out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration in group)
@@ -136,7 +137,7 @@ def score(
     observations: Sequence[Observation],
     tolerances: Sequence[Tolerance],
 ) -> float:
-    """Return the rms error of a prediction of one configuration: in percent of frequencies, or of the logarithm of FRFs.
+    """Return the rms error of a prediction of one configuration: of frequencies in percent, or of log FRFs.
 
     Its own errors, which nothing else could tell, are fitted to it with their tolerances, before and after alike.
     """

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from receptance.assembly import Assembly
 from receptance.beams import Part, Section, Segment
@@ -23,7 +24,7 @@ _SHORTEST = 1e-4
 """A spread joint this short is a point joint."""
 _VARIED = 1.05
 """A condition has been varied where its largest value is this many times its smallest."""
-_STUB = 1e-4
+_STUB = 1e-5
 """Length in m of the body that stands for a collet between two springs."""
 _LIGHT = Material(youngs_modulus=1e13, density=1e2, poisson_ratio=0.3, name="stands for a collet")
 _STIFFNESSES = ("k_y", "k_theta")
@@ -177,12 +178,13 @@ def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
     yield from _between(p, model)
+    own = [anatomy for anatomy in model.anatomies if anatomy.joint]
     sides = {
-        "on the tool": lambda anatomy: PointMass(mass=0.0, part=anatomy.tool[-1], position="end", name="cause_collet"),
-        "on the holder": lambda anatomy: PointMass(mass=0.0, part=anatomy.holder[0], position=0.0, name="cause_collet"),
+        "on the tool": [PointMass(mass=0.0, part=one.tool[-1], position="end", name="cause_collet") for one in own],
+        "on the holder": [PointMass(mass=0.0, part=one.holder[0], position=0.0, name="cause_collet") for one in own],
     }
-    for name, point in sides.items():
-        points = dict.fromkeys(point(anatomy) for anatomy in model.anatomies if anatomy.joint)
+    for name, listed in sides.items():
+        points = dict.fromkeys(listed)
         yield Variant(name, model.attached(*points).plus(p["mass"].unknown("cause_collet.mass")))
 
 
@@ -207,7 +209,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         own = elements[joint]
         inner = PointJoint(**{**{f: 2.0 * getattr(own, f) for f in fields}, "loss_factor": own.loss_factor}, name=joint)
         stub = Part([Segment(length=_STUB, outer_diameter=gyration, material=_LIGHT)], name="cause_collet")
-        chain = []
+        chain: list[Any] = []
         for name, element in elements.items():
             chain += [inner, stub, replace(inner, name="cause_seat")] if name == joint else [element]
         point = PointMass(mass=0.0, part="cause_collet", name="cause_collet_mass")

@@ -28,8 +28,8 @@ def conclude(selection: Selection) -> Judgement:
     2. Only what passes the gate itself may explain; nothing does: unexplained.
     3. All within the margin of the best evidence are reported, without what only adds to another one of them.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
-    5. One left: named; suspected near the limit of detection, or where the data cannot convict. Several: ambiguous. So is
-       one beside another whose fit has not ended.
+    5. One left: named; suspected near the limit of detection, or where the data cannot convict. Several: ambiguous.
+       Beside a fit that has not ended nothing is named.
     """
     notes: list[str] = []
     base, limit = selection.base, max(selection.threshold, 0.0)
@@ -39,8 +39,8 @@ def conclude(selection: Selection) -> Judgement:
     passing = [one for one in selection.explanations if one.adequacy.passed]
     if not passing:
         notes.append(
-            f"the best explanation, {_called(best)}, leaves {best.adequacy.misfit:.2f} times what noise and floor explain, "
-            "so it is none"
+            f"the best explanation, {_called(best)}, leaves {best.adequacy.misfit:.2f} times what noise and floor "
+            "explain, so it is none"
         )
         return Judgement("unexplained", (), (), tuple(notes))
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
@@ -67,7 +67,8 @@ def conclude(selection: Selection) -> Judgement:
     alone = len(base.model.configurations) == 1 and any(cause.group == "structure" for cause, _ in left[0].steps)
     if alone:
         notes.append(
-            "one configuration cannot tell the joint from the parts: measure another overhang; until then it is a suspicion"
+            "one configuration cannot tell the joint from the parts: measure another overhang; until then it is "
+            "a suspicion"
         )
     return Judgement("suspected" if weak or alone else "named", tuple(left), (), tuple(notes))
 
@@ -82,8 +83,8 @@ def _nothing(selection: Selection) -> Judgement:
         return Judgement("adequate", (), (), ())
     place = adequacy.worst[0]
     note = (
-        f"the base model leaves {adequacy.misfit:.2f} times what noise and floor explain, most of it in {place.label} from "
-        f"{place.low_hz:.0f} to {place.high_hz:.0f} Hz, and no cause helps"
+        f"the base model leaves {adequacy.misfit:.2f} times what noise and floor explain, most of it in {place.label} "
+        f"from {place.low_hz:.0f} to {place.high_hz:.0f} Hz, and no cause helps"
     )
     return Judgement("unexplained", (), (), (note,))
 

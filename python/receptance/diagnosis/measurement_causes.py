@@ -102,11 +102,8 @@ def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _length(model: Model, part: str) -> float:
-    return next(
-        sum(segment.length for segment in one.assembly.elements[part].segments)  # type: ignore[union-attr]
-        for one in model.observations
-        if part in one.assembly.elements
-    )
+    first = next(one.assembly.elements[part] for one in model.observations if part in one.assembly.elements)
+    return float(np.sum([segment.length for segment in first.segments]))  # type: ignore[union-attr]
 
 
 def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:

@@ -13,6 +13,7 @@ from receptance.beams import Part
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.residuals import Unit
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown, covered
 from receptance.joints import GroundSpring, PointJoint, PointMass
@@ -47,7 +48,9 @@ class Model:
         """Return what is to be fitted."""
         places = [place_of(one, i) for i, one in enumerate(self.observations)]
         parameters = Parameters(self.unknowns, self.tolerances, places)
-        return Task(self.observations, parameters, ("standard deviations",) * len(self.observations), threads=threads)
+        unit: Unit = "standard deviations"
+        units = tuple(unit for _ in self.observations)
+        return Task(self.observations, parameters, units, threads=threads)
 
     @cached_property
     def configurations(self) -> tuple[str, ...]:
@@ -114,8 +117,8 @@ class Model:
     def split(self, part: str, position: float) -> tuple[Model, int]:
         """Return the model with a step in a part, and which segment begins there.
 
-        Unknowns, tolerances and conditions go on meaning what they meant: what belongs to the divided segment belongs to
-        both pieces, and its length is that of the second one.
+        Unknowns, tolerances and conditions go on meaning what they meant: what belongs to the divided segment belongs
+        to both pieces, and its length is that of the second one.
         """
         where = {
             _segment_at(one.assembly.elements[part], position)

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from receptance.diagnosis.adequacy import Adequacy, judge
+from receptance.diagnosis.adequacy import GATE, Adequacy, judge
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.model import Model
@@ -39,7 +39,7 @@ _IDLE = 20.0
 """A cause that gains less on few lines, and nothing to first order on all, is not fitted on all of them."""
 _FAR = 60.0
 _FAR_SHARE = 0.3
-"""An explanation whose chi-square on few lines is worse than the best by more than this is only evaluated on all lines."""
+"""An explanation whose chi-square on few lines is worse than the best by more is only evaluated on all lines."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +162,24 @@ def select(
         if not roots:
             break
         selection.several += roots
+    if not any(one.adequacy.passed for one in selection.explanations):
+        _begun_anew(selection, seed, threads, say)
     _pruned(selection, threads)
     return selection
+
+
+def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
+    """Fit the best causes from far, each alone: a base that is far off may have led all their starts astray."""
+    if selection.base.misfit <= GATE:
+        return
+    for one in selection.singles[:_ROOTS]:
+        say(f"{one.steps[-1][0].id}, anew")
+        try:
+            fit = fit_base(one.fit.model, seed=seed, threads=threads)
+        except (ReceptanceError, ValueError):
+            continue
+        selection.singles.append(_explanation(selection, (), one.steps[-1], fit))
+    selection.singles = _best_each(selection.singles)
 
 
 def _pruned(selection: Selection, threads: int | None) -> None:
@@ -189,7 +205,7 @@ def _pruned(selection: Selection, threads: int | None) -> None:
 
 
 def _rebased(selection: Selection, threads: int | None) -> Selection:
-    """Return the selection with the base fitted from the best explanation too: a base that was stuck convicts nobody."""
+    """Return the selection with the base fitted from the best explanation too: a base that was stuck convicts none."""
     if not selection.singles:
         return selection
     base, best = selection.base, selection.singles[0]

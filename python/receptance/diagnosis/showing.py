@@ -24,7 +24,7 @@ _SENTENCE = {
 def as_dict(verdict: Verdict) -> dict[str, Any]:
     """Return a verdict as plain values, without numbers that JSON does not have."""
     after = verdict.adequacy_after
-    return _plain(
+    found: dict[str, Any] = _plain(
         {
             "verdict": verdict.verdict,
             "causes": [_candidate(one) for one in verdict.causes],
@@ -43,6 +43,7 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "settings": verdict.settings,
         }
     )
+    return found
 
 
 def _candidate(one: Candidate) -> dict[str, Any]:

@@ -192,7 +192,7 @@ class Verdict:
         return replace(self.extended, values={**self.extended.values, **nulls}), model
 
     def frequency_errors(self) -> list[dict[str, Any]]:
-        """Return calculated less measured natural frequencies in percent, before and after, by configuration and mode."""
+        """Return calculated less measured natural frequencies in percent, before and after, mode by mode."""
         rows = []
         for index, one in enumerate(self.selection.base.model.observations):
             if not isinstance(one, MeasuredFrequencies):

@@ -1,9 +1,10 @@
 """What stands between a structure and the numbers that were recorded, as parameters of an observation.
 
-A measured receptance is H(w - i sigma) (1 + sigma / (i w))^q exp(g - i w tau): a calibration gain exp(g), a time delay tau
-between the channels, and the rate sigma of an exponential window on both of them. The window acts on what was recorded,
-and who does not know of it divides by (i w)^q where (i w + sigma)^q is due: q is 2 for accelerations, 1 for velocities, 0 for
-displacements. Their addresses begin with `observation.`; they are zero unless something else is asked of a fit.
+A measured receptance is H(w - i sigma) (1 + sigma / (i w))^q exp(g - i w tau): a calibration gain exp(g), a time delay
+tau between the channels, and the rate sigma of an exponential window on both of them. The window acts on what was
+recorded, and who does not know of it divides by (i w)^q where (i w + sigma)^q is due: q is 2 for accelerations, 1 for
+velocities, 0 for displacements. Their addresses begin with `observation.`; they are zero unless something else is asked
+of a fit.
 """
 
 from __future__ import annotations

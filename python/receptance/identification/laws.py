@@ -230,7 +230,8 @@ class Move(Unknown):
     Examples
     --------
     >>> from receptance.identification import Move
-    >>> modulus = Move(address="tool E", lower=-0.1, upper=0.1, moves={"tool.segment[*].youngs_modulus": 1.0}, relative=True)
+    >>> moves = {"tool.segment[*].youngs_modulus": 1.0}
+    >>> modulus = Move(address="tool E", lower=-0.1, upper=0.1, moves=moves, relative=True)
     >>> modulus.start
     0.0
     """

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
 
 _Kind = TypeVar("_Kind", "MeasuredFRF", "MeasuredFrequencies")
+_Any = TypeVar("_Any", bound="MeasuredFRF | MeasuredFrequencies")
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -392,7 +393,7 @@ def _modes(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
     return tuple(int(number) for number in array)
 
 
-def altered(target: _Kind, **fields: Any) -> _Kind:
+def altered(target: _Any, **fields: Any) -> _Any:
     """Return an observation with other fields, which are taken as they are."""
     changed = copy.copy(target)
     _set(changed, **fields)

@@ -128,7 +128,7 @@ class _Factors:
             result: NDArray[np.complex128] = (by_frequency + DECAY_RATES[name]) / (self._stated + rate)
             return result
         if name == DELAY:
-            return -1j * self._angular
+            return np.asarray(-1j * self._angular, dtype=np.complex128)
         return np.ones(self._angular.size, dtype=np.complex128)
 
 
