@@ -24,6 +24,8 @@ MARGIN = 10.0
 """What is within this much of the best evidence is reported with it."""
 _WAYS = 3
 """Variants of one cause that are fitted, the most promising ones first."""
+_ANOTHER = 20.0
+"""One more cause has to add this much evidence: weak ones come in pairs where something unknown is at work."""
 _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
@@ -386,6 +388,6 @@ def _added(
             if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):
                 own.append(direction)
         for one in _fitted(selection, root.steps, root.fit, own, seed, threads, say):
-            if one.evidence > root.evidence + max(selection.threshold, 0.0):
+            if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):
                 found.append(one)
     return _best_each(found)
