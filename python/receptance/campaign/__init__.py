@@ -3,6 +3,7 @@
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
 from receptance.campaign.conditions import Condition
+from receptance.campaign.diagnosis import CampaignDiagnosis
 from receptance.campaign.identification import CampaignIdentification
 from receptance.campaign.inversion import CampaignInversion
 from receptance.campaign.loading import load
@@ -16,6 +17,7 @@ from receptance.campaign.transfer import CampaignTransfer
 
 __all__ = [
     "Campaign",
+    "CampaignDiagnosis",
     "CampaignError",
     "CampaignIdentification",
     "CampaignInversion",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
@@ -15,12 +15,14 @@ from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
 
 if TYPE_CHECKING:
+    from receptance.campaign.diagnosis import CampaignDiagnosis
     from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.inversion import CampaignInversion
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
     from receptance.campaign.transfer import CampaignTransfer
+    from receptance.diagnosis import Cause
 
 __all__ = ["Campaign"]
 
@@ -231,6 +233,34 @@ class Campaign:
         from receptance.campaign.transfer import transfer_campaign
 
         return transfer_campaign(self, splits=splits, draws=draws, threads=threads, progress=progress)
+
+    def diagnose(
+        self,
+        causes: Iterable[Cause | str] | None = None,
+        *,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignDiagnosis:
+        """Say whether the model is adequate for what was measured, and what it lacks if not.
+
+        All tolerances are fitted, with what is stated as what is known. Improvement is measured on what is held out,
+        or, where nothing is, on assemblies that are left out in turn.
+
+        Parameters
+        ----------
+        causes : sequence of Cause and str, optional
+            Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            Nothing is unknown, nothing is measured, or measurements have no standard deviations. It is a ValueError.
+        """
+        from receptance.campaign.diagnosis import diagnose_campaign
+
+        return diagnose_campaign(self, causes=causes, threads=threads, progress=progress)
 
     def __repr__(self) -> str:
         counts = [

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
 
-__all__ = ["CampaignIdentification", "identify_campaign", "tolerances_of_measurements"]
+__all__ = ["CampaignIdentification", "identify_campaign", "observed_unknowns", "tolerances_of_measurements"]
 
 _DISAGREE = 1.3
 """Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
@@ -184,7 +184,7 @@ def identify_campaign(
     if not seen:
         text = 'there is nothing to identify from, expected a measurement with the role "identify"'
         raise CampaignError.about(campaign.file, text)
-    unknowns, left_out = _observed_unknowns(campaign)
+    unknowns, left_out = observed_unknowns(campaign, seen)
     settings = campaign.table.settings
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
@@ -254,9 +254,9 @@ def _on_damping(fit: Identification) -> list[str]:
     ]
 
 
-def _observed_unknowns(campaign: Campaign) -> tuple[list[Unknown], list[str]]:
+def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
     """Return the unknowns that some fitted measurement's assembly has, and what to say of the others."""
-    assemblies = [measured.observation.assembly for measured in campaign.to_identify.values()]
+    assemblies = [measured.observation.assembly for measured in seen.values()]
     kept, notes = [], []
     for unknown in campaign.unknowns:
         if any(covered(unknown.address, assembly) for assembly in assemblies):

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from receptance.cli.campaigns import example, identify, predict, schema, transfer
+from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
 from receptance.cli.steps import invert, next_step
@@ -26,7 +26,7 @@ app = typer.Typer(
 )
 app.command()(demo)
 app.add_typer(studies, name="study")
-for command in (example, identify, predict, transfer, convert, schema):
+for command in (example, identify, predict, transfer, diagnose, convert, schema):
     app.command()(command)
 app.command()(invert)
 app.command("next")(next_step)

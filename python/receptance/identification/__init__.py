@@ -9,7 +9,7 @@ from receptance.identification.floor import Floor
 from receptance.identification.held import Held, hold
 from receptance.identification.inverse_coupling import InverseCoupling
 from receptance.identification.inversion import invert_coupling
-from receptance.identification.laws import Law, Power, Tolerance
+from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.prediction import PredictedReceptance
@@ -30,6 +30,7 @@ __all__ = [
     "Law",
     "MeasuredFRF",
     "MeasuredFrequencies",
+    "Move",
     "NextMeasurement",
     "Power",
     "PredictedReceptance",

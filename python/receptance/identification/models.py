@@ -14,6 +14,7 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance._ties import tie
+from receptance.identification.factors import FACTORS
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.identification.problem import Normal, Problem, split_normal
 from receptance.identification.reduced import ENDED
@@ -87,6 +88,9 @@ class Models:
                 points: tuple[Coordinate, ...] = ()
             else:
                 points = (observation.response, observation.excitation)
+            # What stands between structure and record, and multiples of one unknown, are Python's.
+            if not set(FACTORS).isdisjoint(placed.addresses) or np.any(placed.scale[placed.base >= 0] != 1.0):
+                return None
             tied = tie(observation.assembly, placed.addresses, points)
             if tied is None or not isinstance(inner, (FRFResidual, FrequencyResidual)):
                 return None

@@ -1,0 +1,393 @@
+"""Which causes, alone or together, explain the data: every one refitted, then more added one at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from receptance.diagnosis.adequacy import GATE, Adequacy, judge
+from receptance.diagnosis.causes import Cause, UndecidableError, Variant
+from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.screening import Direction, chance, directions
+from receptance.errors import ReceptanceError
+from receptance.identification.laws import Move
+from receptance.identification.observations import MeasuredFRF
+
+__all__ = ["Explanation", "Selection", "select"]
+
+MARGIN = 10.0
+"""What is within this much of the best evidence is reported with it."""
+_WAYS = 3
+"""Variants of one cause that are fitted, the most promising ones first."""
+_ANOTHER = 20.0
+"""One more cause has to add this much evidence: weak ones come in pairs where something unknown is at work."""
+_ROOTS = 3
+"""Explanations to which more causes are added."""
+_MORE = 6
+"""Causes that are tried in addition to each of them."""
+_FRESH_FROM = 0.3
+"""Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
+_LARGE = 3.0
+"""Large sizes from which fits begin are so many times the typical one."""
+_SETTLED = 1e-9
+_LEAST = 4
+"""So many explanations are fitted on all lines in any case."""
+_IDLE = 20.0
+"""A cause that gains less on few lines, and nothing to first order on all, is not fitted on all of them."""
+_FAR = 60.0
+_FAR_SHARE = 0.3
+"""An explanation whose chi-square on few lines is worse than the best by more is only evaluated on all lines."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Causes that act together, and the fit that has them.
+
+    Attributes
+    ----------
+    steps : tuple of (Cause, str)
+        The causes in the order of adding, each with the name of its variant.
+    fit : Fit
+        The extended model at its best point.
+    evidence : float
+        Decrease of chi-square against the base, less the penalty for its unknowns: twice the logarithm of odds, nearly.
+    """
+
+    steps: tuple[tuple[Cause, str], ...]
+    fit: Fit
+    gain: float
+    evidence: float
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Ids of the causes."""
+        return frozenset(cause.id for cause, _ in self.steps)
+
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """What it leaves."""
+        return judge(self.fit)
+
+    def sizes(self, cause: Cause) -> dict[str, float]:
+        """Return the values of a cause's parameters by the names of its unknowns."""
+        return {name: value for name, value in self.fit.values.items() if name.split(" ")[0].split(".")[0] == cause.id}
+
+    @property
+    def implausible(self) -> tuple[str, ...]:
+        """Names of sizes that nobody would believe."""
+        return tuple(
+            name
+            for cause, _ in self.steps
+            for name, value in self.sizes(cause).items()
+            if not cause.parameter_of(name).believable(value)
+        )
+
+
+@dataclass(eq=False)
+class Selection:
+    """All that was fitted.
+
+    Attributes
+    ----------
+    base : Fit
+        The model as it was given.
+    singles, several : list of Explanation
+        Each cause alone, and causes together, the best evidence first.
+    found : list of Direction
+        What the causes promised at the base.
+    threshold : float
+        Evidence that the best cause reaches by chance in one of a hundred diagnoses of an adequate model.
+    undecidable : dict of str to str
+        Causes that the data cannot speak about, and why.
+    """
+
+    base: Fit
+    penalty: float
+    threshold: float
+    found: list[Direction]
+    undecidable: dict[str, str]
+    singles: list[Explanation] = field(default_factory=list)
+    several: list[Explanation] = field(default_factory=list)
+
+    @property
+    def explanations(self) -> list[Explanation]:
+        """All explanations, the best evidence first."""
+        return sorted([*self.singles, *self.several], key=lambda one: -one.evidence)
+
+
+def select(
+    model: Model,
+    causes: Sequence[Cause],
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    most: int = 2,
+    base: Fit | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Selection:
+    """Return what each cause, and causes together, make of the data.
+
+    Parameters
+    ----------
+    model : Model
+        Observations, unknowns and tolerances.
+    causes : sequence of Cause
+        Those to try.
+    seed : int
+        Of everything random.
+    threads : int, optional
+        As in `Assembly.receptance`; it changes no result.
+    most : int
+        How many causes may act together.
+    base : Fit, optional
+        The base where it is known.
+    progress : callable, optional
+        Is told what is being done.
+    """
+    say = progress or (lambda text: None)
+    say("base model")
+    base = base or fit_base(model, seed=seed, threads=threads)
+    variants, undecidable = _variants(base.model, causes, base)
+    found = directions(base, variants)
+    penalty = math.log(max(base.independent, 2.0))
+    selection = Selection(base, penalty, chance(found, penalty, seed=seed), found, undecidable)
+    selection.singles = _fitted(selection, (), base, _chosen(found), seed, threads, say)
+    selection = _rebased(selection, threads)
+    roots = selection.singles
+    for _ in range(1, most):
+        roots = _added(selection, roots, causes, seed, threads, say)
+        if not roots:
+            break
+        selection.several += roots
+    if not any(one.adequacy.passed for one in selection.explanations):
+        _begun_anew(selection, seed, threads, say)
+    _pruned(selection, threads)
+    return selection
+
+
+def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
+    """Fit the best causes from far, each alone: a base that is far off may have led all their starts astray."""
+    if selection.base.misfit <= GATE:
+        return
+    for one in selection.singles[:_ROOTS]:
+        say(f"{one.steps[-1][0].id}, anew")
+        try:
+            fit = fit_base(one.fit.model, seed=seed, threads=threads)
+        except (ReceptanceError, ValueError):
+            continue
+        selection.singles.append(_explanation(selection, (), one.steps[-1], fit))
+    selection.singles = _best_each(selection.singles)
+
+
+def _pruned(selection: Selection, threads: int | None) -> None:
+    """Take each cause out of the best explanation again, and keep what does as well without it.
+
+    A cause that fails alone, because the base led its fit astray, may have needed company only on the way.
+    """
+    best = selection.explanations[0] if selection.explanations else None
+    if best is None or len(best.steps) < 2 or not best.adequacy.passed:
+        return
+    for left in best.steps:
+        model = selection.base.model
+        steps = tuple(step for step in best.steps if step is not left)
+        try:
+            for cause, name in steps:
+                model = next(v.model for v in cause.variants(model) if v.name == name)
+            fit = refit(model, best.fit.values, threads=threads)
+        except (ReceptanceError, UndecidableError, StopIteration):
+            continue
+        own = _explanation(selection, steps[:-1], steps[-1], fit)
+        target = selection.singles if len(steps) == 1 else selection.several
+        target[:] = _best_each([*target, own])
+
+
+def _rebased(selection: Selection, threads: int | None) -> Selection:
+    """Return the selection with the base fitted from the best explanation too: a base that was stuck convicts none."""
+    if not selection.singles:
+        return selection
+    base, best = selection.base, selection.singles[0]
+    try:
+        again = refit(base.model, best.fit.values, threads=threads)
+    except ReceptanceError:
+        return selection
+    if again.chi_square >= base.chi_square - _SETTLED * base.chi_square:
+        return selection
+    less = base.chi_square - again.chi_square
+    singles = [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in selection.singles]
+    return replace(selection, base=again, singles=singles)
+
+
+def _variants(model: Model, causes: Sequence[Cause], fit: Fit) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
+    found: list[tuple[Cause, Variant]] = []
+    undecidable: dict[str, str] = {}
+    for cause in causes:
+        try:
+            own = cause.variants(model)
+        except UndecidableError as error:
+            undecidable[cause.id] = str(error)
+            continue
+        found += [(cause, variant) for variant in own if not variant.fresh or _far_off(fit)]
+    return found, undecidable
+
+
+def _far_off(fit: Fit) -> bool:
+    """Return whether receptances are off by factors, as only another quantity makes them."""
+    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
+    off = [
+        float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
+        for one, residual in zip(fit.model.observations, parts, strict=False)
+        if isinstance(one, MeasuredFRF)
+    ]
+    return bool(off) and max(off) > _FRESH_FROM
+
+
+def _chosen(found: Sequence[Direction]) -> list[Direction]:
+    """Return the variants that are fitted: the most promising ones of each cause."""
+    by_cause: dict[str, list[Direction]] = {}
+    for one in found:
+        by_cause.setdefault(one.cause.id, []).append(one)
+    chosen = []
+    for own in by_cause.values():
+        ranked = sorted(own, key=lambda one: -one.score)
+        # What has no number of its own promises nothing to first order, and is fitted in any case.
+        chosen += [one for one in ranked if not one.names]
+        chosen += [one for one in ranked if one.names][:_WAYS]
+    return sorted(chosen, key=lambda one: -one.score)
+
+
+def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
+    """Return where fits of a cause begin: at its null, where its direction points, and at larger sizes.
+
+    What has no number of its own changes the joint instead: its stiffnesses begin at several times what they were.
+    """
+    values = fit.values
+    if not direction.names:
+        joints = tuple(f"{name}.k_" for name in fit.model.joints)
+        stiff = [u.name for u in fit.model.unknowns if u.address.startswith(joints) and not isinstance(u, Move)]
+        return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
+    parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
+    null = {name: one.start for name, one in parameters.items()}
+    starts = [null]
+    if direction.step:
+        starts.append({**null, **direction.step})
+    for times in (_LARGE, -_LARGE):
+        large = {
+            name: one.typical
+            if one.secondary
+            else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
+            for name, one in parameters.items()
+        }
+        starts.append(large)
+    different = [one for i, one in enumerate(starts) if one not in starts[:i]]
+    return [{**values, **one} for one in different]
+
+
+def _fitted(
+    selection: Selection,
+    steps: tuple[tuple[Cause, str], ...],
+    root: Fit,
+    chosen: Sequence[Direction],
+    seed: int,
+    threads: int | None,
+    say: Callable[[str], None],
+) -> list[Explanation]:
+    """Return the explanations that add one cause each, the best variant of each, the best evidence first.
+
+    All are explored on few lines. Those that come anywhere near the best one there are fitted on all lines; what is far
+    off is only evaluated on them.
+    """
+    explored: list[tuple[Direction, Explored]] = []
+    found: list[Explanation] = []
+    for direction in chosen:
+        say(f"{' + '.join([cause.id for cause, _ in steps] + [direction.cause.id])}, {direction.variant.name}")
+        if direction.variant.fresh:
+            try:
+                fit = fit_base(direction.variant.model, seed=seed, threads=threads)
+            except ReceptanceError:
+                continue
+            found.append(_explanation(selection, steps, direction.step_name, fit))
+            continue
+        there = explore(direction.variant.model, _starts(direction, root), threads=threads)
+        if there.ends:
+            explored.append((direction, there))
+    explored.sort(key=lambda pair: pair[1].chi_square)
+    without = on_few_lines(root, threads)
+    best = min(explored[0][1].chi_square, without) if explored else without
+    far = best + _FAR + _FAR_SHARE * (without - best)
+    for number, (direction, there) in enumerate(explored):
+        try:
+            if number >= _LEAST and _idle(selection, direction, there, without):
+                fit = starting_at(root, direction.variant.model)
+                found.append(_explanation(selection, steps, direction.step_name, fit, direction.score))
+                continue
+            near = number < _LEAST or there.chi_square <= far
+            fit = there.finished() if near else there.evaluated()
+        except ReceptanceError:
+            continue
+        found.append(_explanation(selection, steps, direction.step_name, fit))
+    return _best_each(found)
+
+
+def _idle(selection: Selection, direction: Direction, there: Explored, without: float) -> bool:
+    """Return whether a cause is worth nothing, neither to first order on all lines nor from any start on few."""
+    promised = direction.score - selection.penalty * direction.count
+    return promised < 0.0 and without - there.chi_square < _IDLE
+
+
+def _explanation(
+    selection: Selection, steps: tuple[tuple[Cause, str], ...], last: tuple[Cause, str], fit: Fit, more: float = 0.0
+) -> Explanation:
+    base = selection.base
+    own = sum(unknown.prior is None for unknown in fit.model.unknowns)
+    count = max(own - sum(unknown.prior is None for unknown in base.model.unknowns), 1)
+    gain = base.chi_square - fit.chi_square + more
+    return Explanation((*steps, last), fit, gain, gain - selection.penalty * count)
+
+
+def _best_each(found: Sequence[Explanation]) -> list[Explanation]:
+    """Return the best variant of each set of causes, the best evidence first."""
+    best: dict[frozenset[str], Explanation] = {}
+    for one in sorted(found, key=lambda one: -one.evidence):
+        best.setdefault(one.ids, one)
+    return list(best.values())
+
+
+def _added(
+    selection: Selection,
+    roots: Sequence[Explanation],
+    causes: Sequence[Cause],
+    seed: int,
+    threads: int | None,
+    say: Callable[[str], None],
+) -> list[Explanation]:
+    """Return the best explanations with one cause more, where one more is worth anything."""
+    if not roots or roots[0].evidence <= selection.threshold:
+        return []
+    found: list[Explanation] = []
+    best = roots[0]
+    open_ = not best.adequacy.passed
+    for root in roots[:_ROOTS]:
+        # Where the best one leaves nothing to be explained, only its rivals are worth a second look.
+        if root is not best and not open_ and root.evidence < best.evidence - MARGIN:
+            continue
+        others = [cause for cause in causes if cause.id not in root.ids]
+        variants, _ = _variants(root.fit.model, others, root.fit)
+        directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
+        promising = [
+            one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)
+        ]
+        open_ = open_ or bool(promising)
+        ranked = _chosen(promising)
+        own: list[Direction] = []
+        for direction in ranked:
+            if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):
+                own.append(direction)
+        for one in _fitted(selection, root.steps, root.fit, own, seed, threads, say):
+            if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):
+                found.append(one)
+    return _best_each(found)
