@@ -1,0 +1,22 @@
+"""Data from physics of its own: finite elements, hits in time, noise. The library under test does not come in here."""
+
+from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case, every, group_of
+from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
+
+__all__ = [
+    "CATALOGUE",
+    "KINDS",
+    "MEASUREMENT",
+    "OUTSIDE",
+    "Case",
+    "Configuration",
+    "Effect",
+    "Nominal",
+    "Record",
+    "Stated",
+    "Truth",
+    "Where",
+    "draw_case",
+    "every",
+    "group_of",
+]
