@@ -128,7 +128,7 @@ def test_a_spread_joint_tends_to_a_point():
 def test_estimates_scatter_as_they_say(summarise):
     squares = []
     for i in range(12):
-        id = ("time_delay", "sensor_mass", "coarse_resolution", "exponential_window")[i % 4]
+        id = ("time_delay", "sensor_mass", "calibration_gain", "exponential_window")[i % 4]
         case, truth = draw_case(SEED, i, "single", (id,), quick=True)
         for record in case.records:
             e = record.estimate
@@ -146,6 +146,20 @@ def test_estimates_scatter_as_they_say(summarise):
             assert np.median(np.sqrt(e.log_variance)) < 0.02
     summarise("blind laboratory", f"seed {SEED}: squares of estimates {np.mean(squares):.3f}", np.mean(squares))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.05), SEED
+
+
+def test_what_a_record_cuts_off_is_what_is_missing():
+    for i in range(4):
+        case, truth = draw_case(SEED, i, "single", ("coarse_resolution",), u=1.0, quick=True)
+        for record in case.records:
+            e = record.estimate
+            p = truth.numbers[record.configuration, record.level, record.plane]
+            errors = []
+            for one in (p, {**p, "record": 0.0}):
+                exact = rig.recorded(one, e.frequency_hz, e.decay_rate, truth.setups[record.level].pulse)
+                known = e.log_variance * e.correlated_lines + 0.003**2
+                errors.append(float(np.sum((np.abs(np.log(e.receptance / exact)) ** 2 / known)[known < 0.12**2])))
+            assert errors[0] < max(0.2 * errors[1], 3.0 * e.frequency_hz.size), (SEED, i)
 
 
 def test_same_seed_same_case_another_seed_another():
