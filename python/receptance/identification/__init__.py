@@ -3,7 +3,7 @@
 from receptance.identification.bands import find_bands
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
-from receptance.identification.laws import Law, Power, Tolerance
+from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.priors import Prior
 from receptance.identification.result import Identification, Start
@@ -15,6 +15,7 @@ __all__ = [
     "Law",
     "MeasuredFRF",
     "MeasuredFrequencies",
+    "Move",
     "Power",
     "Prior",
     "Start",

@@ -12,7 +12,7 @@ from receptance.identification.unknowns import Unknown, listed
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-__all__ = ["Law", "Power", "Tolerance", "error_of"]
+__all__ = ["Law", "Move", "Power", "Tolerance", "error_of"]
 
 _FARTHEST = 8.0
 """Standard deviations beyond which no error of a tolerance is looked for."""
@@ -141,7 +141,7 @@ class Law(Unknown):
 
     def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
         """Return the unknown for the value at the references."""
-        fields = ("address", "lower", "upper", "start", "scale", "prior")
+        fields = ("address", "lower", "upper", "start", "scale", "prior", "multiple", "also")
         given = {field: getattr(self, field) for field in fields}
         return replace(Unknown(**given), name=name, configurations=configurations)
 
@@ -198,3 +198,67 @@ class Tolerance:
         object.__setattr__(self, "moves", moves)
         object.__setattr__(self, "configurations", listed(owner, self.configurations))
         object.__setattr__(self, "labels", listed(owner, self.labels))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move(Unknown):
+    """An unknown that moves several parameters at once, whatever else they are made of.
+
+    A parameter becomes v exp(n u) where `relative`, else v + n u, with the unknown u and the number n given here; v is
+    what it would be without. So one unknown is a share of all moduli of a tool, lengthens one segment as it
+    shortens the next, or is the exponent of a force level.
+
+    Parameters
+    ----------
+    address, lower, upper, start, prior, configurations, name
+        As in `Unknown`; the address is a name of your choice here. The value itself is fitted.
+    moves : mapping of str to float
+        Address, perhaps with `segment[*]`, and how much of the unknown it gets.
+    relative : bool, optional
+        Whether the unknown is a natural logarithm.
+    of : str, optional
+        Name of a condition, or an address: n is multiplied by log(condition / reference), where the
+        observation has it.
+    reference : float, optional
+        Value of that condition at which nothing changes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As in `Unknown`; nothing that is moved.
+
+    Examples
+    --------
+    >>> from receptance.identification import Move
+    >>> modulus = Move(address="tool E", lower=-0.1, upper=0.1, moves={"tool.segment[*].youngs_modulus": 1.0}, relative=True)
+    >>> modulus.start
+    0.0
+    """
+
+    moves: Mapping[str, float]
+    relative: bool = False
+    of: str = ""
+    reference: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.scale is None:
+            object.__setattr__(self, "scale", "linear")
+        super().__post_init__()
+        owner = f"Move {self.address!r}"
+        moves = {address: _checks.number(owner, f"moves[{address!r}]", n) for address, n in dict(self.moves).items()}
+        if not moves:
+            raise ValueError(f"{owner}: moves is empty, expected an address and a number")
+        if self.scale != "linear":
+            raise ValueError(f"{owner}: scale is {self.scale!r}, expected 'linear'")
+        object.__setattr__(self, "moves", moves)
+        object.__setattr__(self, "reference", _checks.positive(owner, "reference", self.reference))
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Addresses that it changes."""
+        return tuple(self.moves)
+
+    @property
+    def plain(self) -> bool:
+        """It never is one number of an assembly."""
+        return False

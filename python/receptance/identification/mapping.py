@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.identification.laws import Law, Tolerance, error_of
+from receptance.identification.factors import FACTORS
+from receptance.identification.laws import Law, Move, Tolerance, error_of
 from receptance.identification.residuals import InfeasibleError, Pair, Residual, Unit
 from receptance.identification.unknowns import Unknown, covered
 
@@ -34,6 +35,15 @@ class Place:
     configuration: str = ""
     label: str = ""
     conditions: Mapping[str, float] = field(default_factory=dict)
+    factors: tuple[str, ...] = ()
+
+    def covered(self, address: str) -> frozenset[str]:
+        """Return the parameters of the assembly, or of the observation, that an address stands for."""
+        return frozenset((address,)) if address in self.factors else covered(address, self.assembly)
+
+    def value(self, address: str) -> float:
+        """Return the value of a parameter as described; those of an observation are zero."""
+        return 0.0 if address in self.factors else self.assembly.get(address)
 
     def among(self, configurations: tuple[str, ...] | None, labels: tuple[str, ...] | str | None = None) -> bool:
         """Return whether it belongs to these configurations, and has one of these labels."""
@@ -68,6 +78,8 @@ class Placed:
         What moves, `m` of them; each is one parameter, `segment[*]` is spelled out.
     base : ndarray
         `(m,)` which unknown is the value before errors, -1 for none.
+    scale : ndarray
+        `(m,)` by how much that unknown is multiplied.
     fixed : ndarray
         `(m,)` value where it is none.
     exponents, shifts : ndarray
@@ -76,28 +88,30 @@ class Placed:
 
     addresses: tuple[str, ...]
     base: NDArray[np.intp]
+    scale: NDArray[np.float64]
     fixed: NDArray[np.float64]
     exponents: NDArray[np.float64]
     shifts: NDArray[np.float64]
 
     def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values of the addresses in SI units, `(m,)`."""
-        start = np.where(self.base >= 0, unknowns[self.base], self.fixed)
+        start = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
         result: NDArray[np.float64] = start * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
         return result
 
     def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
-        start = np.where(self.base >= 0, unknowns[self.base], self.fixed)
+        start = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
         factor = np.exp(self.exponents @ unknowns)
         result = (start * factor)[:, None] * self.exponents + self.shifts
         own = np.flatnonzero(self.base >= 0)
-        result[own, self.base[own]] += factor[own]
+        result[own, self.base[own]] += factor[own] * self.scale[own]
         return result
 
     def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
         """Return the assembly with the values of its addresses."""
-        return assembly.replace(dict(zip(self.addresses, self.values(unknowns).tolist(), strict=True)))
+        values = dict(zip(self.addresses, self.values(unknowns).tolist(), strict=True))
+        return assembly.replace({address: value for address, value in values.items() if address not in FACTORS})
 
 
 class Parameters:
@@ -151,7 +165,9 @@ class Parameters:
         names = [unknown.name for unknown in self.unknowns]
         if double := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
-        self.plain = not self.tolerances and all(unknown.plain for unknown in self.wanted)
+        self.plain = not self.tolerances and all(
+            unknown.plain and unknown.address not in FACTORS for unknown in self.wanted
+        )
         self._index = {name: i for i, name in enumerate(names)}
         for place in places:
             self.at(place)
@@ -176,6 +192,7 @@ class Parameters:
         """
         index = dict(self._index)
         bases: dict[str, int] = {}
+        scales: dict[str, float] = {}
         exponents: dict[str, dict[int, float]] = {}
         shifts: dict[str, dict[int, float]] = {}
 
@@ -190,7 +207,12 @@ class Parameters:
         for unknown in self.wanted:
             if not place.among(unknown.configurations):
                 continue
-            for address in sorted(covered(unknown.address, place.assembly)):
+            if isinstance(unknown, Move):
+                self._move(unknown, place, exponents if unknown.relative else shifts)
+                continue
+            own_addresses = dict.fromkeys(sorted(place.covered(unknown.address)), unknown.multiple)
+            own_addresses |= {other: n for other, n in unknown.also.items() if place.covered(other)}
+            for address, multiple in own_addresses.items():
                 name = unknown.name
                 if isinstance(unknown, Law):
                     own = exponents.setdefault(address, {})
@@ -207,11 +229,12 @@ class Parameters:
                                 "among those of the fit"
                             )
                 bases[address] = index[name]
+                scales[address] = multiple
         for tolerance in self.tolerances if tolerances is None else tolerances:
             if not place.among(tolerance.configurations, tolerance.labels):
                 continue
             for pattern, deviation in tolerance.moves.items():
-                for address in sorted(covered(pattern, place.assembly)):
+                for address in sorted(place.covered(pattern)):
                     table = exponents if tolerance.relative else shifts
                     row = table.setdefault(address, {})
                     column = error(tolerance.name)
@@ -220,10 +243,22 @@ class Parameters:
         return Placed(
             addresses=addresses,
             base=np.array([bases.get(address, -1) for address in addresses], dtype=np.intp),
-            fixed=np.array([0.0 if a in bases else place.assembly.get(a) for a in addresses]),
+            scale=np.array([scales.get(address, 1.0) for address in addresses]),
+            fixed=np.array([0.0 if a in bases else place.value(a) for a in addresses]),
             exponents=_matrix(exponents, addresses, len(index)),
             shifts=_matrix(shifts, addresses, len(index)),
         )
+
+    def _move(self, unknown: Move, place: Place, table: dict[str, dict[int, float]]) -> None:
+        column, size = self._index[unknown.name], 1.0
+        if unknown.of:
+            if unknown.of not in place.conditions and not covered(unknown.of, place.assembly):
+                return
+            size = math.log(place.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
+        for pattern, coefficient in unknown.moves.items():
+            for address in sorted(place.covered(pattern)):
+                row = table.setdefault(address, {})
+                row[column] = row.get(column, 0.0) + size * coefficient
 
     def _check(self, places: Sequence[Place]) -> None:
         if not self.wanted:
@@ -237,14 +272,14 @@ class Parameters:
         for place in places:
             owner: dict[str, str] = {}
             for unknown in self.wanted:
-                for name in covered(unknown.address, place.assembly) if place.among(unknown.configurations) else ():
+                for name in place.covered(unknown.address) if place.among(unknown.configurations) else ():
                     if name in owner:
                         raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} are both {name!r}")
                     owner[name] = unknown.name
         known = dict.fromkeys(name for place in places for name in place.assembly.parameters)
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
-            (f"Unknown {one.address!r}", (one.address,), one.configurations, None) for one in self.wanted
+            (f"Unknown {one.address!r}", one.reached, one.configurations, None) for one in self.wanted
         ]
         rows += [
             (f"Tolerance {one.name!r}", tuple(one.moves), one.configurations, one.labels) for one in self.tolerances
@@ -267,7 +302,7 @@ class Parameters:
 
 
 def _has(address: str, places: Sequence[Place]) -> bool:
-    return any(covered(address, place.assembly) for place in places)
+    return any(place.covered(address) for place in places)
 
 
 def _matrix(rows: Mapping[str, Mapping[int, float]], addresses: Sequence[str], width: int) -> NDArray[np.float64]:

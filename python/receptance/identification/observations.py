@@ -390,3 +390,10 @@ def _modes(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
     if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):
         raise ValueError(f"{owner}: modes is {modes!r}, expected ascending numbers from 1 on")
     return tuple(int(number) for number in array)
+
+
+def altered(target: _Kind, **fields: Any) -> _Kind:
+    """Return an observation with other fields, which are taken as they are."""
+    changed = copy.copy(target)
+    _set(changed, **fields)
+    return changed

@@ -7,12 +7,13 @@ observation (a compressed residual, many points at once) is another class here a
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
 from receptance.beams import Part
 from receptance.errors import ReceptanceError
+from receptance.identification.factors import DECAY_RATES, DELAY, FACTORS, LOG_GAIN, frequency_weights
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -85,6 +86,52 @@ class _Model:
             raise InfeasibleError(str(error)) from None
 
 
+class _Factors:
+    """What the observation itself does to a receptance: a gain, a delay, a decaying window (see `factors`)."""
+
+    def __init__(self, variables: Addressed, lines: NDArray[Any]) -> None:
+        self.columns = {name: variables.addresses.index(name) for name in FACTORS if name in variables.addresses}
+        self._lines = lines
+        self._angular = 2.0 * np.pi * lines.real
+        self._stated = 2j * np.pi * lines
+        self._decays = {name: column for name, column in self.columns.items() if name in DECAY_RATES}
+
+    def lines(self, values: NDArray[np.float64]) -> NDArray[Any]:
+        """Return the lines on which the structure is evaluated."""
+        if not self._decays:
+            return self._lines
+        rate = sum(values[column] for column in self._decays.values())
+        shifted: NDArray[Any] = self._lines - 1j * rate / (2.0 * np.pi)
+        return shifted
+
+    def weights(self, assembly: Assembly) -> tuple[list[str], NDArray[np.float64]]:
+        """Return the addresses whose derivatives make that with respect to frequency, and their weights."""
+        return frequency_weights(assembly) if self._decays else ([], np.empty(0))
+
+    def factor(self, values: NDArray[np.float64]) -> NDArray[np.complex128] | float:
+        """Return what the receptance is multiplied by."""
+        if not self.columns:
+            return 1.0
+        gain = values[self.columns[LOG_GAIN]] if LOG_GAIN in self.columns else 0.0
+        delay = values[self.columns[DELAY]] if DELAY in self.columns else 0.0
+        result: NDArray[np.complex128] = np.exp(gain - 1j * self._angular * delay)
+        for name, column in self._decays.items():
+            result *= (1.0 + values[column] / self._stated) ** DECAY_RATES[name]
+        return result
+
+    def slope(
+        self, name: str, values: NDArray[np.float64], by_frequency: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """Return the derivative of the logarithm of the receptance; `by_frequency` is that by ln w."""
+        if name in DECAY_RATES:
+            rate = values[self.columns[name]]
+            result: NDArray[np.complex128] = (by_frequency + DECAY_RATES[name]) / (self._stated + rate)
+            return result
+        if name == DELAY:
+            return -1j * self._angular
+        return np.ones(self._angular.size, dtype=np.complex128)
+
+
 class _Place:
     """A coordinate that stays on its step between two segments when a length changes."""
 
@@ -130,6 +177,7 @@ class FRFResidual:
         self._percentage = unit == "percent"
         self._count = len(variables.addresses)
         self._lines = frf.frequency_hz[select]
+        self._factors = _Factors(variables, self._lines)
         self._measured = frf.receptance[select]
         self._inverse = -1.0 / self._measured
         self._weight = None
@@ -146,29 +194,42 @@ class FRFResidual:
         model = self._model
         assembly = model.at(values)
         response, excitation = (place.on(assembly) for place in self._places)
+        factors = self._factors
+        extra, weights = factors.weights(assembly)
+        addresses = [*model.addresses, *extra]
         try:
             h, dh = assembly.derivatives(
-                self._lines, model.addresses, response=response, excitation=excitation, threads=self._threads
+                factors.lines(values), addresses, response=response, excitation=excitation, threads=self._threads
             )
         except (ReceptanceError, ValueError) as error:
             raise InfeasibleError(str(error)) from None
         with np.errstate(all="ignore"):
+            columns = model.columns
+            if factors.columns:
+                own = len(model.addresses)
+                by_frequency = dh[:, own:] @ weights / h
+                added = np.column_stack([h * factors.slope(name, values, by_frequency) for name in factors.columns])
+                factor = np.asarray(factors.factor(values))
+                dh = np.hstack([dh[:, :own], added]) * factor[:, None]
+                h = h * factor
+                columns = [*columns, *factors.columns.values()]
             # Of the logarithm's derivative dH/H, times -1: the measured receptance is divided by once and for all.
             ratio = self._measured / h
             relative = dh * (ratio * self._inverse)[:, None]
             if self._percentage:
-                return self._percent(ratio, relative, slopes)
-            return self._logarithm(ratio, relative, slopes)
+                return self._percent(ratio, relative, slopes, columns)
+            return self._logarithm(ratio, relative, slopes, columns)
 
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals alone; see `Residual`."""
         assembly = self._model.at(values)
         response, excitation = (place.on(assembly) for place in self._places)
         try:
-            h = assembly.receptance(self._lines, response=response, excitation=excitation, threads=self._threads)
+            lines = self._factors.lines(values)
+            h = assembly.receptance(lines, response=response, excitation=excitation, threads=self._threads)
         except (ReceptanceError, ValueError) as error:
             raise InfeasibleError(str(error)) from None
-        ratio = self._measured / h
+        ratio = self._measured / (h * self._factors.factor(values))
         if self._percentage:
             return 100.0 / np.abs(ratio) - 100.0
         residual = np.stack([np.log(np.abs(ratio)), np.angle(ratio)])
@@ -177,14 +238,17 @@ class FRFResidual:
         return residual.reshape(-1)
 
     def _logarithm(
-        self, ratio: NDArray[np.complex128], relative: NDArray[np.complex128], slopes: NDArray[np.float64]
+        self,
+        ratio: NDArray[np.complex128],
+        relative: NDArray[np.complex128],
+        slopes: NDArray[np.float64],
+        columns: list[int],
     ) -> Pair:
         n = ratio.size
         residual = np.empty((2, n))
         np.log(np.abs(ratio), out=residual[0])
         residual[1] = np.angle(ratio)
         jacobian = np.zeros((2, n, self._count))
-        columns = self._model.columns
         jacobian[0][:, columns] = relative.real * slopes[columns]
         jacobian[1][:, columns] = relative.imag * slopes[columns]
         if self._weight is not None:
@@ -193,11 +257,14 @@ class FRFResidual:
         return residual.reshape(2 * n), jacobian.reshape(2 * n, self._count)
 
     def _percent(
-        self, ratio: NDArray[np.complex128], relative: NDArray[np.complex128], slopes: NDArray[np.float64]
+        self,
+        ratio: NDArray[np.complex128],
+        relative: NDArray[np.complex128],
+        slopes: NDArray[np.float64],
+        columns: list[int],
     ) -> Pair:
         share = 100.0 / np.abs(ratio)
         jacobian = np.zeros((ratio.size, self._count))
-        columns = self._model.columns
         jacobian[:, columns] = -share[:, None] * relative.real * slopes[columns]
         return share - 100.0, jacobian
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from receptance.errors import ReceptanceError
 from receptance.identification.bands import find_bands, within
+from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
 from receptance.identification.mapping import Addresses, MappedResidual, Parameters, Place, Placed
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
@@ -29,7 +30,8 @@ Observation = MeasuredFRF | MeasuredFrequencies
 def place_of(observation: Observation, index: int) -> Place:
     """Return what an observation is of; without a name it is a configuration of its own."""
     name = observation.configuration or f"observation {index}"
-    return Place(observation.assembly, name, observation.label, observation.conditions)
+    factors = FACTORS if isinstance(observation, MeasuredFRF) else ()
+    return Place(observation.assembly, name, observation.label, observation.conditions, factors)
 
 
 @dataclass(frozen=True, eq=False)

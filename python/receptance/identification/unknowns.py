@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -45,6 +45,10 @@ class Unknown:
         Only observations of these configurations (or with these labels) have it; by default all.
     name : str, optional
         What the result calls it; by default its address, and the configurations where these are given.
+    multiple : float, optional
+        The parameter at the address is so many times its value.
+    also : mapping of str to float, optional
+        Other addresses, and how many times its value these are.
 
     Raises
     ------
@@ -67,6 +71,8 @@ class Unknown:
     prior: Prior | None = None
     configurations: tuple[str, ...] | None = None
     name: str = ""
+    multiple: float = 1.0
+    also: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.address, str):
@@ -105,9 +111,19 @@ class Unknown:
             object.__setattr__(self, name, value)
 
     @property
+    def tied(self) -> bool:
+        """Whether it is more than the parameter at its address."""
+        return bool(self.also) or self.multiple != 1.0
+
+    @property
+    def reached(self) -> tuple[str, ...]:
+        """Addresses that it changes."""
+        return (self.address, *self.also)
+
+    @property
     def plain(self) -> bool:
         """Whether it is one number for all observations, and called by its address."""
-        return self.configurations is None and self.prior is None and self.name == self.address
+        return self.configurations is None and self.prior is None and self.name == self.address and not self.tied
 
 
 def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:

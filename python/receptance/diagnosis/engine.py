@@ -1,0 +1,235 @@
+"""The diagnosis: base fit, adequacy, every cause refitted, causes added, the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from receptance import _checks
+from receptance.diagnosis.adequacy import judge
+from receptance.diagnosis.catalogue import listed
+from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.screening import Direction, look_alike
+from receptance.diagnosis.selection import Explanation, Selection, select
+from receptance.diagnosis.verdict import Candidate, Verdict
+from receptance.identification.laws import Tolerance
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.result import Identification
+from receptance.identification.task import Observation
+from receptance.identification.unknowns import Unknown
+
+__all__ = ["diagnose"]
+
+_ALIKE = 0.9
+"""Cosine from which two causes are said to look alike."""
+
+
+def diagnose(
+    observations: Observation | Sequence[Observation],
+    unknowns: Unknown | Sequence[Unknown],
+    *,
+    tolerances: Tolerance | Sequence[Tolerance] = (),
+    causes: Iterable[Cause | str] | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    held_out: bool = False,
+    most: int = 2,
+    progress: Callable[[str], None] | None = None,
+) -> Verdict:
+    """Say whether a model is adequate for what was measured, and which cause explains it if not.
+
+    Parameters
+    ----------
+    observations : sequence of MeasuredFRF and MeasuredFrequencies
+        What was measured, with standard deviations; several configurations, and force levels as the condition "force".
+    unknowns : sequence of Unknown and Law
+        What the base model identifies: the joint.
+    tolerances : sequence of Tolerance
+        Errors of dimensions, materials and clampings, as in `identify`. Without them ordinary tolerances are taken for
+        effects.
+    causes : sequence of Cause and str, optional
+        Causes or their ids; by default the `CATALOGUE`.
+    seed : int, optional
+        Of everything random.
+    threads : int, optional
+        As in `Assembly.receptance`; it changes no result.
+    held_out : bool, optional
+        Whether improvement is measured on configurations that were left out one by one, with the whole selection
+        repeated without them.
+    most : int, optional
+        How many causes may act together.
+    progress : callable, optional
+        Is told what is being done.
+
+    Returns
+    -------
+    Verdict
+        The answer, the reported causes with sizes and evidence, fitted models, advice.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `identify`; observations without standard deviations; unknown causes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+    >>> from receptance.diagnosis import diagnose
+    >>> lines = np.linspace(200.0, 6000.0, 400)
+    >>> def assembled(overhang, *masses):
+    ...     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    ...     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    ...     joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+    ...     return Assembly([tool, joint, holder], masses)
+    >>> rng = np.random.default_rng(1)
+    >>> observations = [
+    ...     MeasuredFRF(
+    ...         assembly=assembled(overhang),
+    ...         frequency_hz=lines,
+    ...         receptance=assembled(overhang, PointMass(mass=1e-3)).receptance(lines)
+    ...         * np.exp(0.01 * (rng.normal(size=400) + 1j * rng.normal(size=400))),
+    ...         standard_deviation=0.01,
+    ...         label=f"{overhang}",
+    ...     )
+    ...     for overhang in (0.05, 0.07, 0.09)
+    ... ]
+    >>> joint = [
+    ...     Unknown(address="joint.k_y", lower=1e6, upper=1e11),
+    ...     Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
+    ...     Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
+    ...     Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
+    ... ]
+    >>> diagnose(observations, joint, causes=["sensor_mass", "calibration_gain", "tool_modulus"], most=1)
+    Verdict(named: sensor_mass; misfit 45.79)
+    """
+    wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
+    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    observed = _observed(observations)
+    if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
+        raise ValueError(f"most is {most!r}, expected a whole number of at least 1")
+    _checks.thread_count(threads)
+    model = Model(observed, wanted, errors)
+    selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
+    verdict = _verdict(selection, seed, most)
+    return verdict
+
+
+def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
+    found = (observations,) if isinstance(observations, Observation) else tuple(observations)
+    if not found:
+        raise ValueError("observations is empty, expected at least one MeasuredFRF or MeasuredFrequencies")
+    for index, one in enumerate(found):
+        if not isinstance(one, Observation):
+            raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
+        spread = one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz
+        if spread is None:
+            raise ValueError(
+                f"{one!r} has no standard deviation: without knowing how far noise can go, nothing can be said of what is "
+                "left"
+            )
+    return found
+
+
+def _verdict(selection: Selection, seed: int, most: int) -> Verdict:
+    judgement = conclude(selection)
+    notes = [*judgement.notes, *_on_data(selection)]
+    fitted: dict[Explanation, Identification] = {}
+
+    def identified(one: Explanation) -> Identification:
+        if one not in fitted:
+            fitted[one] = one.fit.identification(seed)
+        return fitted[one]
+
+    best = judgement.reported[0] if judgement.reported else None
+    reported: dict[str, Candidate] = {}
+    for one in judgement.reported:
+        for cause, variant in one.steps:
+            reported.setdefault(cause.id, _candidate(selection, one, cause, variant, identified(one)))
+    candidates = [
+        _candidate(selection, one, *one.steps[0], identified(one)) for one in selection.singles
+    ]
+    return Verdict(
+        verdict=judgement.answer,
+        causes=tuple(reported.values()),
+        candidates=tuple(candidates),
+        ambiguous_between=judgement.between,
+        adequacy=judge(selection.base),
+        adequacy_after=None if best is None else best.adequacy,
+        threshold=selection.threshold,
+        base=selection.base.identification(seed),
+        extended=None if best is None else identified(best),
+        gain=None,
+        next_measurement=None,
+        undecidable=selection.undecidable,
+        notes=tuple(notes),
+        settings=_settings(selection, seed, most),
+        selection=selection,
+        explanation=best,
+    )
+
+
+def _candidate(
+    selection: Selection, one: Explanation, cause: Cause, variant: str, found: Identification
+) -> Candidate:
+    own = one.sizes(cause)
+    return Candidate(
+        id=cause.id,
+        group=cause.group,
+        variant=variant,
+        parameters={name: (value, *found.interval(name)) for name, value in own.items()},
+        gain=one.gain,
+        evidence=one.evidence,
+        misfit=one.adequacy.misfit,
+        plausible=not set(one.implausible) & set(own),
+        converged=one.fit.converged,
+        together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
+        look_alikes=_look_alikes(selection.found, cause.id, variant),
+        meaning=cause.meaning,
+        remedy=cause.remedy,
+    )
+
+
+def _look_alikes(found: Sequence[Direction], name: str, variant: str) -> dict[str, float]:
+    own = next((one for one in found if one.cause.id == name and one.variant.name == variant), None)
+    if own is None:
+        return {}
+    cosines: dict[str, float] = {}
+    for other in found:
+        if other.cause.id != name and other.slopes.shape[1] <= own.slopes.shape[1]:
+            cosines[other.cause.id] = max(cosines.get(other.cause.id, 0.0), look_alike(own, other))
+    kept = sorted(cosines.items(), key=lambda pair: -pair[1])
+    return {other: round(cosine, 4) for other, cosine in kept if cosine >= _ALIKE}
+
+
+def _on_data(selection: Selection) -> list[str]:
+    model = selection.base.model
+    notes = []
+    if not model.tolerances:
+        notes.append("there are no tolerances: an ordinary deviation of a dimension or a material can look like a cause")
+    if len(model.configurations) == 1:
+        notes.append("there is one configuration: measure another overhang to tell the joint from the parts")
+    if not any(isinstance(one, MeasuredFrequencies) for one in model.observations):
+        return notes
+    if all(isinstance(one, MeasuredFrequencies) for one in model.observations):
+        notes.append("there are natural frequencies alone: they say nothing of damping, gain, delay and hits")
+    return notes
+
+
+def _settings(selection: Selection, seed: int, most: int) -> dict[str, Any]:
+    import platform
+    from importlib.metadata import version
+
+    return {
+        "seed": seed,
+        "most": most,
+        "causes": sorted({one.cause.id for one in selection.found} | set(selection.undecidable)),
+        "versions": {
+            **{name: version(name) for name in ("receptance", "numpy", "scipy")},
+            "python": platform.python_version(),
+        },
+    }

@@ -1,0 +1,236 @@
+"""Fits of the base model and of its extensions: one least-squares problem each, with tolerances, from several starts.
+
+Nothing here knows what a cause is. A fit gets a model and where to start; it explores on the lines that tell most and
+ends on all of them, so that thinning loses nothing of the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.diagnosis.model import Model
+from receptance.errors import ReceptanceError
+from receptance.identification.conclusion import conclude
+from receptance.identification.fit import identify
+from receptance.identification.minimise import minimise
+from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.result import Identification, Start
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.identification.problem import Problem
+    from receptance.identification.task import Observation, Task
+
+__all__ = ["Explored", "Fit", "explore", "fit_base", "refit", "starting_at", "thinned"]
+
+EXPLORING = 240
+"""Lines of each receptance while starts are compared."""
+_CLOSE = 1e-3
+"""A fit has converged where the next step promises less than this of chi-square."""
+_AS_GOOD = 4.0
+"""Ends on few lines whose chi-square differs by less may change places on all of them."""
+_MOST = 100
+_EXPLORING_MOST = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model at its best point.
+
+    Attributes
+    ----------
+    model : Model
+        What was fitted.
+    task : Task
+        The same as a task of the identification.
+    problem : Problem
+        Its residuals on all lines.
+    x : ndarray
+        The fitted variables.
+    chi_square : float
+        Sum of the squared residuals, priors included.
+    converged : bool
+        Whether the end is one, and no other start that ended better was left unfinished.
+    """
+
+    model: Model
+    task: Task
+    problem: Problem
+    x: NDArray[np.float64]
+    chi_square: float
+    converged: bool
+    evaluations: int = 0
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Values in SI units by name."""
+        return self.problem.named(self.x)
+
+    @cached_property
+    def residual(self) -> NDArray[np.float64]:
+        """All residuals, priors last."""
+        return self.problem.residual(self.x).copy()
+
+    @cached_property
+    def jacobian(self) -> NDArray[np.float64]:
+        """Their derivatives with respect to the fitted variables."""
+        return self.problem.jacobian(self.x).copy()
+
+    @cached_property
+    def independent(self) -> float:
+        """Effective number of independent observed numbers."""
+        return sum(
+            2.0 * one.independent_lines if isinstance(one, MeasuredFRF) else float(one.frequency_hz.size)
+            for one in self.model.observations
+        )
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom: a prior counts as an observed number, so errors of tolerances cost none."""
+        free = sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
+        return max(self.independent - free, 1.0)
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square as a multiple of what noise and floor explain."""
+        return self.chi_square / self.freedom
+
+    def identification(self, seed: int = 0, notes: Sequence[str] = ()) -> Identification:
+        """Return it as the result of `identify`."""
+        start = Start(
+            start=self.values,
+            values=self.values,
+            variables=self.x,
+            cost=0.5 * self.chi_square,
+            evaluations=self.evaluations,
+            converged=self.converged,
+            message="no step promises anything more" if self.converged else "the evaluations were used up",
+        )
+        return conclude(self.task, self.problem, self.problem, [start], loss=None, seed=seed, notes=list(notes))
+
+
+def thinned(model: Model, lines: int = EXPLORING) -> Model:
+    """Return the model with the lines of each receptance that tell most: close where the logarithm changes fast."""
+
+    def fewer(one: Observation) -> Observation:
+        if not isinstance(one, MeasuredFRF) or one.frequency_hz.size <= lines or one.standard_deviation is None:
+            return one
+        path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
+        path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
+        total = np.concatenate([[0.0], np.cumsum(path)])
+        chosen = np.unique(np.searchsorted(total, np.linspace(0.0, total[-1], lines)).clip(0, total.size - 1))
+        return altered(
+            one,
+            frequency_hz=one.frequency_hz[chosen],
+            receptance=one.receptance[chosen],
+            standard_deviation=one.standard_deviation[chosen],
+        )
+
+    return model.map(fewer)
+
+
+def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
+    """Return the base model fitted from far: in stages on few lines, tolerances and all, then on all lines."""
+    few = thinned(model)
+    if all(isinstance(one, MeasuredFRF) for one in model.observations):
+        found = identify(
+            few.observations,
+            few.unknowns,
+            tolerances=few.tolerances,
+            strategy="staged",
+            starts=1,
+            seed=seed,
+            threads=threads,
+        )
+    else:
+        found = identify(
+            few.observations, few.unknowns, tolerances=few.tolerances, starts=8, seed=seed, threads=threads
+        )
+    return _finish(model, found.values, threads, found.evaluations)
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """Where the starts of a model ended on few lines, the best end first."""
+
+    model: Model
+    ends: tuple[tuple[float, dict[str, float]], ...]
+    evaluations: int
+    threads: int | None
+
+    @property
+    def chi_square(self) -> float:
+        """Best sum of squares on the few lines."""
+        return self.ends[0][0] if self.ends else np.inf
+
+    def finished(self) -> Fit:
+        """Return the fit on all lines, from the best end, and from another one that is nearly as good."""
+        near = [values for cost, values in self.ends if cost < self.chi_square + _AS_GOOD][:2]
+        done = [_finish(self.model, values, self.threads, self.evaluations) for values in near]
+        return min(done, key=lambda fit: fit.chi_square)
+
+    def evaluated(self) -> Fit:
+        """Return the model at the best end on few lines, for what is too far off to be worth more."""
+        task = self.model.task(self.threads)
+        problem = task.problem()
+        x = _vector(task, self.ends[0][1])
+        residual = problem.residual(x)
+        return Fit(self.model, task, problem, x, float(residual @ residual), False, self.evaluations)
+
+
+def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int | None = None) -> Explored:
+    """Return where starts lead on few lines: names and values; what they do not name is as given."""
+    task = thinned(model).task(threads)
+    problem = task.problem()
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for values in starts:
+        end = minimise(problem, _vector(task, values), most=_EXPLORING_MOST, least=_CLOSE)
+        if np.isfinite(end.cost):
+            found.append((2.0 * end.cost, end.x))
+    found.sort(key=lambda pair: pair[0])
+    different: list[tuple[float, NDArray[np.float64]]] = []
+    for cost, x in found:
+        if all(_elsewhere(x, other, task) for _, other in different):
+            different.append((cost, x))
+    ends = tuple((cost, problem.named(x)) for cost, x in different)
+    return Explored(model, ends, problem.evaluations, threads)
+
+
+def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:
+    """Return a model fitted on all lines from one start."""
+    return _finish(model, start, threads, 0)
+
+
+def _elsewhere(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:
+    low, high = task.variables.limits
+    return bool(np.max(np.abs(x - other) / (high - low)) > 1e-2)
+
+
+def _finish(model: Model, values: Mapping[str, float], threads: int | None, before: int) -> Fit:
+    task = model.task(threads)
+    problem = task.problem()
+    end = minimise(problem, _vector(task, values), most=_MOST, least=_CLOSE)
+    if not np.isfinite(end.cost):
+        raise ReceptanceError(f"the model has no value at its best point: {problem.reason}")
+    return Fit(model, task, problem, end.x, 2.0 * end.cost, end.converged, before + end.evaluations)
+
+
+def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:
+    unknowns = task.variables.unknowns
+    chosen = [min(max(values.get(u.name, u.start), u.lower), u.upper) for u in unknowns]
+    return task.variables.from_values(np.array(chosen, dtype=np.float64))
+
+
+def starting_at(fit: Fit, model: Model) -> Fit:
+    """Return a model at the point of a fit of a smaller one, not fitted."""
+    task = model.task(fit.task.threads)
+    problem = task.problem()
+    x = _vector(task, fit.values)
+    residual = problem.residual(x)
+    return replace(fit, model=model, task=task, problem=problem, x=x, chi_square=float(residual @ residual))

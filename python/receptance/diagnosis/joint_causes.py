@@ -1,0 +1,381 @@
+"""Causes that lie in the joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+from receptance.assembly import Assembly
+from receptance.beams import Part, Section, Segment
+from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.model import Anatomy, Model, renamed
+from receptance.identification.laws import Move, Tolerance
+from receptance.identification.unknowns import covered
+from receptance.joints import PointJoint, PointMass
+from receptance.materials import Material
+from receptance.spread import SpreadJoint
+
+__all__ = ["JOINT_CAUSES"]
+
+_SHORTEST = 1e-4
+"""A spread joint this short is a point joint."""
+_VARIED = 1.05
+"""A condition has been varied where its largest value is this many times its smallest."""
+_STUB = 1e-4
+"""Length in m of the body that stands for a collet between two springs."""
+_LIGHT = Material(youngs_modulus=1e13, density=1e2, poisson_ratio=0.3, name="stands for a collet")
+_STIFFNESSES = ("k_y", "k_theta")
+_DAMPINGS = ("c_y", "c_theta")
+
+
+def _point_joints(model: Model) -> tuple[str, ...]:
+    joints = tuple(
+        name
+        for name in model.joints
+        if all(
+            isinstance(one.assembly.elements[name], PointJoint)
+            for one in model.observations
+            if name in one.assembly.elements
+        )
+    )
+    if not joints:
+        raise UndecidableError("the model has no point joint between tool and holder")
+    return joints
+
+
+def _own(joints: tuple[str, ...], name: str) -> str:
+    return name if len(joints) > 1 else ""
+
+
+def _cross(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    joints = _point_joints(model)
+    if any(model.has(f"{name}.k_ytheta") for name in joints):
+        raise UndecidableError("the coupling term is an unknown of the model already")
+    stiff = model.plus(*(p["k_ytheta"].unknown(f"{name}.k_ytheta", part=_own(joints, name)) for name in joints))
+    yield Variant("stiffness", stiff)
+    damped = [name for name in joints if all(model.has(f"{name}.{c}") for c in _DAMPINGS)]
+    if damped:
+        both = (p["c_ytheta"].unknown(f"{name}.c_ytheta", part=_own(joints, name)) for name in damped)
+        yield Variant("stiffness and damping", stiff.plus(*both))
+
+
+def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+    _needs_receptances(model)
+    if any(model.has(f"{name}.loss_factor") for name in model.joints):
+        raise UndecidableError("the loss factor is an unknown of the model already")
+    joints = model.joints
+    yield Variant(
+        "all stiffnesses",
+        model.plus(*(p["loss_factor"].unknown(f"{name}.loss_factor", part=_own(joints, name)) for name in joints)),
+    )
+
+
+def _needs_receptances(model: Model) -> None:
+    if not any(hasattr(one, "receptance") for one in model.observations):
+        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs")
+
+
+def _values(model: Model, condition: str) -> list[float]:
+    found = []
+    for one in model.observations:
+        if condition in one.conditions:
+            found.append(float(one.conditions[condition]))
+        elif covered(condition, one.assembly):
+            found.append(one.assembly.get(condition))
+    return found
+
+
+def _varied(values: list[float]) -> bool:
+    return bool(values) and min(values) > 0.0 and max(values) > _VARIED * min(values)
+
+
+def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Iterator[Variant]:
+    """Yield powers of a condition for the joint's stiffnesses: one, both, both and their dampings."""
+    values = _values(model, of)
+    reference = math.exp(sum(math.log(value) for value in values) / len(values))
+
+    def law(*fields: str) -> Model:
+        # What a fit of the base has taken as fixed, and zero, no power can change.
+        moved = [field for field in fields if any(_there(model, f"{name}.{field}") for name in model.joints)]
+        moves = [
+            p[field].move(dict.fromkeys(model.joint_addresses(field), 1.0), relative=True, of=of, reference=reference)
+            for field in moved
+        ]
+        return model.plus(*moves)
+
+    def shared(fields: tuple[str, ...], losing: bool) -> Model:
+        moves = {address: 1.0 for field in fields for address in model.joint_addresses(f"k_{field}")}
+        if losing:
+            moves |= {address: -1.0 for field in fields for address in model.joint_addresses(f"c_{field}")}
+        return model.plus(p["exponent"].move(moves, relative=True, of=of, reference=reference))
+
+    damped = any(model.has(f"{name}.{field}") for name in model.joints for field in _DAMPINGS)
+    for fields in (("y",), ("theta",), ("y", "theta")):
+        title = " and ".join(f"k_{field}" for field in fields)
+        yield Variant(f"{prefix}{title}", shared(fields, False))
+        if damped:
+            yield Variant(f"{prefix}{title}, damping the other way", shared(fields, True))
+    yield Variant(f"{prefix}k_y and k_theta apart", law(*_STIFFNESSES))
+    if damped:
+        yield Variant(f"{prefix}stiffness and damping apart", law(*_STIFFNESSES, *_DAMPINGS))
+
+
+def _there(model: Model, address: str) -> bool:
+    return model.has(address) or any(
+        covered(address, one.assembly) and one.assembly.get(address) for one in model.observations
+    )
+
+
+def _amplitude(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+    if not _varied(_values(model, "force")):
+        raise UndecidableError(
+            "one force level cannot tell an amplitude-dependent joint from another joint: measure at two, and state "
+            "them as the condition 'force'"
+        )
+    yield from _laws(p, model, "force", "")
+
+
+def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+    names = dict.fromkeys(name for one in model.observations for name in one.conditions)
+    lengths = {_overhang(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)}
+    wanted = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
+    if "overhang" not in names and len(lengths) == 1:
+        wanted += lengths
+    chosen = [name for name in wanted if _varied(_values(model, name))]
+    if not chosen:
+        raise UndecidableError("no condition (overhang, torque, pre-force) was varied that a joint could depend on")
+    for name in chosen:
+        yield from _laws(p, model, name, f"{name}: ")
+
+
+def _overhang(assembly: Assembly, anatomy: Anatomy) -> str:
+    part = anatomy.tool[-1]
+    return f"{part}.segment[{len(assembly.elements[part].segments) - 1}].length"  # type: ignore[union-attr]
+
+
+def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+    if not _varied(_values(model, "plane")):
+        raise UndecidableError("all was measured in one plane: measure in two, and state the condition 'plane' as 1 and 2")
+    yield from _laws(p, model, "plane", "")
+
+
+def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+    yield from _between(p, model)
+    sides = {
+        "on the tool": lambda anatomy: PointMass(mass=0.0, part=anatomy.tool[-1], position="end", name="cause_collet"),
+        "on the holder": lambda anatomy: PointMass(mass=0.0, part=anatomy.holder[0], position=0.0, name="cause_collet"),
+    }
+    for name, point in sides.items():
+        points = dict.fromkeys(point(anatomy) for anatomy in model.anatomies if anatomy.joint)
+        if len(points) > 1:
+            raise UndecidableError("tool or holder are called differently in the assemblies")
+        yield Variant(name, model.attached(*points).plus(p["mass"].unknown("cause_collet.mass")))
+
+
+def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a collet between two springs in series that together are the joint (Matthias et al. 2016, eq. 15)."""
+    joints = _point_joints(model)
+    if len(joints) > 1:
+        return
+    (joint,) = joints
+    tools = {one.tool[-1] for one in model.anatomies if one.joint}
+    if len(tools) > 1:
+        return
+    gyration = min(_diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements)
+    fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
+
+    def build(assembly: Assembly) -> Assembly:
+        if joint not in assembly.elements:
+            return assembly
+        elements = renamed(assembly)
+        own = elements[joint]
+        inner = PointJoint(**{**{f: 2.0 * getattr(own, f) for f in fields}, "loss_factor": own.loss_factor}, name=joint)
+        stub = Part([Segment(length=_STUB, outer_diameter=gyration, material=_LIGHT)], name="cause_collet")
+        chain = []
+        for name, element in elements.items():
+            chain += [inner, stub, replace(inner, name="cause_seat")] if name == joint else [element]
+        point = PointMass(mass=0.0, part="cause_collet", name="cause_collet_mass")
+        points = [replace(one, name=name) for name, one in assembly.attachments.items()]
+        return Assembly(chain, [*points, point])
+
+    changed = model.rebuilt(build)
+    unknowns = []
+    for unknown in model.unknowns:
+        own, field = unknown.address.partition(".")[::2]
+        if own == joint and field in PointJoint.columns_of:
+            # Two springs in series, each twice as stiff; a loss factor is that of both.
+            times = 1.0 if field == "loss_factor" else 2.0
+            unknown = replace(unknown, multiple=times, also={f"cause_seat.{field}": times})
+        elif isinstance(unknown, Move):
+            moves = dict(unknown.moves)
+            moves |= {f"cause_seat.{a.partition('.')[2]}": n for a, n in moves.items() if a.partition(".")[0] == joint}
+            unknown = replace(unknown, moves=moves)
+        unknowns.append(unknown)
+    mass = p["mass"].move({"cause_collet_mass.mass": 1.0, "cause_collet_mass.inertia": (0.6 * gyration) ** 2})
+    halves = {f"{joint}.{field}": 1.0 for field in fields} | {f"cause_seat.{field}": -1.0 for field in fields}
+    split = p["split"].move(halves, relative=True)
+    yield Variant("between tool and holder", replace(changed, unknowns=tuple(unknowns)).plus(mass, split))
+
+
+def _diameter(assembly: Assembly, tool: str) -> float:
+    return float(assembly.elements[tool].segments[-1].outer_diameter)  # type: ignore[union-attr]
+
+
+def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    (joint, *others) = _point_joints(model)
+    if others or len({anatomy for anatomy in model.anatomies if anatomy.joint}) > 1:
+        raise UndecidableError("there are several joints between tool and holder")
+    if any(model.has(f"{joint}.{field}") for field in ("k_ytheta", "c_ytheta")):
+        raise UndecidableError("a spread joint has no coupling term of its own, and the model's joint has one")
+    anatomy = next(one for one in model.anatomies if one.joint)
+    longest = min(
+        one.assembly.elements[anatomy.holder[0]].segments[0].length  # type: ignore[union-attr]
+        for one in model.observations
+        if joint in one.assembly.elements
+    )
+    length = p["length"]
+    upper = min(length.upper, 0.98 * longest)
+    tolerances = tuple(replace(t, moves=_beside(t.moves, anatomy)) for t in model.tolerances)
+    for points in (None, 2, 4):
+        title = "layer" if points is None else f"{points} points"
+        partly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=False))
+        unknown = length.move({f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0})
+        unknown = replace(unknown, upper=upper - _SHORTEST)
+        yield Variant(title, replace(partly, tolerances=tolerances).plus(unknown))
+        wholly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=True))
+        yield Variant(f"{title} over the whole insertion", replace(wholly, tolerances=_present(tolerances, wholly)))
+
+
+def _present(tolerances: tuple[Tolerance, ...], model: Model) -> tuple[Tolerance, ...]:
+    """Return tolerances without what a structure no longer has."""
+    kept = []
+    for one in tolerances:
+        moves = {a: n for a, n in one.moves.items() if any(covered(a, o.assembly) for o in model.observations)}
+        if moves:
+            kept.append(replace(one, moves=moves))
+    return tuple(kept)
+
+
+def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
+    elements = renamed(assembly)
+    if anatomy.joint not in elements:
+        return assembly
+    joint, tool, holder = (elements[name] for name in (anatomy.joint, anatomy.tool[-1], anatomy.holder[0]))
+    last, first = tool.segments[-1], holder.segments[0]
+    bore = max(first.inner_diameter, last.outer_diameter)
+    if bore >= first.outer_diameter:
+        raise UndecidableError("the holder's mouth is narrower than the shank")
+    shank = Section(
+        outer_diameter=last.outer_diameter, inner_diameter=last.inner_diameter, material=last.material, shear=last.shear
+    )
+    sleeve = Section(outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear)
+    kept = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
+    length = first.length - _SHORTEST if whole else _SHORTEST
+    elements[anatomy.joint] = SpreadJoint(
+        length=length, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **kept
+    )
+    # Where the joint holds the whole insertion nothing of the shank is bonded any more.
+    rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
+    segments = (rest, *holder.segments[1:])
+    elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
+    points_ = [replace(point, name=name) for name, point in assembly.attachments.items()]
+    return Assembly(elements.values(), points_)
+
+
+def _beside(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:
+    """Return what a tolerance moves, the sections beside each other included."""
+    result = dict(moves)
+    for address, n in moves.items():
+        part, _, rest = address.partition(".segment[")
+        field = rest.partition("].")[2]
+        if field in ("", "length") or field.startswith("core."):
+            continue
+        if part == anatomy.tool[-1]:
+            result[f"{anatomy.joint}.shank.{field}"] = n
+        elif part == anatomy.holder[0] and rest[0] in "*0" and field != "inner_diameter":
+            result[f"{anatomy.joint}.sleeve.{field}"] = n
+    return result
+
+
+def _exponents(*names: str) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name=name, unit="", lower=-4.0, upper=4.0, typical=-0.3, plausible=(-2.5, 2.5)) for name in names)
+
+
+JOINT_CAUSES = (
+    Cause(
+        id="joint_cross_term",
+        group="structure",
+        parameters=(
+            Parameter(name="k_ytheta", unit="N/rad", lower=-1e9, upper=1e9, typical=1e5),
+            Parameter(name="c_ytheta", unit="N s/rad", lower=-1e4, upper=1e4, typical=1e-2),
+        ),
+        change=_cross,
+        meaning="the joint's stiffness acts elsewhere than at the interface: translation and rotation are coupled",
+        remedy="free the coupling term, k_ytheta = k_y e says how far off; an FRF at the holder's nose confirms it",
+    ),
+    Cause(
+        id="joint_spread",
+        group="structure",
+        parameters=(Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02, plausible=(0.0, 0.08)),),
+        change=_spread,
+        meaning="the joint holds the shank along the insertion and not at one point",
+        remedy="use a SpreadJoint of the insertion's length",
+    ),
+    Cause(
+        id="joint_hysteretic_loss",
+        group="structure",
+        parameters=(Parameter(name="loss_factor", unit="", lower=0.0, upper=1.0, typical=0.02, plausible=(0.0, 0.3)),),
+        change=_loss,
+        meaning="the joint loses energy by friction or material, not with speed: damping does not grow with frequency",
+        remedy="give the joint a loss factor; damping of three modes or more confirms it",
+    ),
+    Cause(
+        id="joint_amplitude",
+        group="structure",
+        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
+        change=_amplitude,
+        meaning="the joint depends on how hard it is hit",
+        remedy="measure at the amplitude of use, or give the joint its law of amplitude",
+    ),
+    Cause(
+        id="joint_overhang_law",
+        group="structure",
+        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
+        change=_across,
+        meaning="the joint changes with overhang, torque or pre-force, and the model has one for all",
+        remedy="give the joint a law of that condition; vary it alone to confirm",
+    ),
+    Cause(
+        id="xy_asymmetry",
+        group="structure",
+        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
+        change=_planes,
+        meaning="the joint is stiffer in one plane than in the other",
+        remedy="identify the two planes apart",
+    ),
+    Cause(
+        id="collet_mass",
+        group="structure",
+        parameters=(
+            Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),
+            Parameter(name="split", unit="", lower=-2.0, upper=2.0, typical=0.0, secondary=True),
+        ),
+        change=_collet,
+        meaning="collet and nut move with the joint, and the model has no mass there",
+        remedy="weigh collet and nut and add their mass",
+    ),
+)
+
+

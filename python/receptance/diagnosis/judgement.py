@@ -1,0 +1,100 @@
+"""From all that was fitted to one answer: rules, and nothing but rules."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from receptance.diagnosis.selection import MARGIN, Explanation, Selection
+from receptance.diagnosis.verdict import Answer
+
+__all__ = ["Judgement", "conclude"]
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """The answer, the explanations that are reported, the ids that cannot be told apart, and why."""
+
+    answer: Answer
+    reported: tuple[Explanation, ...]
+    between: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def conclude(selection: Selection) -> Judgement:
+    """Return the answer.
+
+    1. Where no cause gains more than chance, the base is adequate if it passes the gate, else unexplained.
+    2. Only what passes the gate itself may explain; nothing does: unexplained.
+    3. All within the margin of the best evidence are reported, without what only adds to another one of them.
+    4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
+    5. One left: named; suspected near the limit of detection, or where the data cannot convict. Several: ambiguous. So is
+       one beside another whose fit has not ended.
+    """
+    notes: list[str] = []
+    base, limit = selection.base, max(selection.threshold, 0.0)
+    best = next(iter(selection.explanations), None)
+    if best is None or best.evidence <= limit:
+        return _nothing(selection)
+    passing = [one for one in selection.explanations if one.adequacy.passed]
+    if not passing:
+        notes.append(
+            f"the best explanation, {_called(best)}, leaves {best.adequacy.misfit:.2f} times what noise and floor explain, "
+            "so it is none"
+        )
+        return Judgement("unexplained", (), (), tuple(notes))
+    near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
+    near = [one for one in near if not any(_only_adds(one, other) for other in near)]
+    for one in near:
+        if one.implausible:
+            sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
+            notes.append(f"{_called(one)} would explain the data, but nobody would believe {sizes}: vetoed")
+    left = [one for one in near if not one.implausible]
+    if not left:
+        return Judgement("unexplained", (), (), tuple(notes))
+    unfinished = [one for one in left if not one.fit.converged]
+    for one in unfinished:
+        notes.append(f"the fit with {_called(one)} has not converged, so nothing is named alone")
+    if len(left) > 1:
+        common = frozenset.intersection(*(one.ids for one in left))
+        between = _ordered(left, frozenset.union(*(one.ids for one in left)) - common)
+        return Judgement("ambiguous", tuple(left), between, tuple(notes))
+    if unfinished:
+        return Judgement("suspected", tuple(left), (), tuple(notes))
+    weak = left[0].evidence <= limit + MARGIN
+    if weak:
+        notes.append(f"{_called(left[0])} gains little more than chance could, so it is suspected and not named")
+    alone = len(base.model.configurations) == 1 and any(cause.group == "structure" for cause, _ in left[0].steps)
+    if alone:
+        notes.append(
+            "one configuration cannot tell the joint from the parts: measure another overhang; until then it is a suspicion"
+        )
+    return Judgement("suspected" if weak or alone else "named", tuple(left), (), tuple(notes))
+
+
+def _nothing(selection: Selection) -> Judgement:
+    from receptance.diagnosis.adequacy import judge
+
+    adequacy = judge(selection.base)
+    if not selection.base.converged:
+        return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
+    if adequacy.passed:
+        return Judgement("adequate", (), (), ())
+    place = adequacy.worst[0]
+    note = (
+        f"the base model leaves {adequacy.misfit:.2f} times what noise and floor explain, most of it in {place.label} from "
+        f"{place.low_hz:.0f} to {place.high_hz:.0f} Hz, and no cause helps"
+    )
+    return Judgement("unexplained", (), (), (note,))
+
+
+def _only_adds(one: Explanation, other: Explanation) -> bool:
+    return other.ids < one.ids and one.evidence < other.evidence + MARGIN
+
+
+def _called(one: Explanation) -> str:
+    return " + ".join(cause.id for cause, _ in one.steps)
+
+
+def _ordered(left: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(cause.id for one in left for cause, _ in one.steps if cause.id in ids))

@@ -1,0 +1,194 @@
+"""Causes that lie in how it was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from receptance.coordinates import Coordinate
+from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.model import Model, with_points
+from receptance.identification.factors import DECAY_RATES, DELAY, LOG_GAIN
+from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.task import Observation
+from receptance.joints import GroundSpring, PointMass
+
+__all__ = ["MEASUREMENT_CAUSES"]
+
+_ROPES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Where on the holder a suspension is tried, as shares of its length."""
+_SPLIT = 1e-5
+"""A hit at the very tip is moved by this much, in m, so that there is a step that can move on."""
+
+
+def _receptances(model: Model) -> None:
+    if not any(isinstance(one, MeasuredFRF) for one in model.observations):
+        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs")
+
+
+def _each(model: Model) -> tuple[str | None, ...]:
+    """Return all configurations together, then each alone."""
+    return (None, *model.configurations) if len(model.configurations) > 1 else (None,)
+
+
+def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    def change(one: Observation) -> Observation:
+        place = one.response if isinstance(one, MeasuredFRF) else Coordinate()
+        point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
+        return altered(one, assembly=with_points(one.assembly, point))
+
+    changed = model.map(change)
+    yield Variant("all", changed.plus(p["mass"].unknown("cause_sensor.mass")))
+
+
+def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _receptances(model)
+    places = {
+        (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
+        for one in model.observations
+        if isinstance(one, MeasuredFRF) and one.excitation.direction == "y"
+    }
+    if len(places) != 1:
+        raise UndecidableError("the hits were at different places")
+    part, position = places.pop()
+    if position == "end":
+        raise UndecidableError("the hit at the far end of a part can only be moved by hand")
+    at = max(float(position), _SPLIT)
+    divided, index = model.split(part, at)
+
+    def change(one: Observation) -> Observation:
+        if not isinstance(one, MeasuredFRF) or one.excitation.direction != "y":
+            return one
+        return altered(one, excitation=replace(one.excitation, part=part, position=at))
+
+    moves = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
+    offset = p["distance"].move(moves)
+    offset = replace(offset, lower=0.0) if at == _SPLIT else offset
+    yield Variant("all", divided.map(change).plus(offset))
+
+
+def _delay(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _receptances(model)
+    for name in _each(model):
+        yield Variant(name or "all", model.plus(p["delay"].unknown(DELAY, configurations=name)))
+
+
+def _gain(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _receptances(model)
+    for name in _each(model):
+        yield Variant(name or "all", model.plus(p["log_gain"].unknown(LOG_GAIN, configurations=name)))
+
+
+def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _receptances(model)
+    recorded = ("accelerations", "velocities", "displacements")
+    for name, address in zip(recorded, DECAY_RATES, strict=True):
+        yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
+
+
+def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    holders = {anatomy.holder for anatomy in model.anatomies if anatomy.holder}
+    if len(holders) != 1:
+        raise UndecidableError("the model has no holder, or several")
+    lengths = {part: _length(model, part) for part in holders.pop()}
+    for share in _ROPES:
+        part, position = _at(lengths, share)
+        spring = GroundSpring(part=part, position=position, name="cause_rope")
+        unknown = p["stiffness"].unknown("cause_rope.k_y")
+        yield Variant(f"at {100 * share:.0f} % of the holder", model.attached(spring).plus(unknown))
+
+
+def _length(model: Model, part: str) -> float:
+    return next(
+        sum(segment.length for segment in one.assembly.elements[part].segments)  # type: ignore[union-attr]
+        for one in model.observations
+        if part in one.assembly.elements
+    )
+
+
+def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
+    """Return the part and the place in it at a share of the length of all parts."""
+    left = share * sum(lengths.values())
+    for part, length in lengths.items():
+        if left < length * (1.0 - 1e-9):
+            return part, left
+        left -= length
+    return part, "end"
+
+
+def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _receptances(model)
+    names = {1: "mobility", 2: "accelerance", -1: "integrated once too often", -2: "integrated twice too often"}
+    for order, name in names.items():
+
+        def change(one: Observation, order: int = order) -> Observation:
+            if not isinstance(one, MeasuredFRF):
+                return one
+            return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
+
+        yield Variant(name, model.map(change), fresh=True)
+
+
+MEASUREMENT_CAUSES = (
+    Cause(
+        id="sensor_mass",
+        group="measurement",
+        parameters=(Parameter(name="mass", unit="kg", lower=0.0, upper=0.2, typical=1e-3, plausible=(0.0, 0.03)),),
+        change=_sensor,
+        meaning="the sensor's mass sat on the structure and is not in the model",
+        remedy="state the sensor in the campaign, or measure with a laser or a second sensor of known mass",
+    ),
+    Cause(
+        id="hammer_offset",
+        group="measurement",
+        parameters=(
+            Parameter(name="distance", unit="m", lower=-0.02, upper=0.02, typical=2e-3, plausible=(-0.012, 0.012)),
+        ),
+        change=_offset,
+        meaning="the hammer hit beside the place that was written down",
+        remedy="mark the place, and hit at stated offsets once to see what they do",
+    ),
+    Cause(
+        id="time_delay",
+        group="measurement",
+        parameters=(Parameter(name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4)),),
+        change=_delay,
+        meaning="one channel lags behind the other",
+        remedy="measure a known free mass with both channels and correct the delay",
+    ),
+    Cause(
+        id="calibration_gain",
+        group="measurement",
+        parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-0.5, 0.5)),),
+        change=_gain,
+        meaning="the calibration of hammer or sensor is off",
+        remedy="calibrate the chain with a known free mass",
+    ),
+    Cause(
+        id="exponential_window",
+        group="measurement",
+        parameters=(Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),),
+        change=_window,
+        meaning="an exponential window was put on the records, and the FRF does not say so",
+        remedy="state the window's decay rate, or repeat one measurement without it",
+    ),
+    Cause(
+        id="suspension",
+        group="measurement",
+        parameters=(Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),),
+        change=_suspension,
+        meaning="the suspension is not soft enough to count as free",
+        remedy="hang it softer, or put the suspension's stiffness into the model",
+    ),
+    Cause(
+        id="wrong_quantity",
+        group="measurement",
+        parameters=(),
+        change=_quantity,
+        meaning="the file holds another quantity than it was read as",
+        remedy="state the quantity of the file (receptance, mobility, accelerance)",
+    ),
+)

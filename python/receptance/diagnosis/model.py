@@ -1,0 +1,213 @@
+"""The model that is diagnosed: observations with their assemblies, unknowns and tolerances, and how it is changed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from receptance.assembly import Assembly
+from receptance.beams import Part
+from receptance.identification.laws import Law, Move, Tolerance
+from receptance.identification.mapping import Parameters
+from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.task import Observation, Task, place_of
+from receptance.identification.unknowns import Unknown, covered
+from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.spread import SpreadJoint
+
+__all__ = ["Anatomy", "Model", "renamed", "with_points"]
+
+_SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """What is tool, joint and holder in an assembly: parts before the joint that is identified, and behind it."""
+
+    tool: tuple[str, ...]
+    joint: str
+    holder: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Observations, unknowns and tolerances: what `identify` takes.
+
+    It never changes; every method returns another one.
+    """
+
+    observations: tuple[Observation, ...]
+    unknowns: tuple[Unknown, ...]
+    tolerances: tuple[Tolerance, ...] = ()
+
+    def task(self, threads: int | None = None) -> Task:
+        """Return what is to be fitted."""
+        places = [place_of(one, i) for i, one in enumerate(self.observations)]
+        parameters = Parameters(self.unknowns, self.tolerances, places)
+        return Task(self.observations, parameters, ("standard deviations",) * len(self.observations), threads=threads)
+
+    @cached_property
+    def configurations(self) -> tuple[str, ...]:
+        """Names of the configurations."""
+        return tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(self.observations)))
+
+    @cached_property
+    def anatomies(self) -> tuple[Anatomy, ...]:
+        """What is tool, joint and holder, for each observation."""
+        return tuple(self._anatomy(one.assembly) for one in self.observations)
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints between tool and holder."""
+        return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
+
+    def joint_addresses(self, field: str) -> tuple[str, ...]:
+        """Return the addresses that are a field of the joints, those included that follow them."""
+        own = [f"{name}.{field}" for name in self.joints]
+        return (*own, *(other for one in self.unknowns if one.address in own for other in one.also))
+
+    def _anatomy(self, assembly: Assembly) -> Anatomy:
+        names = list(assembly.elements)
+        joints = [name for name in names if isinstance(assembly.elements[name], (PointJoint, SpreadJoint))]
+        wanted = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
+        joint = (wanted or joints or [""])[0]
+        parts = [name for name in names if isinstance(assembly.elements[name], Part)]
+        if not joint:
+            return Anatomy(tuple(parts), "", ())
+        before = names[: names.index(joint)]
+        tool = tuple(name for name in parts if name in before)
+        return Anatomy(tool, joint, tuple(name for name in parts if name not in before))
+
+    def has(self, address: str) -> bool:
+        """Return whether an unknown is that parameter already."""
+        return any(
+            covered(address, one.assembly) & covered(unknown.address, one.assembly)
+            for one in self.observations
+            for unknown in self.unknowns
+            if not isinstance(unknown, Move)
+        )
+
+    def plus(self, *unknowns: Unknown) -> Model:
+        """Return the model with more unknowns."""
+        return replace(self, unknowns=(*self.unknowns, *unknowns))
+
+    def map(self, change: Callable[[Observation], Observation]) -> Model:
+        """Return the model with every observation changed."""
+        return replace(self, observations=tuple(change(one) for one in self.observations))
+
+    def rebuilt(self, build: Callable[[Assembly], Assembly]) -> Model:
+        """Return the model with every assembly changed."""
+        return self.map(lambda one: altered(one, assembly=build(one.assembly)))
+
+    def attached(self, *points: PointMass | GroundSpring) -> Model:
+        """Return the model with point elements on every assembly that has their part."""
+
+        def build(assembly: Assembly) -> Assembly:
+            own = [point for point in points if not point.part or point.part in assembly.elements]
+            return with_points(assembly, *own)
+
+        return self.rebuilt(build)
+
+    def split(self, part: str, position: float) -> tuple[Model, int]:
+        """Return the model with a step in a part, and which segment begins there.
+
+        Unknowns, tolerances and conditions go on meaning what they meant: what belongs to the divided segment belongs to
+        both pieces, and its length is that of the second one.
+        """
+        where = {
+            _segment_at(one.assembly.elements[part], position)
+            for one in self.observations
+            if part in one.assembly.elements
+        }
+        if len(where) != 1:
+            raise ValueError(f"{part}: position {position:g} m is not in the same segment of every assembly")
+        index, begin = where.pop()
+        if begin == position:
+            return self, index
+        frozen = {p.of for u in self.unknowns if isinstance(u, Law) for p in u.powers}
+        frozen |= {u.of for u in self.unknowns if isinstance(u, Move) and u.of}
+
+        def change(one: Observation) -> Observation:
+            if part not in one.assembly.elements:
+                return one
+            values = {name: one.assembly.get(name) for name in frozen if covered(name, one.assembly)}
+            assembly = _divided(one.assembly, part, index, position - begin)
+            return altered(one, assembly=assembly, conditions={**values, **one.conditions})
+
+        changed = self.map(change)
+        single = all(
+            len(one.assembly.elements[part].segments) == 1  # type: ignore[union-attr]
+            for one in self.observations
+            if part in one.assembly.elements
+        )
+        unknowns = tuple(_renumbered(unknown, part, index, single) for unknown in self.unknowns)
+        tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
+        return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
+
+
+def with_points(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
+    """Return the assembly with more point elements."""
+    own = [replace(one, name=name) for name, one in assembly.attachments.items()]
+    return Assembly(renamed(assembly).values(), [*own, *points])
+
+
+def renamed(assembly: Assembly) -> dict[str, Any]:
+    """Return the elements of an assembly by name, each knowing its own."""
+    return {
+        name: Part(one.segments, name=name) if isinstance(one, Part) else replace(one, name=name)
+        for name, one in assembly.elements.items()
+    }
+
+
+def _segment_at(part: Any, position: float) -> tuple[int, float]:
+    """Return the segment that holds a position, and where it begins."""
+    begin = 0.0
+    for index, segment in enumerate(part.segments):
+        if position < begin + segment.length:
+            return index, begin
+        begin += segment.length
+    raise ValueError(f"position {position:g} m lies behind the part's end at {begin:g} m")
+
+
+def _divided(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
+    elements = renamed(assembly)
+    segments = list(elements[part].segments)
+    whole = segments[index]
+    segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
+    elements[part] = Part(segments, name=part)
+    return Assembly(
+        elements.values(), [replace(point, name=name) for name, point in assembly.attachments.items()]
+    )
+
+
+def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:
+    """Return what an address is called after segment `index` was divided."""
+    found = _SEGMENT.fullmatch(address)
+    if found is None or found[1] != part or int(found[2]) < index:
+        return (address,)
+    number, field = int(found[2]), found[3]
+    names = tuple(f"{part}.segment[{n}].{field}" for n in (number, number + 1))
+    return names if number == index and field != "length" else names[1:]
+
+
+def _moves(moves: Any, part: str, index: int) -> dict[str, float]:
+    return {piece: n for address, n in moves.items() for piece in _pieces(address, part, index)}
+
+
+def _renumbered(unknown: Unknown, part: str, index: int, single: bool) -> Unknown:
+    if isinstance(unknown, Move):
+        return replace(unknown, moves=_moves(unknown.moves, part, index))
+    pieces = _pieces(unknown.address, part, index)
+    if len(pieces) == 1:
+        return replace(unknown, address=pieces[0], name=unknown.name)
+    if single:
+        return replace(unknown, address=re.sub(r"\[\d+\]", "[*]", unknown.address), name=unknown.name)
+    raise ValueError(f"the unknown {unknown.name!r} is of a segment that is to be divided")
+
+
+def is_frf(observation: Observation) -> bool:
+    """Return whether it is a receptance."""
+    return isinstance(observation, MeasuredFRF)

@@ -1,0 +1,266 @@
+"""Causes that lie in tool and holder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from receptance.assembly import Assembly
+from receptance.beams import Part, Segment
+from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.model import Anatomy, Model, renamed
+from receptance.identification.unknowns import covered
+from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.materials import Material
+
+__all__ = ["PART_CAUSES"]
+
+_SPLIT = 1e-5
+"""Where a part is divided at first, in m; the parameter says where it really is."""
+_RIGID = 2e12
+"""No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
+_RESONATOR = (0.05, 1000.0)
+"""Mass in kg and frequency in Hz of the resonator that parameters of zero stand for."""
+
+
+def _parts(model: Model, side: str) -> tuple[str, ...]:
+    found = tuple(dict.fromkeys(name for anatomy in model.anatomies for name in getattr(anatomy, side)))
+    if not found:
+        raise UndecidableError(f"the model has no {side}")
+    return found
+
+
+def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
+    moves = {f"{name}.segment[*].{field}": 1.0 for name in _parts(model, side)}
+    if side == "tool" and field != "outer_diameter":
+        # A core within the holder is the tool's shank.
+        cores = (f"{name}.segment[*].core.{field}" for anatomy in model.anatomies for name in anatomy.holder)
+        moves |= {a: 1.0 for a in cores if any(covered(a, one.assembly) for one in model.observations)}
+    if any(model.has(address) for address in moves):
+        raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
+    return model.plus(p.move(moves, relative=True))
+
+
+
+
+def _tool_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield Variant("all of the tool", _scaled(p["log_modulus"], model, "tool", "youngs_modulus"))
+
+
+def _tool_density(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield Variant("all of the tool", _scaled(p["log_density"], model, "tool", "density"))
+
+
+def _holder_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield Variant("all of the holder", _scaled(p["log_modulus"], model, "holder", "youngs_modulus"))
+
+
+def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield Variant("density", _scaled(p["log_density"], model, "holder", "density"))
+    last = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
+    for name in last if len(last) == 1 else ():
+        point = PointMass(mass=0.0, part=name, position="end", name="cause_end_mass")
+        yield Variant("mass at the far end", model.attached(point).plus(p["mass"].unknown("cause_end_mass.mass")))
+
+
+def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    addresses = set()
+    for one, anatomy in zip(model.observations, model.anatomies, strict=True):
+        if anatomy.joint:
+            part = anatomy.tool[-1]
+            count = len(one.assembly.elements[part].segments)  # type: ignore[union-attr]
+            addresses.add(f"{part}.segment[{count - 1}].length")
+    if not addresses:
+        raise UndecidableError("the model has no joint between tool and holder")
+    if any(model.has(address) for address in addresses):
+        raise UndecidableError("the overhang is an unknown of the model already")
+    moves = dict.fromkeys(sorted(addresses), 1.0)
+    yield Variant("all", model.plus(p["length"].move(moves)))
+    for name in model.configurations if len(model.configurations) > 1 else ():
+        try:
+            yield Variant(name, model.plus(p["length"].move(moves, configurations=name)))
+        except ValueError:
+            continue
+
+
+def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    tips = dict.fromkeys(anatomy.tool[0] for anatomy in model.anatomies if anatomy.tool)
+    if len(tips) != 1:
+        raise UndecidableError("the tools are called differently in the assemblies")
+    tip = next(iter(tips))
+    parts = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
+    first = f"{tip}.segment[0]"
+    if any(len(part.segments) > 1 for part in parts):  # type: ignore[union-attr]
+        yield Variant("first section", model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)))
+        return
+    shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
+    divided, _ = model.split(tip, _SPLIT)
+    length = p["length"].move({f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0})
+    upper = 0.95 * shortest
+    length = replace(length, lower=min(length.lower, 0.1 * upper), upper=upper, start=0.5 * upper)
+    diameter = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
+    yield Variant("from the tip", divided.plus(diameter, length))
+
+
+def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    rigid = dict.fromkeys(
+        address
+        for one in model.observations
+        for address in one.assembly.parameters
+        if address.endswith(".youngs_modulus") and one.assembly.get(address) >= _RIGID
+    )
+    parts = dict.fromkeys(address.split(".")[0] for address in rigid)
+    if not parts:
+        raise UndecidableError("no part is described as rigid")
+    for name in parts:
+        moves = {address: -math.log(10.0) for address in rigid if address.split(".")[0] == name}
+        yield Variant(name, model.plus(p["decades"].move(moves, relative=True)))
+
+
+def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
+    if len(ends) != 1:
+        raise UndecidableError("the model has no holder, or several")
+    changed = model.rebuilt(lambda assembly: with_resonator(assembly, next(iter(ends))))
+    resonator = "cause_resonator.segment[0].density"
+    link = [f"cause_link.{field}" for field in ("k_y", "k_theta", "c_y", "c_theta")]
+    yield Variant(
+        "at the holder's far end",
+        changed.plus(
+            p["log_mass"].move(dict.fromkeys([resonator, *link], 1.0), relative=True),
+            p["log_frequency"].move(dict(zip(link, (2.0, 2.0, 1.0, 1.0), strict=True)), relative=True),
+        ),
+    )
+
+
+def with_resonator(assembly: Assembly, part: str) -> Assembly:
+    """Return the assembly with a small stiff body on a spring behind its last part, where that is the part."""
+    elements = renamed(assembly)
+    if list(elements)[-1] != part:
+        return assembly
+    mass, frequency = _RESONATOR
+    angular = 2.0 * math.pi * frequency
+    diameter = 0.02
+    length = 0.005
+    body = Material(
+        youngs_modulus=1e13, density=mass / (0.25 * math.pi * diameter**2 * length), poisson_ratio=0.3, loss_factor=0.0
+    )
+    # Rotation is held firmly, so that the body has one resonance.
+    inertia = mass * (diameter**2 / 16.0 + length**2 / 12.0)
+    k, turn = mass * angular**2, inertia * (20.0 * angular) ** 2
+    link = PointJoint(
+        k_y=k, k_theta=turn, c_y=0.04 * k / angular, c_theta=0.04 * turn / angular, name="cause_link"
+    )
+    stub = Part([Segment(length=length, outer_diameter=diameter, material=body)], name="cause_resonator")
+    points = [replace(point, name=name) for name, point in assembly.attachments.items()]
+    return Assembly([*elements.values(), link, stub], points)
+
+
+def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    addresses = {
+        address: one.assembly.get(address)
+        for one in model.observations
+        for address in one.assembly.parameters
+        if address.endswith(".poisson_ratio")
+    }
+    highest, lowest = max(addresses.values()), min(addresses.values())
+    parts = dict.fromkeys(name for side in ("tool", "holder") for a in model.anatomies for name in getattr(a, side))
+    ratio = p["poisson_ratio"].move({f"{name}.segment[*].poisson_ratio": 1.0 for name in parts})
+    lower, upper = max(ratio.lower, -0.98 - lowest), min(ratio.upper, 0.499 - highest)
+    if lower >= 0.0 or upper <= 0.0:
+        raise UndecidableError("Poisson's ratio is at its limit")
+    yield Variant("all parts", model.plus(replace(ratio, lower=lower, upper=upper)))
+
+
+
+def _share(name: str, typical: float, believable: float) -> Parameter:
+    limit = 3.0 * believable
+    return Parameter(
+        name=name, unit="", lower=-limit, upper=limit, typical=typical, plausible=(-believable, believable)
+    )
+
+
+PART_CAUSES = (
+    Cause(
+        id="fluted_part",
+        group="structure",
+        parameters=(
+            Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.2, typical=-0.05, plausible=(-0.4, 0.02)),
+            Parameter(name="length", unit="m", lower=0.003, upper=0.5, typical=0.02, secondary=True),
+        ),
+        change=_flutes,
+        meaning="the fluted part is thinner than the full circle that the model has there",
+        remedy="model the flutes with their effective diameter; a plain blank of the same size confirms it",
+    ),
+    Cause(
+        id="tool_modulus",
+        group="structure",
+        parameters=(_share("log_modulus", 0.02, 0.15),),
+        change=_tool_modulus,
+        meaning="the tool's Young's modulus is not that of its material",
+        remedy="measure the blank alone, free-free",
+    ),
+    Cause(
+        id="tool_density",
+        group="structure",
+        parameters=(_share("log_density", 0.01, 0.1),),
+        change=_tool_density,
+        meaning="the tool is heavier or lighter than its material says",
+        remedy="weigh the blank",
+    ),
+    Cause(
+        id="overhang_error",
+        group="structure",
+        parameters=(Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),),
+        change=_overhang,
+        meaning="the overhang is not what was written down",
+        remedy="measure it again with a caliper",
+    ),
+    Cause(
+        id="holder_inertia",
+        group="structure",
+        parameters=(
+            _share("log_density", 0.02, 0.1),
+            Parameter(name="mass", unit="kg", lower=0.0, upper=5.0, typical=0.03, plausible=(0.0, 1.0)),
+        ),
+        change=_holder_inertia,
+        meaning="the holder is heavier or lighter than the model says",
+        remedy="weigh the holder with all that is screwed to it",
+    ),
+    Cause(
+        id="holder_modulus",
+        group="structure",
+        parameters=(_share("log_modulus", 0.02, 0.1),),
+        change=_holder_modulus,
+        meaning="the holder is stiffer or softer than the model says",
+        remedy="measure the holder alone, free-free",
+    ),
+    Cause(
+        id="flexible_body",
+        group="structure",
+        parameters=(Parameter(name="decades", unit="", lower=0.0, upper=6.0, typical=2.0),),
+        change=_flexible,
+        meaning="a body that the model takes as rigid is elastic",
+        remedy="give the body its material",
+    ),
+    Cause(
+        id="missing_mode",
+        group="structure",
+        parameters=(
+            Parameter(name="log_mass", unit="", lower=-14.0, upper=5.0, typical=-1.0, null=-14.0, secondary=True),
+            Parameter(name="log_frequency", unit="", lower=-2.5, upper=2.5, typical=0.0, secondary=True),
+        ),
+        change=_missing,
+        meaning="spindle or fixture has a mode of its own that the model does not have",
+        remedy="measure the spindle or the fixture alone at that frequency",
+    ),
+    Cause(
+        id="shear_neglected",
+        group="structure",
+        parameters=(Parameter(name="poisson_ratio", unit="", lower=-1.3, upper=1.5, typical=0.05),),
+        change=_shear,
+        meaning="the beams shear more or less than the model says",
+        remedy="use the shear modulus and the shear coefficient of the section",
+    ),
+)

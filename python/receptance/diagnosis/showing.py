@@ -1,0 +1,107 @@
+"""A verdict as plain values and as text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.verdict import Candidate, Verdict
+
+__all__ = ["as_dict", "as_text", "sizes"]
+
+_SHOWN = 6
+_SENTENCE = {
+    "adequate": "The model is adequate: noise, floor and tolerances explain what is left.",
+    "named": "The model lacks something, and the data say what.",
+    "suspected": "Something may be missing; one cause is suspected, no more.",
+    "ambiguous": "The model lacks something; these data cannot tell which of several causes it is.",
+    "unexplained": "The model lacks something, and no known cause explains it.",
+}
+
+
+def as_dict(verdict: Verdict) -> dict[str, Any]:
+    """Return a verdict as plain values, without numbers that JSON does not have."""
+    after = verdict.adequacy_after
+    return _plain(
+        {
+            "verdict": verdict.verdict,
+            "causes": [_candidate(one) for one in verdict.causes],
+            "ambiguous_between": list(verdict.ambiguous_between),
+            "gain": None if verdict.gain is None else asdict(verdict.gain),
+            "next_measurement": None if verdict.next_measurement is None else asdict(verdict.next_measurement),
+            "candidates": [_candidate(one) for one in verdict.candidates],
+            "threshold": verdict.threshold,
+            "adequacy": asdict(verdict.adequacy),
+            "adequacy_after": None if after is None else asdict(after),
+            "base": verdict.base.values,
+            "extended": None if verdict.extended is None else verdict.extended.values,
+            "undecidable": verdict.undecidable,
+            "notes": list(verdict.notes),
+            "settings": verdict.settings,
+        }
+    )
+
+
+def _candidate(one: Candidate) -> dict[str, Any]:
+    fields = asdict(one)
+    fields["parameters"] = {
+        name: {"value": value, "lower": low, "upper": high} for name, (value, low, high) in one.parameters.items()
+    }
+    return fields
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(name): _plain(one) for name, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    if isinstance(value, float) or hasattr(value, "item"):
+        number = value.item() if hasattr(value, "item") else value
+        return number if not isinstance(number, float) or math.isfinite(number) else None
+    return value
+
+
+def sizes(one: Candidate) -> str:
+    """Return what was found for a candidate, with intervals."""
+    texts = [
+        f"{name.split('.')[-1]} {value:.3g} ({low:.3g} to {high:.3g})"
+        for name, (value, low, high) in one.parameters.items()
+    ]
+    return ", ".join(texts)
+
+
+def as_text(verdict: Verdict) -> str:
+    """Return a short readable answer."""
+    lines = [f"verdict: {verdict.verdict}", _SENTENCE[verdict.verdict]]
+    after = verdict.adequacy_after
+    left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
+    lines.append(f"misfit: {verdict.adequacy.misfit:.2f} times what noise and floor explain{left}")
+    for one in verdict.causes:
+        lines += ["", f"{one.id} ({one.group}; {one.variant}): {one.meaning}"]
+        lines.append(f"  size: {sizes(one) or 'no number'}")
+        lines.append(f"  chi-square falls by {one.gain:.0f}, evidence {one.evidence:+.0f}")
+        if one.look_alikes:
+            alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
+            lines.append(f"  looks like: {alike}")
+        lines.append(f"  what to do: {one.remedy}")
+    if verdict.ambiguous_between:
+        lines += ["", f"cannot be told apart: {', '.join(verdict.ambiguous_between)}"]
+    lines += ["", "candidates, each alone (evidence, misfit left):"]
+    for one in verdict.candidates[:_SHOWN]:
+        said = "" if one.converged else ", not converged"
+        said += "" if one.plausible else ", not plausible"
+        lines.append(f"  {one.id:22s} {one.evidence:+9.1f}  {one.misfit:6.2f}{said}")
+    if verdict.gain is not None:
+        gain = verdict.gain
+        low, high = gain.interval
+        lines += [
+            "",
+            f"held out, {gain.metric}: {gain.held_out_before:.3g} before, {gain.held_out_after:.3g} after "
+            f"(improvement {low:.3g} to {high:.3g})",
+        ]
+    if verdict.next_measurement is not None:
+        lines += ["", f"measure next: {verdict.next_measurement.action}; {verdict.next_measurement.reason}"]
+    lines += [f"note: {text}" for text in verdict.notes]
+    return "\n".join(lines)

@@ -1,0 +1,229 @@
+"""What a diagnosis answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from receptance.diagnosis.causes import Cause, UndecidableError
+from receptance.diagnosis.model import Model
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.diagnosis.adequacy import Adequacy
+    from receptance.diagnosis.selection import Explanation, Selection
+    from receptance.identification.result import Identification
+
+__all__ = ["Answer", "Candidate", "Gain", "NextMeasurement", "Verdict"]
+
+Answer = Literal["adequate", "named", "suspected", "ambiguous", "unexplained"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One cause, fitted.
+
+    Attributes
+    ----------
+    id, group, meaning, remedy : str
+        The cause.
+    variant : str
+        The way in which it acts.
+    parameters : dict of str to (float, float, float)
+        Value, lower and upper end of the 95 % interval, in SI units.
+    gain : float
+        Decrease of chi-square by it; of all causes together where several act.
+    evidence : float
+        That, less the logarithm of the number of observed numbers for each unknown: a difference of 10 is strong.
+    misfit : float
+        What is left, as a multiple of what noise and floor explain.
+    plausible, converged : bool
+        Whether anyone would believe the sizes, and whether its fit has ended.
+    together_with : tuple of str
+        Other causes that act in the same fit.
+    look_alikes : dict of str to float
+        Causes that do the same to these data, and how nearly, up to 1.
+    """
+
+    id: str
+    group: str
+    variant: str
+    parameters: dict[str, tuple[float, float, float]]
+    gain: float
+    evidence: float
+    misfit: float
+    plausible: bool
+    converged: bool
+    together_with: tuple[str, ...]
+    look_alikes: dict[str, float]
+    meaning: str
+    remedy: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """What the extended model improves on data that its fit never saw; each number is a mean over the folds.
+
+    `held_out_before` and `held_out_after` are of the metric; `interval` is of the improvement, 95 %.
+    """
+
+    metric: str
+    held_out_before: float
+    held_out_after: float
+    interval: tuple[float, float]
+    folds: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextMeasurement:
+    """What to measure next, and why."""
+
+    action: str
+    reason: str
+    separates: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verdict:
+    """Whether the model is adequate, and what it lacks if not.
+
+    Attributes
+    ----------
+    verdict : {"adequate", "named", "suspected", "ambiguous", "unexplained"}
+        The answer.
+    causes : tuple of Candidate
+        The reported ones, the best evidence first; none where the model is adequate or nothing explains the data.
+    candidates : tuple of Candidate
+        Every cause alone, the best evidence first.
+    ambiguous_between : tuple of str
+        Ids of those that cannot be told apart.
+    adequacy, adequacy_after : Adequacy
+        What base and best explanation leave.
+    threshold : float
+        Evidence that chance alone reaches in one of a hundred diagnoses.
+    base, extended : Identification
+        The fitted models; no extended one where nothing is reported.
+    gain : Gain or None
+        Improvement on what was held out, where it was asked for.
+    next_measurement : NextMeasurement or None
+        What would help most.
+    undecidable : dict of str to str
+        Causes that these data cannot speak about, and what is missing.
+    notes : tuple of str
+        What a person should know.
+    settings : dict
+        What reproduces the run.
+    """
+
+    verdict: Answer
+    causes: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]
+    ambiguous_between: tuple[str, ...]
+    adequacy: Adequacy
+    adequacy_after: Adequacy | None
+    threshold: float
+    base: Identification
+    extended: Identification | None
+    gain: Gain | None
+    next_measurement: NextMeasurement | None
+    undecidable: dict[str, str]
+    notes: tuple[str, ...]
+    settings: dict[str, Any]
+    selection: Selection = field(repr=False)
+    explanation: Explanation | None = field(default=None, repr=False)
+
+    def extend(
+        self, assembly: Assembly, *, configuration: str = "", conditions: Mapping[str, float] | None = None
+    ) -> Assembly:
+        """Return an assembly with what was found, identified values and the causes that belong to the structure.
+
+        What belongs to the measurement, a sensor's mass say, is left out: it is not there when the machine works.
+        """
+        extended, model = self._extension(assembly, configuration, conditions)
+        return extended.apply(model.observations[0].assembly, configuration=configuration, conditions=conditions)
+
+    def predict_natural_frequencies(
+        self,
+        assembly: Assembly,
+        upper_hz: float,
+        *,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Natural frequencies of an assembly through the extended model (the base where there is none).
+
+        Parameters
+        ----------
+        assembly : Assembly
+            As the base model describes it.
+        upper_hz : float
+            Limit in Hz.
+        configuration, conditions : optional
+            As in `Identification.apply`.
+
+        Returns
+        -------
+        frequency_hz, standard_error_hz : ndarray
+            `(n_modes,)` each.
+        """
+        extended, model = self._extension(assembly, configuration, conditions)
+        return extended.predict_natural_frequencies(
+            model.observations[0].assembly, upper_hz, configuration=configuration, conditions=conditions
+        )
+
+    def _extension(
+        self, assembly: Assembly, configuration: str, conditions: Mapping[str, float] | None
+    ) -> tuple[Identification, Model]:
+        base = self.selection.base.model
+        model = replace(base, observations=(_stand_in(base, assembly, configuration, conditions),), tolerances=())
+        if self.extended is None or self.explanation is None:
+            return self.base, model
+        nulls: dict[str, float] = {}
+        for cause, name in self.explanation.steps:
+            model = _changed(cause, name, model)
+            if cause.group == "measurement":
+                nulls |= {n: cause.parameter_of(n).null for n in self.explanation.sizes(cause)}
+        return replace(self.extended, values={**self.extended.values, **nulls}), model
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict as plain values, for JSON."""
+        from receptance.diagnosis.showing import as_dict
+
+        return as_dict(self)
+
+    def summary(self) -> str:
+        """Return the verdict as a short text."""
+        from receptance.diagnosis.showing import as_text
+
+        return as_text(self)
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.id for one in self.causes)
+        return f"Verdict({self.verdict}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"
+
+
+def _stand_in(
+    base: Model, assembly: Assembly, configuration: str, conditions: Mapping[str, float] | None
+) -> MeasuredFRF | MeasuredFrequencies:
+    """Return an observation of another assembly, measured like the first one of the base."""
+    fields = {"configuration": configuration, "label": configuration, "conditions": dict(conditions or {})}
+    for one in base.observations:
+        if isinstance(one, MeasuredFRF):
+            return altered(one, assembly=assembly, **fields)
+    return altered(base.observations[0], assembly=assembly, **fields)
+
+
+def _changed(cause: Cause, name: str, model: Model) -> Model:
+    try:
+        variants = cause.variants(model)
+    except UndecidableError:
+        # A law across configurations changes no assembly.
+        return model
+    chosen = [variant for variant in variants if variant.name == name]
+    return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model
