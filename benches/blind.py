@@ -1,9 +1,9 @@
 """The blind laboratory: `python benches/blind.py --cases N --seed S [--json FILE] [--shard i/n] [--resume FILE]`.
 
 Hides an effect in every case (or nothing, in a third of them), asks the package, opens the truth and prints the score
-table of the issue, with exact binomial intervals. Every case is drawn anew from the seed and its number, so that shards
-and a resumed run give the same cases as one long run. The file of `--resume` holds one JSON line for each finished case;
-several shards may be scored together with `--score FILE FILE ...`.
+table, with exact binomial intervals. Every case is drawn anew from the seed and its number, so that shards and a
+resumed run give the same cases as one long run. The file of `--resume` holds one JSON line for each finished case;
+several shards are scored together with `--score FILE FILE ...`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from __future__ import annotations
 import os
 
 # One thread each, before NumPy loads the library that would start more.
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+if __name__ == "__main__":
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
 import dataclasses

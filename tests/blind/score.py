@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -298,7 +299,7 @@ def _rest(cases: list[Outcome], large: list[Outcome], plain: list[Outcome]) -> l
         texts.append(f"coverage of new tools: exact binomial test against 95 %, p = {p:.3f} (asked: above 0.01)")
     texts.append("power: share rightly and uniquely named against the oracle's gain in chi-square")
     edges = [0.0, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, np.inf]
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         own = [o for o in plain if low <= max(o.oracle.get("gain", np.inf), 0.0) < high]
         if own:
             line = _line(f"   gain {low:g} to {high:g}", own, lambda o: o.named_right)

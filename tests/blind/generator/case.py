@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from . import rig
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where, draw_effect
-from .records import Estimate, Setup, like, measure
+from .records import SPACING, Estimate, Setup, like, measure
 
 UPPER_HZ = 9000.0
 """Natural frequencies of new tools are compared up to here."""
@@ -207,7 +207,7 @@ def draw_case(
     u : float, optional
         Size of the effects from 0, barely visible, to 1, large; drawn where not given.
     quick : bool, optional
-        Three overhangs and a narrower band, for tests.
+        Three overhangs, a narrower band and fewer lines, for tests.
     """
     rng = np.random.default_rng([seed, index, KINDS.index(kind)])
     chosen = effects or _choose(rng, kind)
@@ -249,6 +249,7 @@ def draw_case(
         noise=0.01 * rng.uniform(0.7, 1.3),
         hammer_noise=0.001,
         decay_rate=rng.uniform(3.0, 10.0) if rng.random() < 0.2 else 0.0,
+        spacing=10.0 if quick else SPACING,
     )
     truth = Truth(
         seed=(seed, index),

@@ -31,6 +31,8 @@ class Setup:
     hammer_noise: float
     decay_rate: float = 0.0
     """Of an exponential window that the analyser knows of."""
+    spacing: float = SPACING
+    """Of the reported lines in Hz, at least."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +82,7 @@ def measure(rng: np.random.Generator, p: Mapping[str, float], setup: Setup) -> E
     force, response = _unit_hit(p, setup, n, rest)
     window = np.exp(-(setup.decay_rate + p.get("window", 0.0)) * np.arange(n) / RATE)
     lines = np.fft.rfftfreq(n, 1.0 / RATE)
-    step = max(1, round(SPACING / lines[1]))
+    step = max(1, round(setup.spacing / lines[1]))
     first, last = np.searchsorted(lines, [setup.low_hz, setup.high_hz])
     picked = np.arange(step * -(-first // step), last, step)
     band = slice(picked[0] - POOLED - step, picked[-1] + POOLED + step + 1)
