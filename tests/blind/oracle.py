@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from blind.generator import Case, Effect, Record, Truth, rig
+from blind.generator import MEASUREMENT, Case, Effect, Record, Truth, rig
 from blind.generator.case import JOINT, Stated, true_numbers, where_of
 from blind.generator.effects import draw_effect, null_of
 from blind.generator.records import measure
@@ -216,10 +216,14 @@ class Oracle:
     frequencies_after: dict[str, list[float]]
     frequencies_true: dict[str, list[float]]
 
+    local: bool = False
+    """Whether the effect is in one configuration only, so that a new tool does not have it."""
+
     @property
     def large(self) -> bool:
         """Whether the effect counts as large enough to be found."""
-        return self.gain > 30.0 and self.held_out > 5.0 and all(one > 30.0 for one in self.each.values())
+        seen = self.local or self.held_out > 5.0
+        return self.gain > 30.0 and seen and all(one > 30.0 for one in self.each.values())
 
 
 def consult(case: Case, truth: Truth) -> Oracle:
@@ -250,6 +254,7 @@ def consult(case: Case, truth: Truth) -> Oracle:
         frequencies_before=predicted[0],
         frequencies_after=predicted[1],
         frequencies_true={c.name: truth.frequencies(c.name).tolist() for c in case.new_tools},
+        local=any(effect.configuration for effect in truth.effects),
     )
 
 
@@ -268,13 +273,15 @@ def _values(problem: Problem, fit: Fitted) -> tuple[dict[str, float], list[Effec
 def _on_new_tool(case: Case, truth: Truth, problem: Problem, fit: Fitted) -> float:
     """Return chi-square on a tool that was not measured, whose own errors are fitted, all else being held."""
     tool = case.new_tools[0]
-    level = max(truth.setups)
-    p = truth.new_numbers[tool.name]
+    # Measured like the others, where an effect of amplitude or plane shows.
+    level, plane = max(truth.setups), max(record.plane for record in case.records)
+    hidden = tuple((effect, None) for effect in truth.effects)
+    there = where_of(truth, tool.name, tool.overhang, level, plane)
+    p = true_numbers(case.nominal, truth, truth.joint, truth.errors, hidden, there)
     rng = np.random.default_rng([*truth.seed, 77])
     estimate = measure(rng, p, truth.setups[level])
-    # The force level of a new tool lies between the two.
     record = Record(
-        label=tool.name, configuration=tool.name, level=truth.references[1], plane=1, form="receptance",
+        label=tool.name, configuration=tool.name, level=level, plane=plane, form="receptance",
         estimate=estimate,
     )  # fmt: skip
     data = _data(record, tool.overhang, p, truth.setups[level].pulse, False)
@@ -286,9 +293,8 @@ def _on_new_tool(case: Case, truth: Truth, problem: Problem, fit: Fitted) -> flo
 
     def numbers(x: FloatArray, one: Data) -> dict[str, float]:
         errors = {**values, **dict(zip(own, x, strict=True))}
-        where = where_of(truth, tool.name, tool.overhang, record.level, 1)
         joint = {name: values[name] for name in JOINT}
-        return true_numbers(case.nominal, truth, joint, errors, tuple((e, None) for e in single), where)
+        return true_numbers(case.nominal, truth, joint, errors, tuple((e, None) for e in single), there)
 
     held._numbers = numbers  # type: ignore[method-assign]
     return held.fit(np.zeros(len(own)), most=8).chi_square
@@ -297,6 +303,7 @@ def _on_new_tool(case: Case, truth: Truth, problem: Problem, fit: Fitted) -> flo
 def _frequencies(case: Case, truth: Truth, problem: Problem, fit: Fitted) -> dict[str, list[float]]:
     """Return the natural frequencies that a fit predicts for the new tools."""
     values, effects = _values(problem, fit)
+    effects = [effect for effect in effects if effect.id not in MEASUREMENT]
     found = {}
     for tool in case.new_tools:
         where = where_of(truth, tool.name, tool.overhang, truth.references[1], 1)

@@ -19,6 +19,8 @@ from blind.seeds import fresh_seed
 SEED = fresh_seed()
 PLAIN = ("time_delay", "calibration_gain", "joint_amplitude", "exponential_window", "sensor_mass", "joint_overhang_law")
 """Effects that, when large, nobody should miss."""
+ASKED = (*PLAIN, "tool_modulus", "tool_density", "hammer_offset", "joint_cross_term")
+"""What the quick part lets the package choose from, for time's sake; the slow part leaves it the whole catalogue."""
 NAN = float("nan")
 
 
@@ -28,7 +30,7 @@ def fixed_answer(verdict, *reported):
 
 def test_both_physics_agree_where_nothing_is_hidden():
     # Not a line of code is shared, so this checks the laboratory, the bridge and the package at once.
-    for i in range(6):
+    for i in range(4):
         case, truth = draw_case(SEED, i, "nothing", quick=True)
         record = case.records[0]
         configuration = next(c for c in case.nominal.configurations if c.name == record.configuration)
@@ -126,7 +128,9 @@ def quick_outcomes():
     ids = rng.choice(PLAIN, 2, replace=False)
     plan = [("nothing", ()), *(("single", (str(id),)) for id in ids)]
     return [
-        run_case(SEED, i, kind, own, ask, quick=True, u=0.8 if own else None, oracle=False)
+        run_case(
+            SEED, i, kind, own, lambda case: ask(case, causes=ASKED), quick=True, u=0.8 if own else None, oracle=False
+        )
         for i, (kind, own) in enumerate(plan)
     ]
 

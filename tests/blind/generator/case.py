@@ -91,7 +91,7 @@ class Truth:
     setups: Mapping[float, Setup] = field(default_factory=dict)
 
     def frequencies(self, name: str) -> NDArray[np.float64]:
-        """Return the natural frequencies of a new tool."""
+        """Return the natural frequencies of a new tool, without what only the measurement adds."""
         return rig.natural_frequencies(self.new_numbers[name], UPPER_HZ)
 
 
@@ -287,9 +287,11 @@ def draw_case(
                         notes=hints,
                     )
                 )
+    # Predictions are of the machine at work: no sensor that nobody knows of, no rope.
+    lasting = tuple((effect, None) for effect in drawn if effect.id not in MEASUREMENT)
     for c in new:
         where = where_of(truth, c.name, c.overhang, truth.references[1], 1)
-        truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, errors, active, where)  # type: ignore[index]
+        truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, errors, lasting, where)  # type: ignore[index]
     return Case(name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=new), truth
 
 
