@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["Explored", "Fit", "explore", "fit_base", "refit", "starting_at", "thinned"]
+__all__ = ["Explored", "Fit", "explore", "fit_base", "on_few_lines", "refit", "starting_at", "thinned"]
 
 EXPLORING = 240
 """Lines of each receptance while starts are compared."""
@@ -37,6 +37,9 @@ _AS_GOOD = 4.0
 """Ends on few lines whose chi-square differs by less may change places on all of them."""
 _MOST = 100
 _EXPLORING_MOST = 30
+_BEGUN = 8
+_CONTINUED = 2
+"""Every start may take so many evaluations, and so many of them go on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +192,12 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
     task = thinned(model).task(threads)
     problem = task.problem()
     found: list[tuple[float, NDArray[np.float64]]] = []
-    for values in starts:
-        end = minimise(problem, _vector(task, values), most=_EXPLORING_MOST, least=_CLOSE)
-        if np.isfinite(end.cost):
-            found.append((2.0 * end.cost, end.x))
+    begun = [minimise(problem, _vector(task, values), most=_BEGUN, least=_CLOSE) for values in starts]
+    ranked = sorted((end for end in begun if np.isfinite(end.cost)), key=lambda end: end.cost)
+    for end in ranked[:_CONTINUED]:
+        if not end.converged:
+            end = minimise(problem, end.x, most=_EXPLORING_MOST, least=_CLOSE)
+        found.append((2.0 * end.cost, end.x))
     found.sort(key=lambda pair: pair[0])
     different: list[tuple[float, NDArray[np.float64]]] = []
     for cost, x in found:
@@ -200,6 +205,12 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
             different.append((cost, x))
     ends = tuple((cost, problem.named(x)) for cost, x in different)
     return Explored(model, ends, problem.evaluations, threads)
+
+
+def on_few_lines(fit: Fit, threads: int | None = None) -> float:
+    """Return chi-square of a fit on the few lines, at its best point there."""
+    task = thinned(fit.model).task(threads)
+    return 2.0 * minimise(task.problem(), fit.x, most=_BEGUN, least=_CLOSE).cost
 
 
 def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
@@ -20,8 +22,12 @@ _SPLIT = 1e-5
 """Where a part is divided at first, in m; the parameter says where it really is."""
 _RIGID = 2e12
 """No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
-_RESONATOR = (0.05, 1000.0)
-"""Mass in kg and frequency in Hz of the resonator that parameters of zero stand for."""
+_BODY = (0.005, 0.02)
+"""Length and diameter in m of the body of a resonator."""
+_VOLUME = 0.25 * math.pi * _BODY[0] * _BODY[1] ** 2
+_GYRATION = math.sqrt(_BODY[1] ** 2 / 16.0 + _BODY[0] ** 2 / 12.0)
+_STEP = 0.08
+"""Distance of the frequencies near which a mode is looked for, as a natural logarithm."""
 
 
 def _parts(model: Model, side: str) -> tuple[str, ...]:
@@ -122,16 +128,27 @@ def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
     if len(ends) != 1:
         raise UndecidableError("the model has no holder, or several")
-    changed = model.rebuilt(lambda assembly: with_resonator(assembly, next(iter(ends))))
-    resonator = "cause_resonator.segment[0].density"
-    link = [f"cause_link.{field}" for field in ("k_y", "k_theta", "c_y", "c_theta")]
-    yield Variant(
-        "at the holder's far end",
-        changed.plus(
-            p["log_mass"].move(dict.fromkeys([resonator, *link], 1.0), relative=True),
-            p["log_frequency"].move(dict(zip(link, (2.0, 2.0, 1.0, 1.0), strict=True)), relative=True),
-        ),
-    )
+    part = next(iter(ends))
+    changed = model.rebuilt(lambda assembly: with_resonator(assembly, part))
+    low = min(float(one.frequency_hz[0].real) for one in model.observations)
+    high = max(float(one.frequency_hz[-1].real) for one in model.observations)
+    count = 1 + math.ceil(math.log(high / low) / _STEP)
+    for frequency in np.geomspace(low, high, max(count, 2)):
+        angular = 2.0 * math.pi * float(frequency)
+        turning = _GYRATION**2 * (20.0 * angular) ** 2
+        body = replace(
+            p["mass"].unknown("cause_resonator.segment[0].density"),
+            multiple=1.0 / _VOLUME,
+            also={
+                "cause_link.k_y": angular**2,
+                "cause_link.k_theta": turning,
+                "cause_link.c_y": 0.02 * angular,
+                "cause_link.c_theta": 0.02 * turning / angular,
+            },
+        )
+        tuned = p["log_frequency"].move({"cause_link.k_y": 2.0, "cause_link.c_y": 1.0}, relative=True)
+        damped = p["log_damping"].move({"cause_link.c_y": 1.0}, relative=True)
+        yield Variant(f"near {frequency:.0f} Hz at the holder's far end", changed.plus(body, tuned, damped))
 
 
 def with_resonator(assembly: Assembly, part: str) -> Assembly:
@@ -139,20 +156,10 @@ def with_resonator(assembly: Assembly, part: str) -> Assembly:
     elements = renamed(assembly)
     if list(elements)[-1] != part:
         return assembly
-    mass, frequency = _RESONATOR
-    angular = 2.0 * math.pi * frequency
-    diameter = 0.02
-    length = 0.005
-    body = Material(
-        youngs_modulus=1e13, density=mass / (0.25 * math.pi * diameter**2 * length), poisson_ratio=0.3, loss_factor=0.0
-    )
+    body = Material(youngs_modulus=1e13, density=1.0, poisson_ratio=0.3)
     # Rotation is held firmly, so that the body has one resonance.
-    inertia = mass * (diameter**2 / 16.0 + length**2 / 12.0)
-    k, turn = mass * angular**2, inertia * (20.0 * angular) ** 2
-    link = PointJoint(
-        k_y=k, k_theta=turn, c_y=0.04 * k / angular, c_theta=0.04 * turn / angular, name="cause_link"
-    )
-    stub = Part([Segment(length=length, outer_diameter=diameter, material=body)], name="cause_resonator")
+    link = PointJoint(k_y=1.0, k_theta=1.0, name="cause_link")
+    stub = Part([Segment(length=_BODY[0], outer_diameter=_BODY[1], material=body)], name="cause_resonator")
     points = [replace(point, name=name) for name, point in assembly.attachments.items()]
     return Assembly([*elements.values(), link, stub], points)
 
@@ -239,7 +246,7 @@ PART_CAUSES = (
     Cause(
         id="flexible_body",
         group="structure",
-        parameters=(Parameter(name="decades", unit="", lower=0.0, upper=6.0, typical=2.0),),
+        parameters=(Parameter(name="decades", unit="", lower=0.0, upper=6.0, typical=1.0),),
         change=_flexible,
         meaning="a body that the model takes as rigid is elastic",
         remedy="give the body its material",
@@ -248,8 +255,9 @@ PART_CAUSES = (
         id="missing_mode",
         group="structure",
         parameters=(
-            Parameter(name="log_mass", unit="", lower=-14.0, upper=5.0, typical=-1.0, null=-14.0, secondary=True),
-            Parameter(name="log_frequency", unit="", lower=-2.5, upper=2.5, typical=0.0, secondary=True),
+            Parameter(name="mass", unit="kg", lower=1e-6, upper=20.0, typical=0.02, null=1e-6),
+            Parameter(name="log_frequency", unit="", lower=-0.3, upper=0.3, typical=0.0, secondary=True),
+            Parameter(name="log_damping", unit="", lower=-4.0, upper=3.0, typical=0.0, secondary=True),
         ),
         change=_missing,
         meaning="spindle or fixture has a mode of its own that the model does not have",

@@ -13,7 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Cause, Variant
-from receptance.diagnosis.fitting import Fit, starting_at
+from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.model import Model
+from receptance.identification.laws import Move
+from receptance.identification.observations import altered
+from receptance.identification.residuals import InfeasibleError
 
 __all__ = ["Direction", "chance", "directions", "look_alike"]
 
@@ -68,15 +72,14 @@ def _direction(
     empty = Direction(cause, variant, names, len(names), np.zeros((rest.size, 0)), False, 0.0, {})
     if variant.fresh or not names:
         return empty
-    there = starting_at(fit, variant.model)
-    if not np.isfinite(there.chi_square):
+    try:
+        own, starts = _slopes(fit, variant)
+    except InfeasibleError:
         return empty
-    order = list(there.values)
-    columns = [order.index(name) for name in names]
-    data = sum(part.size for part in there.problem.residuals[: len(there.model.observations)])
+    data = own.shape[0]
     # Priors of the base do not feel the cause, and one of its own is zero at its null.
-    slopes = np.zeros((rest.size, len(columns)))
-    slopes[:data] = there.jacobian[:data, columns]
+    slopes = np.zeros((rest.size, len(names)))
+    slopes[:data] = own
     slopes = slopes - basis @ (basis.T @ slopes)
     norms = np.linalg.norm(slopes, axis=0)
     seen = norms > 1e-8 * max(float(norms.max(initial=0.0)), 1e-300)
@@ -89,8 +92,29 @@ def _direction(
     score = float(-rest @ (slopes @ solution))
     if lone and not _allowed(cause, seen_names[0], float(solution[0])):
         solution, score = np.zeros(1), 0.0
-    step = {name: there.values[name] + float(d) for name, d in zip(seen_names, solution, strict=True)}
+    step = {name: starts[name] + float(d) for name, d in zip(seen_names, solution, strict=True)}
     return Direction(cause, variant, names, len(names), slopes, lone, score, step)
+
+
+def _slopes(fit: Fit, variant: Variant) -> tuple[NDArray[np.float64], dict[str, float]]:
+    """Return the derivatives of the observed residuals with respect to a variant's own unknowns, and where these start.
+
+    Everything else is put into the assemblies, so that the core is asked for nothing else.
+    """
+    model = variant.model
+    fresh = tuple(unknown for unknown in model.unknowns if unknown.name not in fit.values)
+    whole = model.task(fit.task.threads)
+    vector = np.array([fit.values.get(u.name, u.start) for u in whole.parameters.unknowns])
+    placed = [
+        altered(one, assembly=at.apply(one.assembly, vector))
+        for one, at in zip(model.observations, whole.placed, strict=True)
+    ]
+    alone = Model(tuple(placed), fresh).task(fit.task.threads)
+    # What moves parameters is in the assemblies already, and moves them from there.
+    values = np.array([0.0 if isinstance(one, Move) else float(one.start or 0.0) for one in fresh])
+    ones = np.ones(len(fresh))
+    rows = [part.evaluate(values, ones)[1] for part in alone.problem().residuals[: len(placed)]]
+    return np.concatenate(rows), {one.name: float(one.start or 0.0) for one in fresh}
 
 
 def _allowed(cause: Cause, name: str, step: float) -> bool:

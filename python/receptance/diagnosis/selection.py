@@ -11,7 +11,7 @@ import numpy as np
 
 from receptance.diagnosis.adequacy import Adequacy, judge
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
-from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, refit
+from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
 from receptance.errors import ReceptanceError
@@ -35,6 +35,8 @@ _LARGE = 3.0
 _SETTLED = 1e-9
 _LEAST = 4
 """So many explanations are fitted on all lines in any case."""
+_IDLE = 20.0
+"""A cause that gains less on few lines, and nothing to first order on all, is not fitted on all of them."""
 _FAR = 60.0
 _FAR_SHARE = 0.3
 """An explanation whose chi-square on few lines is worse than the best by more than this is only evaluated on all lines."""
@@ -228,7 +230,7 @@ def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     if not direction.names:
         joints = tuple(f"{name}.k_" for name in fit.model.joints)
         stiff = [u.name for u in fit.model.unknowns if u.address.startswith(joints) and not isinstance(u, Move)]
-        return [{**values, **{name: times * values[name] for name in stiff}} for times in (1.0, 3.0, 10.0)]
+        return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
     parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
     null = {name: one.start for name, one in parameters.items()}
     starts = [null]
@@ -273,11 +275,16 @@ def _fitted(
         if there.ends:
             explored.append((direction, there))
     explored.sort(key=lambda pair: pair[1].chi_square)
-    best = explored[0][1].chi_square if explored else 0.0
-    far = best + _FAR + _FAR_SHARE * (max((one.chi_square for _, one in explored), default=0.0) - best)
+    without = on_few_lines(root, threads)
+    best = min(explored[0][1].chi_square, without) if explored else without
+    far = best + _FAR + _FAR_SHARE * (without - best)
     for number, (direction, there) in enumerate(explored):
-        near = number < _LEAST or there.chi_square <= far
         try:
+            if number >= _LEAST and _idle(selection, direction, there, without):
+                fit = starting_at(root, direction.variant.model)
+                found.append(_explanation(selection, steps, direction, fit, direction.score))
+                continue
+            near = number < _LEAST or there.chi_square <= far
             fit = there.finished() if near else there.evaluated()
         except ReceptanceError:
             continue
@@ -285,13 +292,19 @@ def _fitted(
     return _best_each(found)
 
 
+def _idle(selection: Selection, direction: Direction, there: Explored, without: float) -> bool:
+    """Return whether a cause is worth nothing, neither to first order on all lines nor from any start on few."""
+    promised = direction.score - selection.penalty * direction.count
+    return promised < 0.0 and without - there.chi_square < _IDLE
+
+
 def _explanation(
-    selection: Selection, steps: tuple[tuple[Cause, str], ...], direction: Direction, fit: Fit
+    selection: Selection, steps: tuple[tuple[Cause, str], ...], direction: Direction, fit: Fit, more: float = 0.0
 ) -> Explanation:
     base = selection.base
     own = sum(unknown.prior is None for unknown in fit.model.unknowns)
     count = max(own - sum(unknown.prior is None for unknown in base.model.unknowns), 1)
-    gain = base.chi_square - fit.chi_square
+    gain = base.chi_square - fit.chi_square + more
     return Explanation(
         (*steps, (direction.cause, direction.variant.name)), fit, gain, gain - selection.penalty * count
     )
