@@ -33,7 +33,7 @@ from blind.score import Outcome, report, run_case, table
 
 def outcome_from(row: dict[str, Any]) -> Outcome:
     """Return an outcome from a line of a file."""
-    names = ("effects", "sizes", "reported", "together", "same", "covered", "size_covered")
+    names = ("effects", "sizes", "reported", "together", "same", "covered", "size_covered", "shuffled")
     return Outcome(**{name: tuple(v) if name in names else v for name, v in row.items()})
 
 

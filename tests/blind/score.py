@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from blind.generator import OUTSIDE, draw_case
+from blind.generator import CATALOGUE, OUTSIDE, draw_case, shuffled
 from blind.oracle import consult, same_answer
 
 LEVEL = 0.95
@@ -48,6 +48,8 @@ class Outcome:
     error: str = ""
     candidates: list[Any] = field(default_factory=list)
     next_measurement: str = ""
+    shuffled: tuple[str, ...] = ()
+    """Verdict and reported ids under other names and without remarks, where that was asked."""
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -79,12 +81,14 @@ def run_case(
     """Draw a case, have it answered, and open the truth."""
     case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u)
     answer = ask(case)
+    again = ask(shuffled(case)) if kind == "misleading" else None
     names = tuple(effect.id for effect in truth.effects)
     told = consult(case, truth) if oracle else None
     wrong = [id for id in answer.reported if id not in names]
     local = any(effect.configuration for effect in truth.effects)
-    known = {*_catalogue()}
-    same = tuple(id for id in wrong if oracle and names and not local and id in known and same_answer(case, truth, id))
+    same = tuple(
+        id for id in wrong if oracle and names and not local and id in CATALOGUE and same_answer(case, truth, id)
+    )
     frequencies = {c.name: truth.frequencies(c.name) for c in case.new_tools}
     return Outcome(
         seed=seed,
@@ -108,13 +112,8 @@ def run_case(
         error=answer.error,
         candidates=list(answer.candidates),
         next_measurement=answer.next_measurement,
+        shuffled=() if again is None else (again.verdict, *sorted(again.reported)),
     )
-
-
-def _catalogue() -> tuple[str, ...]:
-    from blind.generator import CATALOGUE
-
-    return CATALOGUE
 
 
 def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> float | None:
@@ -246,6 +245,8 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
     for kind, title in (("one_configuration", "in one configuration only"), ("misleading", "with misleading remarks")):
         own = [o for o in of(kind) if o.large]
         lines.append(_line(f"{title}, large enough: rightly named", own, lambda o: o.named_right))
+    asked_twice = [o for o in cases if o.shuffled]
+    lines.append(_line("other names, order, no remarks: another verdict", asked_twice, _moved, "none"))
     layered = [o for o in cases if o.layer]
     lines.append(_line("joint described as a layer: named wrong", layered, lambda o: o.named_wrong))
     lines.append(
@@ -275,6 +276,10 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
 
 def _right_or_open(o: Outcome) -> bool:
     return o.verdict in ("unexplained", "adequate") or (bool(o.reported) and len(o.found) == len(o.reported))
+
+
+def _moved(o: Outcome) -> bool:
+    return o.shuffled != (o.verdict, *sorted(o.reported))
 
 
 def _named_and_not_same(o: Outcome) -> bool:

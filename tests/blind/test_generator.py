@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from blind.generator import CATALOGUE, KINDS, OUTSIDE, draw_case, every, rig
+from blind.generator import CATALOGUE, KINDS, OUTSIDE, draw_case, every, rig, shuffled
 from blind.generator.case import true_numbers, where_of
 from blind.generator.elements import Ring, Structure, cowper, hutchinson
 from blind.seeds import fresh_seed
@@ -139,8 +139,8 @@ def test_estimates_scatter_as_they_say(summarise):
             good = known < 0.12**2
             if e.decay_rate == 0.0 and record.level == 100.0:
                 # Where noise is more than what the end of a record leaves.
-                good &= known > 0.003**2
-                squares.append(np.mean(np.abs(error[good]) ** 2 / 2.0 / known[good]))
+                good &= e.log_variance > 0.003**2
+                squares.append(np.mean(np.abs(error[good]) ** 2 / 2.0 / e.log_variance[good]))
             # With the floor nothing is left to explain.
             assert np.mean(np.abs(error[good]) ** 2 / 2.0 / (known[good] + 0.003**2)) < 1.25
             assert np.median(np.sqrt(e.log_variance)) < 0.02
@@ -205,3 +205,22 @@ def test_batches_have_their_shares():
     assert len(hidden) == 300
     assert {effects[0] for kind, effects in plan if kind == "single"} == set(CATALOGUE)
     assert {effects[0] for kind, effects in plan if kind == "outside"} == set(OUTSIDE)
+
+
+def test_shuffled_cases_hold_the_same_measurements():
+    case, _ = draw_case(SEED, 2, "misleading", quick=True)
+    assert all(record.notes for record in case.records)
+    other = shuffled(case)
+    overhangs = [{c.name: c.overhang for c in one.nominal.configurations} for one in (case, other)]
+    assert sorted(overhangs[0].values()) == sorted(overhangs[1].values())
+    assert not set(overhangs[0]) & set(overhangs[1])
+    found = [
+        {overhangs[i][r.configuration]: r.estimate.receptance.sum() for r in one.records if r.level == 100.0}
+        for i, one in enumerate((case, other))
+    ]
+    assert found[0] == found[1]
+    assert not any(record.notes for record in other.records)
+    assert {t.configuration for t in other.nominal.tolerances} - {None} == {
+        *overhangs[1],
+        *(t.name for t in other.new_tools),
+    }

@@ -1,6 +1,7 @@
 """Data from physics of its own: finite elements, hits in time, noise. The library under test does not come in here."""
 
-from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case, every, group_of
+from .batch import every, group_of, shuffled
+from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
 
 __all__ = [
@@ -19,4 +20,5 @@ __all__ = [
     "draw_case",
     "every",
     "group_of",
+    "shuffled",
 ]

@@ -66,40 +66,50 @@ def _joint(p: Numbers) -> tuple[ComplexArray, NDArray[np.float64]]:
 def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
     """Return the structure, the station of the sensor (the tip) and that of the hit."""
     s = Structure(refinement)
-    overhang, insertion = p["tool.overhang"], p["holder.0.length"]
-    spread = p.get("spread.length", 0.0)
     cells = int(p.get("spread.points", 0))
-    edges = np.linspace(0.0, spread, cells + 1)
-    middles = 0.5 * (edges[1:] + edges[:-1]) if cells else np.zeros(0)
-    weights = 1.0 + p.get("spread.slope", 0.0) * (2.0 * middles / spread - 1.0) if cells else middles
-    weights = weights / weights.sum() if cells else weights
+    edges = np.linspace(0.0, p.get("spread.length", 0.0), cells + 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    tool = _tool(s, p, middles)
+    mouth = tool.at
+    holder = _holder(s, p, middles)
+    if cells:
+        _layer(s, p, tool, holder, middles)
+    else:
+        _link(s, p, mouth, holder[0.0])
+    _attach(s, p, tool, holder)
+    return s, tool[0.0], tool[p.get("hit.offset", 0.0)]
 
-    offset = p.get("hit.offset", 0.0)
-    crack, middle = p.get("crack.place", 0.0) * overhang, p.get("middle.place", 0.0) * overhang
-    tool = _Row(s, [offset, middle, *(overhang + middles)])
-    lengths = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
-    lengths.append((overhang - sum(length for length, _ in lengths), 1.0))
+
+def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
+    """Build the tool up to the mouth of the holder, with flutes, cone and crack."""
+    overhang = p["tool.overhang"]
+    crack = p.get("crack.place", 0.0) * overhang
+    tool = _Row(s, [p.get("hit.offset", 0.0), p.get("middle.place", 0.0) * overhang, *(overhang + middles)])
+    pieces = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
+    pieces.append((overhang - sum(length for length, _ in pieces), 1.0))
     if "tool.taper" in p:
         # A cone in steps: thicker towards the tip, by the taper over the whole overhang.
-        length, ratio = lengths.pop()
+        length, ratio = pieces.pop()
         steps = 8
-        lengths += [(length / steps, ratio * (1.0 + p["tool.taper"] * (0.5 - (i + 0.5) / steps))) for i in range(steps)]
-    for length, ratio in lengths:
-        diameter = ratio * p["tool.diameter"]
+        pieces += [(length / steps, ratio * (1.0 + p["tool.taper"] * (0.5 - (i + 0.5) / steps))) for i in range(steps)]
+    for length, ratio in pieces:
+        rings = _rings(p, "tool", ratio * p["tool.diameter"], 0.0)
         if crack and tool.x < crack < tool.x + length:
             first = crack - tool.x
-            tool.go(first, _rings(p, "tool", diameter, 0.0))
+            tool.go(first, rings)
             before = tool.at
             tool.at = s.station()
-            s.spring(before, tool.at, np.diag([1e11, p["crack.k"]]).astype(complex))
+            s.spring(before, tool.at, np.diag([1e11, p["crack.k"]]).astype(np.complex128))
             length -= first
-        tool.go(length, _rings(p, "tool", diameter, 0.0))
-    mouth_of_tool = tool.at
+        tool.go(length, rings)
+    return tool
 
-    at_flange = p["holder.0.length"]
-    total = sum(p[f"holder.{i}.length"] for i in range(sections(p)))
-    places = {name: p[name] * total for name in ("ground.place", "rope.place") if name in p}
-    holder = _Row(s, [*middles, *places.values()])
+
+def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
+    """Build the holder, the shank in its mouth as a core unless the joint is spread there."""
+    total = _holder_length(p)
+    spread = p.get("spread.length", 0.0) if middles.size else 0.0
+    holder = _Row(s, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
     core = _rings(p, "tool", p["tool.diameter"], 0.0)
     for i in range(sections(p)):
         outer, inner, length = (p[f"holder.{i}.{name}"] for name in ("outer", "inner", "length"))
@@ -107,45 +117,67 @@ def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
         if i == sections(p) - 1 and "holder.stiffer" in p:
             factor = 10.0 ** p["holder.stiffer"]
             rings = [Ring(r.outer, r.inner, r.modulus * factor, r.density, r.poisson, r.loss, r.shear) for r in rings]
-        if i == 0 and cells:
+        if i == 0 and spread:
             holder.go(spread, rings)
-            if length - spread > 1e-9:
-                holder.go(length - spread, rings if "spread.loose" in p else rings + core)
-        else:
-            holder.go(length, rings + core if i == 0 else rings)
+            length -= spread
+            rings = rings if "spread.loose" in p else rings + core
+        elif i == 0:
+            rings = rings + core
+        if length > 1e-9:
+            holder.go(length, rings)
+    return holder
 
+
+def _holder_length(p: Numbers) -> float:
+    return sum(p[f"holder.{i}.length"] for i in range(sections(p)))
+
+
+def _layer(s: Structure, p: Numbers, tool: _Row, holder: _Row, middles: NDArray[np.float64]) -> None:
+    """Continue the tool as shank beside the bore, and hold the two together at points."""
     k, c = _joint(p)
-    if cells:
-        end = insertion if "spread.loose" in p else spread
-        tool.go(end, core)
-        for x, share in zip(middles, weights, strict=True):
-            s.spring(tool[overhang + x], holder[x], k * share, c * share)
-    elif "collet.mass" in p:
-        collet, split = s.station(), p["collet.split"]
-        s.mass(collet, p["collet.mass"], p["collet.mass"] * p["collet.radius"] ** 2)
-        s.spring(mouth_of_tool, collet, k / split, c / split)
-        s.spring(collet, holder[0.0], k / (1.0 - split), c / (1.0 - split))
-    else:
-        s.spring(mouth_of_tool, holder[0.0], k, c)
+    spread = p["spread.length"]
+    weights = 1.0 + p.get("spread.slope", 0.0) * (2.0 * middles / spread - 1.0)
+    weights = weights / weights.sum()
+    shank = p["holder.0.length"] if "spread.loose" in p else spread
+    tool.go(shank, _rings(p, "tool", p["tool.diameter"], 0.0))
+    for x, share in zip(middles, weights, strict=True):
+        s.spring(tool[p["tool.overhang"] + x], holder[x], k * share, c * share)
 
-    if p.get("sensor.mass", 0.0):
-        s.mass(tool[0.0], p["sensor.mass"])
-    if "middle.mass" in p:
-        s.mass(tool[middle], p["middle.mass"])
-    if "holder.ring" in p:
-        s.mass(holder[total], p["holder.ring"], p["holder.ring"] * 2e-4)
-    if "nose.ring" in p:
-        s.mass(holder[at_flange], p["nose.ring"], p["nose.ring"] * 2e-4)
+
+def _link(s: Structure, p: Numbers, tool_end: int, mouth: int) -> None:
+    """Put the joint at a point, perhaps with a collet's mass within it."""
+    k, c = _joint(p)
+    if "collet.mass" not in p:
+        s.spring(tool_end, mouth, k, c)
+        return
+    collet, split = s.station(), p["collet.split"]
+    s.mass(collet, p["collet.mass"], p["collet.mass"] * p["collet.radius"] ** 2)
+    s.spring(tool_end, collet, k / split, c / split)
+    s.spring(collet, mouth, k / (1.0 - split), c / (1.0 - split))
+
+
+def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
+    """Add masses, springs to ground and resonators."""
+    total = _holder_length(p)
+    masses = (
+        ("sensor.mass", tool[0.0], 0.0),
+        ("middle.mass", tool[p.get("middle.place", 0.0) * p["tool.overhang"]], 0.0),
+        ("holder.ring", holder[total], 2e-4),
+        ("nose.ring", holder[p["holder.0.length"]], 2e-4),
+    )
+    for name, station, inertia in masses:
+        if p.get(name, 0.0):
+            s.mass(station, p[name], p[name] * inertia)
     if "ground.k" in p:
-        s.spring(holder[places["ground.place"]], None, np.diag([p["ground.k"], 0.0]), np.diag([p["ground.c"], 0.0]))
+        at = holder[p["ground.place"] * total]
+        s.spring(at, None, np.diag([p["ground.k"], 0.0]), np.diag([p["ground.c"], 0.0]))
     if "rope.k" in p:
         w = np.sqrt(p["rope.k"] / 1.5)
         rope = np.diag([p["rope.k"], 0.0]), np.diag([2.0 * p["rope.zeta"] * p["rope.k"] / w, 0.0])
-        s.spring(holder[places["rope.place"]], None, *rope)
+        s.spring(holder[p["rope.place"] * total], None, *rope)
     for name, station in (("fixture", holder[total]), ("absorber", tool[0.0])):
         if f"{name}.mass" in p:
             _resonator(s, station, p[f"{name}.mass"], p[f"{name}.hz"], p[f"{name}.zeta"])
-    return s, tool[0.0], tool[offset]
 
 
 def _resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
