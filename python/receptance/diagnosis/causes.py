@@ -12,7 +12,7 @@ from receptance.identification.laws import Move
 from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown
 
-__all__ = ["Cause", "Group", "Parameter", "UndecidableError", "Variant"]
+__all__ = ["Cause", "Group", "Parameter", "UndecidableError", "Variant", "changed"]
 
 Group = Literal["structure", "measurement"]
 
@@ -183,3 +183,16 @@ class Cause:
     def parameter_of(self, unknown: str) -> Parameter:
         """Return the parameter behind an unknown of a variant."""
         return next(one for one in self.parameters if one.name == unknown.split(" ")[0])
+
+
+def changed(cause: Cause, name: str, model: Model) -> Model:
+    """Return other observations as a variant of a cause changes them; unknowns and tolerances go with them.
+
+    A law across configurations, which one configuration alone cannot have, changes no assembly.
+    """
+    try:
+        variants = cause.variants(model)
+    except UndecidableError:
+        return model
+    chosen = [variant for variant in variants if variant.name == name]
+    return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model

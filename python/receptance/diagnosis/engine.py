@@ -11,11 +11,13 @@ from receptance import _checks
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.catalogue import listed
 from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.advice import advise
+from receptance.diagnosis.held_out import folded
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import Explanation, Selection, select
-from receptance.diagnosis.verdict import Candidate, Verdict
+from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.result import Identification
@@ -115,8 +117,10 @@ def diagnose(
     _checks.thread_count(threads)
     model = Model(observed, wanted, errors)
     selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
-    verdict = _verdict(selection, seed, most)
-    return verdict
+    gain = None
+    if held_out:
+        gain = folded(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
+    return _verdict(selection, seed, most, gain)
 
 
 def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
@@ -135,7 +139,7 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
     return found
 
 
-def _verdict(selection: Selection, seed: int, most: int) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, gain: Gain | None) -> Verdict:
     judgement = conclude(selection)
     notes = [*judgement.notes, *_on_data(selection)]
     fitted: dict[Explanation, Identification] = {}
@@ -163,8 +167,8 @@ def _verdict(selection: Selection, seed: int, most: int) -> Verdict:
         threshold=selection.threshold,
         base=selection.base.identification(seed),
         extended=None if best is None else identified(best),
-        gain=None,
-        next_measurement=None,
+        gain=gain,
+        next_measurement=advise(selection, judgement),
         undecidable=selection.undecidable,
         notes=tuple(notes),
         settings=_settings(selection, seed, most),

@@ -42,8 +42,6 @@ class Direction:
         Decrease of chi-square that it promises.
     step : dict of str to float
         The values at which it promises that.
-    reason : str
-        Why it could not be looked at; empty if it could.
     """
 
     cause: Cause
@@ -54,7 +52,11 @@ class Direction:
     one_sided: bool
     score: float
     step: dict[str, float]
-    reason: str = ""
+
+    @property
+    def step_name(self) -> tuple[Cause, str]:
+        """The cause and the name of its variant."""
+        return self.cause, self.variant.name
 
 
 def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Direction]:

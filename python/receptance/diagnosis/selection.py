@@ -162,7 +162,30 @@ def select(
         if not roots:
             break
         selection.several += roots
+    _pruned(selection, threads)
     return selection
+
+
+def _pruned(selection: Selection, threads: int | None) -> None:
+    """Take each cause out of the best explanation again, and keep what does as well without it.
+
+    A cause that fails alone, because the base led its fit astray, may have needed company only on the way.
+    """
+    best = selection.explanations[0] if selection.explanations else None
+    if best is None or len(best.steps) < 2 or not best.adequacy.passed:
+        return
+    for left in best.steps:
+        model = selection.base.model
+        steps = tuple(step for step in best.steps if step is not left)
+        try:
+            for cause, name in steps:
+                model = next(v.model for v in cause.variants(model) if v.name == name)
+            fit = refit(model, best.fit.values, threads=threads)
+        except (ReceptanceError, UndecidableError, StopIteration):
+            continue
+        own = _explanation(selection, steps[:-1], steps[-1], fit)
+        target = selection.singles if len(steps) == 1 else selection.several
+        target[:] = _best_each([*target, own])
 
 
 def _rebased(selection: Selection, threads: int | None) -> Selection:
@@ -269,7 +292,7 @@ def _fitted(
                 fit = fit_base(direction.variant.model, seed=seed, threads=threads)
             except ReceptanceError:
                 continue
-            found.append(_explanation(selection, steps, direction, fit))
+            found.append(_explanation(selection, steps, direction.step_name, fit))
             continue
         there = explore(direction.variant.model, _starts(direction, root), threads=threads)
         if there.ends:
@@ -282,13 +305,13 @@ def _fitted(
         try:
             if number >= _LEAST and _idle(selection, direction, there, without):
                 fit = starting_at(root, direction.variant.model)
-                found.append(_explanation(selection, steps, direction, fit, direction.score))
+                found.append(_explanation(selection, steps, direction.step_name, fit, direction.score))
                 continue
             near = number < _LEAST or there.chi_square <= far
             fit = there.finished() if near else there.evaluated()
         except ReceptanceError:
             continue
-        found.append(_explanation(selection, steps, direction, fit))
+        found.append(_explanation(selection, steps, direction.step_name, fit))
     return _best_each(found)
 
 
@@ -299,15 +322,13 @@ def _idle(selection: Selection, direction: Direction, there: Explored, without: 
 
 
 def _explanation(
-    selection: Selection, steps: tuple[tuple[Cause, str], ...], direction: Direction, fit: Fit, more: float = 0.0
+    selection: Selection, steps: tuple[tuple[Cause, str], ...], last: tuple[Cause, str], fit: Fit, more: float = 0.0
 ) -> Explanation:
     base = selection.base
     own = sum(unknown.prior is None for unknown in fit.model.unknowns)
     count = max(own - sum(unknown.prior is None for unknown in base.model.unknowns), 1)
     gain = base.chi_square - fit.chi_square + more
-    return Explanation(
-        (*steps, (direction.cause, direction.variant.name)), fit, gain, gain - selection.penalty * count
-    )
+    return Explanation((*steps, last), fit, gain, gain - selection.penalty * count)
 
 
 def _best_each(found: Sequence[Explanation]) -> list[Explanation]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from receptance.diagnosis.causes import Cause, UndecidableError
+from receptance.diagnosis.causes import changed
 from receptance.diagnosis.model import Model
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 
@@ -186,7 +186,7 @@ class Verdict:
             return self.base, model
         nulls: dict[str, float] = {}
         for cause, name in self.explanation.steps:
-            model = _changed(cause, name, model)
+            model = changed(cause, name, model)
             if cause.group == "measurement":
                 nulls |= {n: cause.parameter_of(n).null for n in self.explanation.sizes(cause)}
         return replace(self.extended, values={**self.extended.values, **nulls}), model
@@ -217,13 +217,3 @@ def _stand_in(
         if isinstance(one, MeasuredFRF):
             return altered(one, assembly=assembly, **fields)
     return altered(base.observations[0], assembly=assembly, **fields)
-
-
-def _changed(cause: Cause, name: str, model: Model) -> Model:
-    try:
-        variants = cause.variants(model)
-    except UndecidableError:
-        # A law across configurations changes no assembly.
-        return model
-    chosen = [variant for variant in variants if variant.name == name]
-    return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model
