@@ -16,6 +16,7 @@ if __name__ == "__main__":
 
 import argparse
 import dataclasses
+import functools
 import json
 import secrets
 import sys
@@ -97,7 +98,7 @@ def run(seed: int, options: argparse.Namespace, own: int, count: int) -> list[Ou
     for index, (kind, effects) in enumerate(every(options.cases)):
         if index % count != own - 1 or index in done:
             continue
-        one = run_case(seed, index, kind, effects, lambda case: ask(case, threads=options.threads), quick=options.quick)
+        one = run_case(seed, index, kind, effects, functools.partial(ask, threads=options.threads), quick=options.quick)
         outcomes.append(one)
         sizes = ", ".join(f"{id} {u:.2f}" for id, u in zip(one.effects, one.sizes, strict=True)) or "nothing"
         large = "large" if one.large else "small"

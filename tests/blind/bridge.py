@@ -46,6 +46,8 @@ class Answer:
     predictions: dict[str, tuple[list[float], list[float]]]
     before: dict[str, tuple[list[float], list[float]]]
     next_measurement: str = ""
+    separates: tuple[str, ...] = ()
+    """Ids that the advised measurement shows by themselves."""
     candidates: list[tuple[str, float, float]] = field(default_factory=list)
     error: str = ""
 
@@ -205,9 +207,19 @@ def observations_of(case: Case) -> list[MeasuredFRF]:
     return found
 
 
-def ask(case: Case, *, threads: int | None = 1, seed: int = 0, causes: Sequence[str] | None = None) -> Answer:
-    """Return what the package says of a case."""
-    from receptance.diagnosis import diagnose
+def ask(
+    case: Case,
+    *,
+    threads: int | None = 1,
+    seed: int = 0,
+    causes: Sequence[str] | None = None,
+    without: Sequence[str] = (),
+) -> Answer:
+    """Return what the package says of a case, perhaps from some causes only, or without some."""
+    from receptance.diagnosis import CATALOGUE, diagnose
+
+    if without:
+        causes = [id for id in causes or CATALOGUE if id not in without]
 
     begun = time.perf_counter()
     measured = {c.name for c in case.nominal.configurations}
@@ -251,6 +263,7 @@ def ask(case: Case, *, threads: int | None = 1, seed: int = 0, causes: Sequence[
         seconds=seconds,
         predictions=predictions,
         before=before,
+        separates=() if verdict.next_measurement is None else tuple(verdict.next_measurement.separates),
         next_measurement="" if verdict.next_measurement is None else str(verdict.next_measurement.action),
         candidates=[(c.id, round(c.evidence, 2), round(c.misfit, 4)) for c in verdict.candidates[:6]],
         error=problem,

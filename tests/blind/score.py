@@ -50,6 +50,8 @@ class Outcome:
     next_measurement: str = ""
     shuffled: tuple[str, ...] = ()
     """Verdict and reported ids under other names and without remarks, where that was asked."""
+    resolved: bool | None = None
+    """Whether the advised measurement led from an ambiguous verdict to the right name."""
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -81,8 +83,9 @@ def run_case(
     """Draw a case, have it answered, and open the truth."""
     case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u)
     answer = ask(case)
-    again = ask(shuffled(case)) if kind == "misleading" else None
     names = tuple(effect.id for effect in truth.effects)
+    resolved = _resolved(ask, case, names, answer) if answer.verdict == "ambiguous" and names else None
+    again = ask(shuffled(case)) if kind == "misleading" else None
     told = consult(case, truth) if oracle else None
     wrong = [id for id in answer.reported if id not in names]
     local = any(effect.configuration for effect in truth.effects)
@@ -112,8 +115,23 @@ def run_case(
         error=answer.error,
         candidates=list(answer.candidates),
         next_measurement=answer.next_measurement,
+        resolved=resolved,
         shuffled=() if again is None else (again.verdict, *sorted(again.reported)),
     )
+
+
+def _resolved(ask: Callable[..., Any], case: Any, names: tuple[str, ...], answer: Any) -> bool:
+    """Return whether the advised measurement resolves an ambiguous verdict to the right name.
+
+    What it shows by itself (a weight, a length, a gain) is known afterwards: either it is the effect, or it is none and
+    the diagnosis is repeated without it.
+    """
+    if not answer.separates:
+        return False
+    if set(names) & set(answer.separates):
+        return set(names) <= set(answer.separates)
+    second = ask(case, without=answer.separates)
+    return second.verdict == "named" and set(second.reported) == set(names)
 
 
 def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> float | None:
@@ -245,6 +263,10 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
     for kind, title in (("one_configuration", "in one configuration only"), ("misleading", "with misleading remarks")):
         own = [o for o in of(kind) if o.large]
         lines.append(_line(f"{title}, large enough: rightly named", own, lambda o: o.named_right))
+    open_ = [o for o in cases if o.resolved is not None and o.large]
+    lines.append(
+        _line("ambiguous, large enough: the advised measurement resolves", open_, lambda o: bool(o.resolved), ">= 70 %")
+    )
     asked_twice = [o for o in cases if o.shuffled]
     lines.append(_line("other names, order, no remarks: another verdict", asked_twice, _moved, "none"))
     layered = [o for o in cases if o.layer]

@@ -6,6 +6,8 @@ good engine does nearly always and a failed one cannot do: the score itself is m
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ NAN = float("nan")
 
 
 def fixed_answer(verdict, *reported):
-    return lambda case: Answer(verdict, reported, (), {}, True, 2.0, 1.0, 0.0, {}, {})
+    return lambda case, **_: Answer(verdict, reported, (), {}, True, 2.0, 1.0, 0.0, {}, {})
 
 
 def test_both_physics_agree_where_nothing_is_hidden():
@@ -129,7 +131,7 @@ def quick_outcomes():
     plan = [("nothing", ()), *(("single", (str(id),)) for id in ids)]
     return [
         run_case(
-            SEED, i, kind, own, lambda case: ask(case, causes=ASKED), quick=True, u=0.8 if own else None, oracle=False
+            SEED, i, kind, own, functools.partial(ask, causes=ASKED), quick=True, u=0.8 if own else None, oracle=False
         )
         for i, (kind, own) in enumerate(plan)
     ]
