@@ -141,8 +141,11 @@ def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> f
         own = predicted.get(name)
         if own is None:
             return None
-        count = min(len(own), len(frequencies))
-        found += list(100.0 * (np.array(own[:count]) / np.array(frequencies[:count]) - 1.0))
+        if not own:
+            return None
+        # By the nearest one: a mode too many or too few would shift all the others.
+        away = np.abs(np.array(own)[None, :] / np.array(frequencies)[:, None] - 1.0).min(axis=1)
+        found += list(100.0 * away)
     return float(np.sqrt(np.mean(np.square(found)))) if found else None
 
 

@@ -246,7 +246,7 @@ def _draw_flexible(rng: np.random.Generator, u: float, p: Mapping[str, float]) -
 
 def _draw_mode(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     hz = float(np.exp(rng.uniform(np.log(400.0), np.log(5000.0))))
-    sizes = {"fixture.mass": _between(u, 0.003, 0.5), "fixture.hz": hz}
+    sizes = {"fixture.mass": _between(u, 2e-4, 0.5), "fixture.hz": hz}
     return sizes, {"fixture.zeta": rng.uniform(0.005, 0.03)}, {}
 
 
@@ -272,7 +272,7 @@ def _draw_record(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> 
 def _draw_absorber(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     hz = float(np.exp(rng.uniform(np.log(600.0), np.log(4000.0))))
     return (
-        {"absorber.mass": _between(u, 2e-4, 0.015), "absorber.hz": hz},
+        {"absorber.mass": _between(u, 2e-5, 0.015), "absorber.hz": hz},
         {"absorber.zeta": rng.uniform(0.01, 0.05)},
         {},
     )
