@@ -207,6 +207,8 @@ class Oracle:
     """Decrease of chi-square by the truth's own parameters, all effects together."""
     each: dict[str, float]
     """Decrease by each effect beside the others."""
+    each_held_out: dict[str, float]
+    """Nats on a new tool by each effect beside the others."""
     held_out: float
     """Nats on a new tool."""
     misfit: float
@@ -223,7 +225,8 @@ class Oracle:
     def large(self) -> bool:
         """Whether the effect counts as large enough to be found."""
         seen = self.local or self.held_out > 5.0
-        return self.gain > 30.0 and seen and all(one > 30.0 for one in self.each.values())
+        both = all(self.each[id] > 30.0 and self.each_held_out[id] > 5.0 for id in self.each)
+        return self.gain > 30.0 and seen and both
 
 
 def consult(case: Case, truth: Truth) -> Oracle:
@@ -233,21 +236,22 @@ def consult(case: Case, truth: Truth) -> Oracle:
     best = full.fit(full.start(), most=4)
     base_problem = Problem(case, truth, data)
     base = base_problem.fit(best.x[: base_problem.size]) if truth.effects else best
-    each = {}
+    each, each_held_out = {}, {}
+    score = _on_new_tool(case, truth, full, best) if truth.effects else 0.0
     if len(truth.effects) > 1:
         for effect in truth.effects:
             others = Problem(case, truth, data, [one for one in truth.effects if one is not effect])
             kept = [j for j, (i, _) in enumerate(full.sizes) if truth.effects[i] is not effect]
             start = np.concatenate([best.x[: base_problem.size], best.x[base_problem.size :][kept]])
-            each[effect.id] = others.fit(start).chi_square - best.chi_square
-    held_out = 0.0
-    if truth.effects:
-        scores = [_on_new_tool(case, truth, one, fit) for one, fit in ((full, best), (base_problem, base))]
-        held_out = 0.5 * (scores[1] - scores[0])
+            without = others.fit(start)
+            each[effect.id] = without.chi_square - best.chi_square
+            each_held_out[effect.id] = 0.5 * (_on_new_tool(case, truth, others, without) - score)
+    held_out = 0.5 * (_on_new_tool(case, truth, base_problem, base) - score) if truth.effects else 0.0
     predicted = [_frequencies(case, truth, one, fit) for one, fit in ((base_problem, base), (full, best))]
     return Oracle(
         gain=base.chi_square - best.chi_square,
         each=each,
+        each_held_out=each_held_out,
         held_out=held_out,
         misfit=base.chi_square / base.count,
         misfit_true=best.chi_square / best.count,
