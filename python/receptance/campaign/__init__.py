@@ -3,6 +3,7 @@
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
 from receptance.campaign.conditions import Condition
+from receptance.campaign.diagnosis import CampaignDiagnosis
 from receptance.campaign.identification import CampaignIdentification
 from receptance.campaign.loading import load
 from receptance.campaign.observations import Measurement
@@ -13,6 +14,7 @@ from receptance.campaign.schema import field_tables, json_schema
 
 __all__ = [
     "Campaign",
+    "CampaignDiagnosis",
     "CampaignError",
     "CampaignIdentification",
     "CampaignPrediction",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -139,6 +139,34 @@ class Campaign:
         from receptance.campaign.prediction import predict_campaign
 
         return predict_campaign(self, identified, threads=threads, progress=progress)
+
+    def diagnose(
+        self,
+        causes: Iterable[Cause | str] | None = None,
+        *,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignDiagnosis:
+        """Say whether the model is adequate for what was measured, and what it lacks if not.
+
+        All tolerances are fitted, with what is stated as what is known. Improvement is measured on what is held out, or,
+        where nothing is, on assemblies that are left out in turn.
+
+        Parameters
+        ----------
+        causes : sequence of Cause and str, optional
+            Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            Nothing is unknown, nothing is measured, or measurements have no standard deviations. It is a ValueError.
+        """
+        from receptance.campaign.diagnosis import diagnose_campaign
+
+        return diagnose_campaign(self, causes=causes, threads=threads, progress=progress)
 
     def __repr__(self) -> str:
         counts = [

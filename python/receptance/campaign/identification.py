@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
 
-__all__ = ["CampaignIdentification", "identify_campaign"]
+__all__ = ["CampaignIdentification", "identify_campaign", "observed_unknowns", "tolerances_of_all"]
 
 _DISAGREE = 1.3
 """Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
@@ -172,7 +172,7 @@ def identify_campaign(
     if not seen:
         text = 'there is nothing to identify from, expected a measurement with the role "identify"'
         raise CampaignError.about(campaign.file, text)
-    unknowns, left_out = _observed_unknowns(campaign)
+    unknowns, left_out = observed_unknowns(campaign, seen)
     settings = campaign.table.settings
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
@@ -188,7 +188,7 @@ def identify_campaign(
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
             threads=threads,
-            tolerances=_tolerances(seen) if settings.tolerances == "fit" else (),
+            tolerances=tolerances_of_all(seen) if settings.tolerances == "fit" else (),
             strategy=settings.strategy,
         )
     except ValueError as error:
@@ -225,7 +225,7 @@ def identify_campaign(
     )
 
 
-def _tolerances(seen: Mapping[str, Measurement]) -> list[Tolerance]:
+def tolerances_of_all(seen: Mapping[str, Measurement]) -> list[Tolerance]:
     """Return the errors of all measurements; what has the same name is one error."""
     return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
 
@@ -242,9 +242,9 @@ def _on_damping(fit: Identification) -> list[str]:
     ]
 
 
-def _observed_unknowns(campaign: Campaign) -> tuple[list[Unknown], list[str]]:
+def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
     """Return the unknowns that some fitted measurement's assembly has, and what to say of the others."""
-    assemblies = [measured.observation.assembly for measured in campaign.to_identify.values()]
+    assemblies = [measured.observation.assembly for measured in seen.values()]
     kept, notes = [], []
     for unknown in campaign.unknowns:
         if any(covered(unknown.address, assembly) for assembly in assemblies):

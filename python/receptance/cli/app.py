@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from receptance.cli.campaigns import example, identify, predict, schema
+from receptance.cli.campaigns import diagnose, example, identify, predict, schema
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
 from receptance.cli.studies import demo, studies
@@ -25,7 +25,7 @@ app = typer.Typer(
 )
 app.command()(demo)
 app.add_typer(studies, name="study")
-for command in (example, identify, predict, convert, schema):
+for command in (example, identify, predict, diagnose, convert, schema):
     app.command()(command)
 
 

@@ -1,4 +1,4 @@
-"""The commands `example`, `identify`, `predict` and `schema`."""
+"""The commands `example`, `identify`, `predict`, `diagnose` and `schema`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.text import Text
 
 from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, output, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
@@ -15,7 +16,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
 
-__all__ = ["example", "identify", "predict", "schema"]
+__all__ = ["diagnose", "example", "identify", "predict", "schema"]
 
 ANSWER_IS_NO = 3
 """Exit code where a verdict was asked to fail on."""
@@ -120,6 +121,37 @@ def predict(
         console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
         if no:
             raise typer.Exit(ANSWER_IS_NO)
+
+
+def diagnose(
+    campaign: File,
+    json_file: Json = None,
+    causes: Annotated[
+        list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be given several times.")
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 3 where the verdict is anything but adequate.")
+    ] = False,
+) -> None:
+    """Say whether the model is adequate for what was measured, and what it lacks if not."""
+    targets = Targets(json_file, None)
+    from receptance.campaign import CampaignError
+
+    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        read = _loaded(campaign, targets)
+        found = with_progress(lambda say: read.diagnose(causes or None, progress=say))
+    targets.write(found.as_dict(), None)
+    console = output()
+    console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
+    console.print(Text(found.verdict.summary()), soft_wrap=True)
+    said = set(found.verdict.notes)
+    for note in found.notes:
+        if note not in said:
+            console.print(Text(f"note: {note}"), soft_wrap=True)
+    targets.name(console)
+    if strict and found.verdict.verdict != "adequate":
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def _loaded(path: Path, targets: Targets) -> Campaign:

@@ -41,7 +41,9 @@ MENU = (
     Choice("hit once at marked offsets", 2.0, frozenset({"hammer_offset"})),
     Choice("hang it softer and repeat one measurement", 3.0, frozenset({"suspension"})),
     Choice("measure the blank alone, free-free", 4.0, frozenset({"tool_modulus", "tool_density", "fluted_part"})),
-    Choice("measure the holder alone, free-free", 4.0, frozenset({"holder_modulus", "holder_inertia", "flexible_body"})),
+    Choice(
+        "measure the holder alone, free-free", 4.0, frozenset({"holder_modulus", "holder_inertia", "flexible_body"})
+    ),
     Choice(
         "measure an FRF at the holder's nose",
         3.0,
@@ -71,7 +73,7 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
             reason="no known cause explains the data: it shows which of the parts is not what the model says",
         )
     ids = judgement.between or tuple(cause.id for one in judgement.reported for cause, _ in one.steps)
-    weights = {name: 0.0 for name in ids}
+    weights = dict.fromkeys(ids, 0.0)
     for one in judgement.reported:
         for cause, _ in one.steps:
             if cause.id in weights:

@@ -25,6 +25,8 @@ from receptance.identification.task import Observation, place_of
 
 __all__ = ["folded", "improvement", "score"]
 
+_FOLDS = 4
+"""Folds at most: each repeats the whole selection."""
 _STEPS = 8
 """Steps in which a held-out configuration's own errors are found."""
 
@@ -38,14 +40,19 @@ def folded(
     most: int,
     progress: Callable[[str], None] | None = None,
 ) -> Gain | None:
-    """Leave out one configuration after the other, with the whole selection repeated without it."""
+    """Leave out one configuration after the other, with the whole selection repeated without it.
+
+    Where there are many, every few of them are left out together.
+    """
     names = model.configurations
     if len(names) < 2:
         return None
+    count = min(len(names), _FOLDS)
     pairs, folds = [], []
-    for name in names:
-        out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration == name)
-        left = without(model, name)
+    for group in (names[i::count] for i in range(count)):
+        name = ", ".join(group)
+        out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration in group)
+        left = without(model, group)
         if progress is not None:
             progress(f"held out: {name}")
         try:
@@ -59,11 +66,15 @@ def folded(
         after = before if best is None else score(best.fit, selection, best, out, model.tolerances)
         pairs.append((before, after))
         ids = [] if best is None else sorted(best.ids)
-        folds.append({"configuration": name, "verdict": judgement.answer, "causes": ids, "before": before, "after": after})
+        folds.append(
+            {"configuration": name, "verdict": judgement.answer, "causes": ids, "before": before, "after": after}
+        )
     return gain_of(pairs, _metric(model.observations), folds)
 
 
-def improvement(selection: Selection, best: Explanation | None, observations: Sequence[Observation], tolerances: Sequence[Tolerance]) -> Gain | None:
+def improvement(
+    selection: Selection, best: Explanation | None, observations: Sequence[Observation], tolerances: Sequence[Tolerance]
+) -> Gain | None:
     """Return what the explanation improves on observations that no fit has seen."""
     pairs = []
     for one in observations:
@@ -95,9 +106,9 @@ def gain_of(pairs: Sequence[tuple[float, float]], metric: str, folds: Sequence[d
     )
 
 
-def without(model: Model, configuration: str) -> Model:
-    """Return the model without a configuration, and without the unknowns and errors that only it has."""
-    kept = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration != configuration)
+def without(model: Model, configurations: Sequence[str]) -> Model:
+    """Return the model without some configurations, and without the unknowns and errors that only these have."""
+    kept = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration not in configurations)
     places = [place_of(o, i) for i, o in enumerate(kept)]
 
     def there(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
@@ -136,7 +147,8 @@ def score(
     values = np.array([fit.values[u.name] for u in fit.task.parameters.unknowns])
     try:
         for index, one in enumerate(model.observations):
-            placed = fit.task.parameters.at(place_of(one, index), model.tolerances, [])
+            place = place_of(one, index)
+            placed = fit.task.parameters.at(place, model.tolerances, [])
             errors += _errors(one, placed, values)
     except InfeasibleError:
         return math.nan

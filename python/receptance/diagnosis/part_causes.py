@@ -11,9 +11,10 @@ import numpy as np
 from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Anatomy, Model, renamed
+from receptance.diagnosis.model import Model, renamed
+from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 
 __all__ = ["PART_CAUSES"]
@@ -48,8 +49,6 @@ def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
     return model.plus(p.move(moves, relative=True))
 
 
-
-
 def _tool_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     yield Variant("all of the tool", _scaled(p["log_modulus"], model, "tool", "youngs_modulus"))
 
@@ -71,23 +70,21 @@ def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
 
 
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    addresses = set()
-    for one, anatomy in zip(model.observations, model.anatomies, strict=True):
+    by_configuration: dict[str, list[str]] = {}
+    for index, (one, anatomy) in enumerate(zip(model.observations, model.anatomies, strict=True)):
         if anatomy.joint:
             part = anatomy.tool[-1]
             count = len(one.assembly.elements[part].segments)  # type: ignore[union-attr]
-            addresses.add(f"{part}.segment[{count - 1}].length")
+            own = by_configuration.setdefault(place_of(one, index).configuration, [])
+            own.append(f"{part}.segment[{count - 1}].length")
+    addresses = {address for own in by_configuration.values() for address in own}
     if not addresses:
         raise UndecidableError("the model has no joint between tool and holder")
     if any(model.has(address) for address in addresses):
         raise UndecidableError("the overhang is an unknown of the model already")
-    moves = dict.fromkeys(sorted(addresses), 1.0)
-    yield Variant("all", model.plus(p["length"].move(moves)))
-    for name in model.configurations if len(model.configurations) > 1 else ():
-        try:
-            yield Variant(name, model.plus(p["length"].move(moves, configurations=name)))
-        except ValueError:
-            continue
+    yield Variant("all", model.plus(p["length"].move(dict.fromkeys(sorted(addresses), 1.0))))
+    for name, own in by_configuration.items() if len(by_configuration) > 1 else ():
+        yield Variant(name, model.plus(p["length"].move(dict.fromkeys(own, 1.0), configurations=name)))
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -98,7 +95,9 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     parts = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
     first = f"{tip}.segment[0]"
     if any(len(part.segments) > 1 for part in parts):  # type: ignore[union-attr]
-        yield Variant("first section", model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)))
+        yield Variant(
+            "first section", model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True))
+        )
         return
     shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
     divided, _ = model.split(tip, _SPLIT)
@@ -180,7 +179,6 @@ def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     yield Variant("all parts", model.plus(replace(ratio, lower=lower, upper=upper)))
 
 
-
 def _share(name: str, typical: float, believable: float) -> Parameter:
     limit = 3.0 * believable
     return Parameter(
@@ -219,7 +217,9 @@ PART_CAUSES = (
     Cause(
         id="overhang_error",
         group="structure",
-        parameters=(Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),),
+        parameters=(
+            Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),
+        ),
         change=_overhang,
         meaning="the overhang is not what was written down",
         remedy="measure it again with a caliper",

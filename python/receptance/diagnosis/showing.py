@@ -37,6 +37,7 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "adequacy_after": None if after is None else asdict(after),
             "base": verdict.base.values,
             "extended": None if verdict.extended is None else verdict.extended.values,
+            "frequency_errors_percent": verdict.frequency_errors(),
             "undecidable": verdict.undecidable,
             "notes": list(verdict.notes),
             "settings": verdict.settings,
@@ -93,6 +94,10 @@ def as_text(verdict: Verdict) -> str:
         said = "" if one.converged else ", not converged"
         said += "" if one.plausible else ", not plausible"
         lines.append(f"  {one.id:22s} {one.evidence:+9.1f}  {one.misfit:6.2f}{said}")
+    errors = sorted(verdict.frequency_errors(), key=lambda row: -abs(row["before"]))
+    if errors:
+        lines += ["", "natural frequencies farthest off, calculated less measured in percent (before, after):"]
+        lines += [f"  {r['label']} mode {r['mode']}: {r['before']:+.2f} {r['after']:+.2f}" for r in errors[:_SHOWN]]
     if verdict.gain is not None:
         gain = verdict.gain
         low, high = gain.interval

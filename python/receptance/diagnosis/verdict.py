@@ -191,6 +191,33 @@ class Verdict:
                 nulls |= {n: cause.parameter_of(n).null for n in self.explanation.sizes(cause)}
         return replace(self.extended, values={**self.extended.values, **nulls}), model
 
+    def frequency_errors(self) -> list[dict[str, Any]]:
+        """Return calculated less measured natural frequencies in percent, before and after, by configuration and mode."""
+        rows = []
+        for index, one in enumerate(self.selection.base.model.observations):
+            if not isinstance(one, MeasuredFrequencies):
+                continue
+            before = self._percent(self.base, index)
+            after = before if self.extended is None else self._percent(self.extended, index)
+            rows += [
+                {
+                    "label": one.label or one.configuration,
+                    "mode": mode,
+                    "measured_hz": float(hz),
+                    "before": b,
+                    "after": a,
+                }
+                for mode, hz, b, a in zip(one.modes, one.frequency_hz, before, after, strict=True)
+            ]
+        return rows
+
+    @staticmethod
+    def _percent(found: Identification, index: int) -> list[float]:
+        one = found.task.observed[index]
+        if not isinstance(one, MeasuredFrequencies) or one.standard_deviation_hz is None:
+            return []
+        return [float(x) for x in 100.0 * found.residuals[index] * one.standard_deviation_hz / one.frequency_hz]
+
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as plain values, for JSON."""
         from receptance.diagnosis.showing import as_dict

@@ -1,0 +1,119 @@
+"""The diagnosis of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from receptance.campaign.identification import observed_unknowns, tolerances_of_all
+from receptance.campaign.plain import plain
+from receptance.campaign.problems import CampaignError
+
+if TYPE_CHECKING:
+    from receptance.campaign.campaign import Campaign
+    from receptance.diagnosis import Cause, Verdict
+
+__all__ = ["CampaignDiagnosis", "diagnose_campaign"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignDiagnosis:
+    """What a campaign's simulation gets wrong.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        What was diagnosed.
+    verdict : Verdict
+        The answer.
+    measurements : tuple of str
+        Names of the measurements that it rests on.
+    notes : tuple of str
+        What a person should know, of the campaign and of the diagnosis.
+    versions : dict of str to str
+        What is needed to do it again.
+    """
+
+    campaign: Campaign
+    verdict: Verdict
+    measurements: tuple[str, ...]
+    notes: tuple[str, ...]
+    versions: dict[str, str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as what JSON holds."""
+        found: dict[str, Any] = plain(
+            {
+                "campaign": self.campaign.title,
+                "file": self.campaign.file.name,
+                "measurements": self.measurements,
+                **self.verdict.to_dict(),
+                "notes": self.notes,
+                "versions": self.versions,
+            }
+        )
+        return found
+
+    def __repr__(self) -> str:
+        return f"CampaignDiagnosis({self.campaign.title!r}, {self.verdict!r})"
+
+
+def diagnose_campaign(
+    campaign: Campaign,
+    *,
+    causes: Iterable[Cause | str] | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CampaignDiagnosis:
+    """Diagnose a campaign; see `Campaign.diagnose`."""
+    from receptance.diagnosis import diagnose
+    from receptance.diagnosis.held_out import improvement
+    from receptance.studies._provenance import versions
+
+    if not campaign.unknowns:
+        raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")
+    if not campaign.measurements:
+        raise CampaignError.about(campaign.file, "there is nothing to diagnose, expected `measurements`")
+    notes = list(campaign.notes)
+    seen, kept_back = dict(campaign.to_identify), dict(campaign.held_out)
+    numbers = sum(one.observation.frequency_hz.size for one in seen.values())
+    if kept_back and numbers <= len(campaign.unknowns):
+        notes.append(
+            f"the {numbers} numbers to identify from leave nothing to judge {len(campaign.unknowns)} unknowns by, so the "
+            "diagnosis sees what is held out as well; improvement is measured on assemblies that were left out in turn"
+        )
+        seen, kept_back = dict(campaign.measurements), {}
+    if not seen:
+        raise CampaignError.about(campaign.file, "there is nothing to diagnose, expected measurements to identify from")
+    unknowns, left_out = observed_unknowns(campaign, seen)
+    settings = campaign.table.settings
+    try:
+        verdict = diagnose(
+            [one.observation for one in seen.values()],
+            unknowns,
+            tolerances=tolerances_of_all(seen),
+            causes=causes,
+            seed=settings.seed,
+            threads=threads,
+            held_out=not kept_back,
+            progress=progress,
+        )
+    except ValueError as error:
+        raise CampaignError.about(campaign.file, str(error)) from error
+    if kept_back:
+        gain = improvement(
+            verdict.selection,
+            verdict.explanation,
+            [one.observation for one in kept_back.values()],
+            tolerances_of_all(kept_back),
+        )
+        verdict = replace(verdict, gain=gain)
+    notes += [*left_out, *verdict.notes]
+    return CampaignDiagnosis(
+        campaign=campaign,
+        verdict=verdict,
+        measurements=tuple(seen),
+        notes=tuple(dict.fromkeys(notes)),
+        versions=versions(),
+    )

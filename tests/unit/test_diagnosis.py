@@ -1,0 +1,159 @@
+"""Diagnosis: causes, verdicts and what is said where data cannot decide, on the package's own simulator."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
+from receptance.identification import Move, Tolerance
+from receptance.identification.mapping import Parameters
+from receptance.identification.task import Task, place_of
+
+LINES = np.linspace(200.0, 6000.0, 300)
+FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
+JOINT = [
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
+    Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
+    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
+]
+TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
+
+
+def assembled(overhang: float, *masses: PointMass) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+    return Assembly([tool, joint, holder], masses)
+
+
+def observed(
+    *masses: PointMass, factor: np.ndarray | float = 1.0, overhangs: tuple[float, ...] = (0.05, 0.07, 0.09)
+) -> list[MeasuredFRF]:
+    rng = np.random.default_rng(11)
+    return [
+        MeasuredFRF(
+            assembly=assembled(x),
+            frequency_hz=LINES,
+            receptance=assembled(x, *masses).receptance(LINES)
+            * factor
+            * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
+            standard_deviation=0.01,
+            label=f"{x}",
+        )
+        for x in overhangs
+    ]
+
+
+def test_nothing_hidden_is_adequate() -> None:
+    verdict = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=FEW)
+    assert verdict.verdict == "adequate"
+    assert verdict.causes == ()
+    assert verdict.extended is None
+
+
+def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
+    verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW)
+    assert [one.id for one in verdict.causes] == ["calibration_gain"]
+    assert verdict.verdict == "named"
+    value, low, high = verdict.causes[0].parameters["calibration_gain.log_gain"]
+    assert low < np.log(1.05) < high
+    assert value == pytest.approx(np.log(1.05), abs=2e-3)
+    found, _ = verdict.predict_natural_frequencies(assembled(0.06), 6000.0)
+    np.testing.assert_allclose(found, assembled(0.06).natural_frequencies(6000.0), rtol=2e-3)
+    assert json.loads(json.dumps(verdict.to_dict(), allow_nan=False))["verdict"] == "named"
+    assert "calibration_gain" in verdict.summary()
+
+
+def test_one_configuration_convicts_no_part() -> None:
+    # The same blank has another modulus than any tolerance would allow, and only one overhang was measured.
+    stiffer = [
+        MeasuredFRF(
+            assembly=one.assembly,
+            frequency_hz=LINES,
+            receptance=one.assembly.replace(
+                {"tool.segment[0].youngs_modulus": 1.15 * CARBIDE.youngs_modulus}
+            ).receptance(LINES)
+            * np.exp(0.01 * np.random.default_rng(5).normal(size=LINES.size)),
+            standard_deviation=0.01,
+            label="only one",
+        )
+        for one in observed(overhangs=(0.08,))
+    ]
+    verdict = diagnose(stiffer, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
+    assert verdict.verdict != "named"
+    assert any("one configuration" in note for note in verdict.notes)
+
+
+def test_what_data_cannot_decide_says_what_is_missing() -> None:
+    model = Model(tuple(observed()), tuple(JOINT))
+    with pytest.raises(UndecidableError, match="force"):
+        CATALOGUE["joint_amplitude"].variants(model)
+    verdict = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=["joint_amplitude", "sensor_mass"], most=1)
+    assert "force" in verdict.undecidable["joint_amplitude"]
+
+
+def test_implausible_sizes_are_vetoed_aloud() -> None:
+    verdict = diagnose(observed(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], most=1)
+    assert verdict.verdict == "unexplained"
+    assert any("vetoed" in note for note in verdict.notes)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_seed_gives_the_same_answer(threads: int) -> None:
+    first = diagnose(observed(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=1)
+    again = diagnose(observed(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
+    assert first.to_dict() == again.to_dict()
+
+
+def test_bad_input_is_told() -> None:
+    with pytest.raises(ValueError, match="no cause 'gremlins'"):
+        diagnose(observed(), JOINT, causes=["gremlins"])
+    bare = MeasuredFRF(assembly=assembled(0.05), frequency_hz=LINES, receptance=assembled(0.05).receptance(LINES))
+    with pytest.raises(ValueError, match="no standard deviation"):
+        diagnose([bare], JOINT)
+
+
+def test_derivatives_of_gain_delay_window_moves_and_multiples() -> None:
+    observations = observed(overhangs=(0.05, 0.07))
+    unknowns = [
+        Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=5e8),
+        Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=8e4, multiple=0.5, also={"joint.c_theta": 1e-5}),
+        Unknown(address="observation.log_gain", lower=-1.0, upper=1.0, start=0.02),
+        Unknown(address="observation.delay", lower=-1e-3, upper=1e-3, start=1e-5),
+        Unknown(address="observation.decay_rate", lower=0.0, upper=100.0, start=12.0, scale="linear"),
+        Move(
+            address="shift",
+            lower=-1.0,
+            upper=1.0,
+            start=0.1,
+            moves={"tool.segment[0].density": 1.0, "joint.k_y": -1.0},
+            relative=True,
+        ),
+    ]
+    parameters = Parameters(unknowns, (), [place_of(one, i) for i, one in enumerate(observations)])
+    problem = Task(tuple(observations), parameters, ("standard deviations",) * 2).problem()
+    x = problem.variables.start
+    slopes = problem.jacobian(x).copy()
+    for column, step in enumerate((1e-5, 1e-5, 1e-6, 1e-10, 1e-3, 1e-5)):
+        e = np.zeros(x.size)
+        e[column] = step
+        difference = (problem.value(x + e) - problem.value(x - e)) / (2.0 * step)
+        np.testing.assert_allclose(slopes[:, column], difference, atol=1e-6 * np.abs(slopes[:, column]).max())
+
+
+@pytest.mark.parametrize("name", sorted(set(CATALOGUE) - {"flexible_body", "joint_amplitude", "xy_asymmetry"}))
+def test_every_cause_is_nothing_at_its_null(name: str) -> None:
+    model = Model(tuple(observed()), tuple(JOINT), tuple(TOLERANCES))
+    problem = model.task().problem()
+    before = problem.residual(problem.variables.start).copy()
+    for variant in CATALOGUE[name].variants(model):
+        if variant.fresh or "insertion" in variant.name or name in ("joint_spread", "fluted_part"):
+            continue
+        there = variant.model.task().problem()
+        after = there.residual(there.variables.start)
+        np.testing.assert_allclose(after[: before.size - 1], before[:-1], atol=0.3)
