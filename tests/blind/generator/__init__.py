@@ -1,0 +1,24 @@
+"""Data from physics of its own: finite elements, hits in time, noise. The library under test does not come in here."""
+
+from .batch import every, group_of, shuffled
+from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case
+from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
+
+__all__ = [
+    "CATALOGUE",
+    "KINDS",
+    "MEASUREMENT",
+    "OUTSIDE",
+    "Case",
+    "Configuration",
+    "Effect",
+    "Nominal",
+    "Record",
+    "Stated",
+    "Truth",
+    "Where",
+    "draw_case",
+    "every",
+    "group_of",
+    "shuffled",
+]

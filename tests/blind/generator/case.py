@@ -1,0 +1,345 @@
+"""Cases: what an engineer is given, and, apart from it, the sealed truth that only scoring sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rig
+from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where, draw_effect
+from .records import SPACING, Estimate, Setup, like, measure
+
+UPPER_HZ = 9000.0
+"""Natural frequencies of new tools are compared up to here."""
+KINDS = ("nothing_exact", "nothing", "single", "outside", "pair", "one_configuration", "misleading")
+WORDS = ("blank", "bar", "setup", "clamping", "run", "test", "series", "probe")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """A tolerance that the engineer states: one error of one thing, as shares where `relative`."""
+
+    name: str
+    moves: Mapping[str, float]
+    relative: bool
+    configuration: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """A clamping: its name and the overhang that was written down."""
+
+    name: str
+    overhang: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """One measured FRF as the engineer has it."""
+
+    label: str
+    configuration: str
+    level: float
+    plane: int
+    form: str
+    estimate: Estimate
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nominal:
+    """What the engineer believes: numbers of all configurations, tolerances, and how much a clamping scatters."""
+
+    numbers: Mapping[str, float]
+    configurations: tuple[Configuration, ...]
+    tolerances: tuple[Stated, ...]
+    joint_scatter: float
+    damping_scatter: float
+    layer: bool
+    """Whether the joint is described as a layer along the insertion."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """What is given to who diagnoses."""
+
+    name: str
+    nominal: Nominal
+    records: tuple[Record, ...]
+    new_tools: tuple[Configuration, ...]
+    """Tools that will be asked about and were not measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """What is so. Nobody who diagnoses sees it."""
+
+    seed: tuple[int, ...]
+    kind: str
+    effects: tuple[Effect, ...]
+    joint: Mapping[str, float]
+    errors: Mapping[str, float]
+    """In standard deviations: of tolerances by name, of joint numbers by `joint.k_y @ configuration`."""
+    numbers: Mapping[tuple[str, float, int], Mapping[str, float]]
+    """By configuration, force level and plane."""
+    references: tuple[float, float]
+    layer_points: int
+    new_numbers: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    setups: Mapping[float, Setup] = field(default_factory=dict)
+
+    def frequencies(self, name: str) -> NDArray[np.float64]:
+        """Return the natural frequencies of a new tool, without what only the measurement adds."""
+        return rig.natural_frequencies(self.new_numbers[name], UPPER_HZ)
+
+
+JOINT = ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")
+
+
+def _ordinary(rng: np.random.Generator, layer: bool) -> dict[str, float]:
+    """Return the numbers of a holder with its tool as they are written down."""
+    diameter = float(rng.choice([0.012, 0.014, 0.016, 0.018, 0.020]))
+    p = {
+        "tool.diameter": diameter,
+        "tool.modulus": rng.uniform(550e9, 630e9),
+        "tool.density": rng.uniform(13900.0, 14900.0),
+        "tool.poisson": 0.22,
+        "tool.loss": 0.001,
+        "holder.modulus": rng.uniform(203e9, 212e9),
+        "holder.density": rng.uniform(7750.0, 7900.0),
+        "holder.poisson": 0.3,
+        "holder.loss": 0.002,
+        "shear.hutchinson": float(layer),
+    }
+    lengths = np.array([rng.uniform(0.034, 0.044), rng.uniform(0.022, 0.03), rng.uniform(0.064, 0.074)])
+    lengths *= rng.uniform(0.134, 0.142) / lengths.sum()
+    outer = (diameter + rng.uniform(0.016, 0.022), rng.uniform(0.048, 0.063), rng.uniform(0.034, 0.044))
+    inner = (diameter, rng.uniform(0.010, 0.016), rng.uniform(0.010, 0.017))
+    for i in range(3):
+        dimensions = {"length": lengths[i], "outer": outer[i], "inner": inner[i]}
+        p |= {f"holder.{i}.{name}": round(float(value), 4) for name, value in dimensions.items()}
+    p["joint.k_ytheta"] = p["joint.c_ytheta"] = p["joint.loss"] = 0.0
+    if rng.random() < 0.3:
+        p["sensor.mass"] = round(rng.uniform(3e-4, 1.5e-3), 5)
+    return {name: float(value) for name, value in p.items()}
+
+
+def _draw_joint(rng: np.random.Generator, diameter: float) -> dict[str, float]:
+    k_y = 10.0 ** rng.uniform(7.5, 8.6)
+    k_theta = 10.0 ** rng.uniform(4.3, 5.2) * (diameter / 0.016) ** 2
+    at = 2.0 * np.pi * 2000.0
+    c_y, c_theta = (k * 10.0 ** rng.uniform(-1.8, -1.1) / at for k in (k_y, k_theta))
+    return dict(zip(JOINT, map(float, (k_y, k_theta, c_y, c_theta)), strict=True))
+
+
+def _tolerances(configurations: tuple[Configuration, ...], exact_holder: bool) -> tuple[Stated, ...]:
+    """Return ordinary tolerances; an exact holder has none."""
+    shares = {"tool.diameter": 5e-4, "tool.density": 3e-3, "tool.modulus": 5e-3}
+    if not exact_holder:
+        shares |= {"holder.density": 3e-3, "holder.modulus": 5e-3}
+        shares |= {f"holder.{i}.outer": 1e-3 for i in range(3)} | {f"holder.{i}.inner": 3e-3 for i in (1, 2)}
+    stated = [Stated(name=name, moves={name: share}, relative=True) for name, share in shares.items()]
+    if not exact_holder:
+        names = [f"holder.{i}.length" for i in range(3)]
+        stated += [Stated(name=name, moves={name: 1e-4}, relative=False) for name in names]
+    for one in configurations:
+        moves = {"tool.overhang": 5e-5}
+        stated.append(Stated(name=f"overhang {one.name}", moves=moves, relative=False, configuration=one.name))
+    return tuple(stated)
+
+
+def numbers_of(
+    nominal: Nominal, joint: Mapping[str, float], errors: Mapping[str, float], where: Where
+) -> dict[str, float]:
+    """Return the numbers of a configuration with errors, before any effect."""
+    p = {**nominal.numbers, **joint, "tool.overhang": where.overhang}
+    for stated in nominal.tolerances:
+        if stated.configuration in (None, where.configuration):
+            z = errors.get(stated.name, 0.0)
+            for name, deviation in stated.moves.items():
+                p[name] = p[name] * np.exp(deviation * z) if stated.relative else p[name] + deviation * z
+    for name in JOINT:
+        scatter = nominal.joint_scatter if name.startswith("joint.k") else nominal.damping_scatter
+        p[name] *= np.exp(scatter * errors.get(f"{name} @ {where.configuration}", 0.0))
+    # The shank fills the bore that it sits in.
+    p["holder.0.inner"] = p["tool.diameter"]
+    return {name: float(value) for name, value in p.items()}
+
+
+def with_layer(p: dict[str, float], points: int) -> dict[str, float]:
+    """Return the numbers with a joint spread along the whole insertion."""
+    return {**p, "spread.length": p["holder.0.length"], "spread.points": float(points), "spread.loose": 1.0}
+
+
+def true_numbers(
+    nominal: Nominal, truth: Truth, joint: Mapping[str, float], errors: Mapping[str, float],
+    effects: tuple[tuple[Effect, Mapping[str, float] | None], ...], where: Where,
+) -> dict[str, float]:  # fmt: skip
+    """Return the numbers of a configuration with errors and effects, these perhaps with other sizes."""
+    p = numbers_of(nominal, joint, errors, where)
+    if nominal.layer:
+        p = with_layer(p, truth.layer_points)
+    for effect, sizes in effects:
+        p = effect.apply(p, where, sizes)
+    return p
+
+
+def where_of(truth: Truth, configuration: str, overhang: float, level: float, plane: int) -> Where:
+    """Return where a record belongs."""
+    return Where(configuration, overhang, level, plane, *truth.references)
+
+
+def draw_case(
+    seed: int, index: int, kind: str, effects: tuple[str, ...] = (), *, u: float | None = None, quick: bool = False
+) -> tuple[Case, Truth]:
+    """Return a case and its truth, drawn anew from seed and index.
+
+    Parameters
+    ----------
+    seed, index : int
+        What all is drawn from.
+    kind : str
+        One of `KINDS`.
+    effects : tuple of str, optional
+        Which effects; drawn where none is given and the kind has some.
+    u : float, optional
+        Size of the effects from 0, barely visible, to 1, large; drawn where not given.
+    quick : bool, optional
+        Three overhangs, a narrower band and fewer lines, for tests.
+    """
+    rng = np.random.default_rng([seed, index, KINDS.index(kind)])
+    chosen = effects or _choose(rng, kind)
+    layer = kind in ("nothing_exact", "nothing", "single") and rng.random() < 0.12 and not effects
+    layer = layer and not {"joint_cross_term", "joint_spread", "collet_mass"} & set(chosen)
+    numbers = _ordinary(rng, layer)
+    drawn = []
+    for id in chosen:
+        size = float(rng.random()) if u is None else u
+        drawn.append(draw_effect(rng, id, size, numbers))
+        numbers |= drawn[-1].believed
+    overhangs = _overhangs(rng, numbers["tool.diameter"], 3 if quick else int(rng.integers(3, 5)))
+    names = _names(rng, overhangs.size)
+    configurations = tuple(
+        Configuration(name=name, overhang=float(x)) for name, x in zip(names, overhangs, strict=True)
+    )
+    if kind == "one_configuration":
+        at = names[int(rng.integers(len(names)))]
+        drawn = [Effect(e.id, e.sizes, e.fixed, e.believed, at, e.u) for e in drawn]
+    exact = kind == "nothing_exact"
+    new = tuple(Configuration(name=f"new {i}", overhang=float(x)) for i, x in enumerate(_between(rng, overhangs)))
+    nominal = Nominal(
+        numbers=numbers,
+        configurations=configurations,
+        tolerances=_tolerances((*configurations, *new), exact),
+        joint_scatter=round(rng.uniform(0.004, 0.015), 4),
+        damping_scatter=0.03,
+        layer=layer,
+    )
+    errors = {stated.name: float(rng.standard_normal()) for stated in nominal.tolerances}
+    errors |= {f"{name} @ {c.name}": float(rng.standard_normal()) for name in JOINT for c in (*configurations, *new)}
+    levels = (100.0, 100.0 * round(rng.uniform(2.5, 4.0), 1))
+    setup = Setup(
+        level=levels[0],
+        hits=int(rng.integers(8, 13)),
+        low_hz=rng.uniform(140.0, 220.0),
+        high_hz=rng.uniform(4200.0, 4800.0) if quick else rng.uniform(5500.0, 7000.0),
+        pulse=rng.uniform(1.0e-4, 1.3e-4),
+        noise=0.01 * rng.uniform(0.7, 1.3),
+        hammer_noise=0.001,
+        decay_rate=rng.uniform(3.0, 10.0) if rng.random() < 0.2 else 0.0,
+        spacing=10.0 if quick else SPACING,
+    )
+    truth = Truth(
+        seed=(seed, index),
+        kind=kind,
+        effects=tuple(drawn),
+        joint=_draw_joint(rng, numbers["tool.diameter"]),
+        errors=errors,
+        numbers={},
+        references=(float(np.exp(np.mean(np.log(overhangs)))), float(np.sqrt(levels[0] * levels[1]))),
+        layer_points=LAYER if layer else 0,
+        new_numbers={},
+        setups={level: like(setup, level) for level in levels},
+    )
+    active = tuple((effect, None) for effect in drawn)
+    planes = (1, 2) if "xy_asymmetry" in chosen or (kind == "nothing" and rng.random() < 0.15) else (1,)
+    form = str(rng.choice(["accelerance", "accelerance", "mobility", "receptance"]))
+    hints = _hints(rng, drawn) if kind == "misleading" else ()
+    records = []
+    for c in configurations:
+        for plane in planes:
+            for level in levels:
+                where = where_of(truth, c.name, c.overhang, level, plane)
+                p = true_numbers(nominal, truth, truth.joint, errors, active, where)
+                truth.numbers[c.name, level, plane] = p  # type: ignore[index]
+                label = f"{c.name} {len(records)}"
+                estimate = measure(rng, p, truth.setups[level])
+                records.append(
+                    Record(
+                        label=label,
+                        configuration=c.name,
+                        level=level,
+                        plane=plane,
+                        form=form,
+                        estimate=estimate,
+                        notes=hints,
+                    )
+                )
+    # Predictions are of the machine at work: no sensor that nobody knows of, no rope.
+    lasting = tuple((effect, None) for effect in drawn if effect.id not in MEASUREMENT)
+    for c in new:
+        where = where_of(truth, c.name, c.overhang, truth.references[1], 1)
+        truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, errors, lasting, where)  # type: ignore[index]
+    return Case(name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=new), truth
+
+
+LAYER = rig.LAYER_POINTS
+
+
+def _choose(rng: np.random.Generator, kind: str) -> tuple[str, ...]:
+    if kind in ("single", "misleading"):
+        return (str(rng.choice(CATALOGUE)),)
+    if kind == "outside":
+        return (str(rng.choice(OUTSIDE)),)
+    if kind == "one_configuration":
+        local = ["overhang_error", "calibration_gain", "time_delay", "sensor_mass", "exponential_window"]
+        return (str(rng.choice(local)),)
+    if kind == "pair":
+        clumsy = ("wrong_quantity", "coarse_resolution", "joint_spread", "xy_asymmetry", "flexible_body")
+        pool = [id for id in CATALOGUE if id not in clumsy]
+        return tuple(map(str, rng.choice(pool, 2, replace=False)))
+    return ()
+
+
+def _overhangs(rng: np.random.Generator, diameter: float, count: int) -> NDArray[np.float64]:
+    usual = np.array([0.060, 0.075, 0.090, 0.105, 0.120])
+    inner = rng.choice([0.075, 0.090, 0.105], count - 2, replace=False)
+    found = np.sort(np.concatenate([usual[[0, -1]], inner]))
+    return np.round(found * (0.7 + 0.3 * diameter / 0.016) + rng.uniform(-0.003, 0.003, count), 4)
+
+
+def _between(rng: np.random.Generator, overhangs: NDArray[np.float64]) -> NDArray[np.float64]:
+    gaps = np.argsort(np.diff(overhangs))[::-1][:2]
+    return np.round([overhangs[g] + rng.uniform(0.35, 0.65) * (overhangs[g + 1] - overhangs[g]) for g in gaps], 4)
+
+
+def _names(rng: np.random.Generator, count: int) -> list[str]:
+    """Return names without a hint, in no order."""
+    word = str(rng.choice(WORDS))
+    letters = rng.choice(list("ABCDEFGHJKLMNPQRSTUVWXYZ"), count, replace=False)
+    return [f"{word} {letter}{rng.integers(10, 99)}" for letter in letters]
+
+
+def _hints(rng: np.random.Generator, drawn: list[Effect]) -> tuple[str, ...]:
+    """Return remarks that point to something else."""
+    remarks = {
+        "sensor_mass": "sensor heavier than usual, check its mass",
+        "tool_modulus": "carbide grade uncertain, modulus from the catalogue",
+        "hammer_offset": "hit not quite at the tip",
+        "exponential_window": "exponential window was perhaps on",
+        "overhang_error": "overhang read off in a hurry",
+    }
+    others = [text for id, text in remarks.items() if id not in [effect.id for effect in drawn]]
+    return (str(rng.choice(others)),)

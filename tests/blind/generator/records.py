@@ -1,0 +1,126 @@
+"""Hits as time records, and what an analyser makes of them: H1 with coherence and the variance of its logarithm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rig
+
+RATE = 25600.0
+SPACING = 4.0
+POOLED = 4
+"""Neighbours to each side over which the analyser pools its noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """How a record is taken and what the analyser is told to do."""
+
+    level: float
+    hits: int
+    low_hz: float
+    high_hz: float
+    pulse: float
+    """Duration of the pulse in s."""
+    noise: float
+    """Wanted median of the standard deviation of the logarithm."""
+    hammer_noise: float
+    decay_rate: float = 0.0
+    """Of an exponential window that the analyser knows of."""
+    spacing: float = SPACING
+    """Of the reported lines in Hz, at least."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """What comes out of the analyser, as receptance."""
+
+    frequency_hz: NDArray[np.float64]
+    receptance: NDArray[np.complex128]
+    log_variance: NDArray[np.float64]
+    degrees_of_freedom: float
+    coherence: NDArray[np.float64]
+    averages: int
+    decay_rate: float
+    correlated_lines: float
+
+
+def _time_to_rest(p: Mapping[str, float], setup: Setup) -> float:
+    """Return a time after which the structure is at rest, a multiple of a quarter second."""
+    rates = rig.poles(p).rates
+    low = 2.0 * np.pi * 30.0
+    inside = rates[(np.abs(rates.imag) > low) & (rates.imag < 2.0 * np.pi * 1.2 * setup.high_hz) & (rates.imag > 0.0)]
+    slowest = float(np.min(-inside.real)) + setup.decay_rate + p.get("window", 0.0)
+    return 0.25 * int(np.clip(np.ceil(4.0 * 13.0 / max(slowest, 1e-3)), 2, 16))
+
+
+def _unit_hit(
+    p: Mapping[str, float], setup: Setup, n: int, rest: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return force and acceleration of a hit of one newton, sampled through an ideal filter."""
+    # Long enough that nothing comes round.
+    whole = 2 * max(n, round(rest * RATE))
+    lines = np.fft.rfftfreq(whole, 1.0 / RATE)[1:]
+    s = 2j * np.pi * lines
+    force = rig.pulse(s, setup.pulse)
+    found = rig.poles(p).receptance(lines)
+    response = found * s**2 * rig.chain({k: v for k, v in p.items() if k != "quantity"}, s) * force
+    signals = []
+    for spectrum, constant in ((force, 0.5 * setup.pulse), (response, 0.0)):
+        signals.append(np.fft.irfft(np.concatenate([[constant], spectrum]) * RATE, whole)[:n])
+    return signals[0], signals[1]
+
+
+def measure(rng: np.random.Generator, p: Mapping[str, float], setup: Setup) -> Estimate:
+    """Return an FRF from hits in time."""
+    rest = _time_to_rest(p, setup)
+    n = 2 * round(0.5 * (p.get("record", 0.0) or rest) * RATE)
+    force, response = _unit_hit(p, setup, n, rest)
+    window = np.exp(-(setup.decay_rate + p.get("window", 0.0)) * np.arange(n) / RATE)
+    lines = np.fft.rfftfreq(n, 1.0 / RATE)
+    step = max(1, round(setup.spacing / lines[1]))
+    first, last = np.searchsorted(lines, [setup.low_hz, setup.high_hz])
+    picked = np.arange(step * -(-first // step), last, step)
+    band = slice(picked[0] - POOLED - step, picked[-1] + POOLED + step + 1)
+    f1, a1 = (np.fft.rfft(signal * window)[band] for signal in (force, response))
+    # White noise of the channels, from the wanted scatter of the mean of all hits.
+    power = float(np.sum(window**2))
+    low = setup.noise / np.sqrt(power / 2.0 / setup.hits)
+    sensor = low * float(np.median(np.abs(a1))) * 100.0
+    hammer = setup.hammer_noise / np.sqrt(power / 2.0 / setup.hits) * float(np.median(np.abs(f1))) * 100.0
+    cross = np.zeros(f1.size, dtype=np.complex128)
+    force_power, response_power = np.zeros(f1.size), np.zeros(f1.size)
+    for _ in range(setup.hits):
+        strength = setup.level * rng.uniform(0.85, 1.15)
+        f = strength * f1 + np.fft.rfft(rng.normal(0.0, hammer, n) * window)[band]
+        a = strength * a1 + np.fft.rfft(rng.normal(0.0, sensor, n) * window)[band]
+        cross += a * f.conj()
+        force_power += np.abs(f) ** 2
+        response_power += np.abs(a) ** 2
+    h = cross / force_power
+    at = picked - band.start
+    scatter = np.maximum(response_power - np.abs(cross) ** 2 / force_power, 0.0) / (setup.hits - 1)
+    pooled = np.convolve(scatter, np.ones(2 * POOLED + 1) / (2 * POOLED + 1), mode="same")[at]
+    variance = pooled / (2.0 * force_power[at] * np.abs(h[at]) ** 2)
+    spectrum = np.abs(np.fft.rfft(window**2))[::step][1:40] / power
+    alike = 1.0 + 2.0 * float(np.sum(spectrum**2))
+    stated = 2j * np.pi * lines[picked] + setup.decay_rate
+    return Estimate(
+        frequency_hz=lines[picked],
+        receptance=h[at] / stated**2 * (2j * np.pi * lines[picked]) ** p.get("quantity", 0.0),
+        log_variance=variance,
+        degrees_of_freedom=2.0 * (setup.hits - 1) * max(1.0, (2 * POOLED + 1) / max(alike, 1.0)),
+        coherence=np.clip(np.abs(cross[at]) ** 2 / force_power[at] / response_power[at], 0.0, 1.0),
+        averages=setup.hits,
+        decay_rate=setup.decay_rate,
+        correlated_lines=alike,
+    )
+
+
+def like(setup: Setup, level: float) -> Setup:
+    """Return the same set-up at another force level."""
+    return replace(setup, level=level)

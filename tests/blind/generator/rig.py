@@ -1,0 +1,250 @@
+"""From numbers to a structure: holder, tool and joint as finite elements, and the response that would be recorded.
+
+All numbers of one measured configuration stand in one mapping with dotted names; whatever is optional (a collet, a
+fixture, a crack) is there when its names are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .elements import ComplexArray, Poles, Ring, Structure, cowper, hutchinson
+
+Numbers = Mapping[str, float]
+
+LAYER_POINTS = 40
+"""Springs that stand for a continuous layer."""
+MEASURING = ("gain", "delay", "window", "quantity", "record", "mount.hz", "mount.zeta")
+"""Names of numbers that do not change the structure."""
+
+
+def sections(p: Numbers) -> int:
+    """Return how many sections the holder has."""
+    return sum(name.startswith("holder.") and name.endswith(".outer") for name in p)
+
+
+def _rings(p: Numbers, kind: str, outer: float, inner: float) -> list[Ring]:
+    modulus, density, nu, loss = (p[f"{kind}.{name}"] for name in ("modulus", "density", "poisson", "loss"))
+    coefficient = hutchinson if p["shear.hutchinson"] else cowper
+    return [Ring(outer, inner, modulus, density, nu, loss, coefficient(outer, inner, nu) * p.get("shear.scale", 1.0))]
+
+
+class _Row:
+    """Beams in a row, cut where something acts."""
+
+    def __init__(self, structure: Structure, cuts: Sequence[float]) -> None:
+        self.structure = structure
+        self.cuts = sorted(set(cuts))
+        self.x = 0.0
+        self.at = structure.station()
+        self.stations = {0.0: self.at}
+
+    def go(self, length: float, rings: list[Ring]) -> None:
+        end = self.x + length
+        for cut in [c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9]:
+            self.at = self.structure.beam(self.at, cut - self.x, rings)
+            self.x = cut
+            self.stations[cut] = self.at
+        self.at = self.structure.beam(self.at, end - self.x, rings)
+        self.x = end
+        self.stations[end] = self.at
+
+    def __getitem__(self, place: float) -> int:
+        return self.stations[min(self.stations, key=lambda x: abs(x - place))]
+
+
+def _joint(p: Numbers) -> tuple[ComplexArray, NDArray[np.float64]]:
+    k = np.array([[p["joint.k_y"], p["joint.k_ytheta"]], [p["joint.k_ytheta"], p["joint.k_theta"]]])
+    c = np.array([[p["joint.c_y"], p["joint.c_ytheta"]], [p["joint.c_ytheta"], p["joint.c_theta"]]])
+    return k * (1.0 + 1j * p["joint.loss"]), c
+
+
+def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
+    """Return the structure, the station of the sensor (the tip) and that of the hit."""
+    s = Structure(refinement)
+    cells = int(p.get("spread.points", 0))
+    edges = np.linspace(0.0, p.get("spread.length", 0.0), cells + 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    tool = _tool(s, p, middles)
+    mouth = tool.at
+    holder = _holder(s, p, middles)
+    if cells:
+        _layer(s, p, tool, holder, middles)
+    else:
+        _link(s, p, mouth, holder[0.0])
+    _attach(s, p, tool, holder)
+    return s, tool[0.0], tool[p.get("hit.offset", 0.0)]
+
+
+def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
+    """Build the tool up to the mouth of the holder, with flutes, cone and crack."""
+    overhang = p["tool.overhang"]
+    crack = p.get("crack.place", 0.0) * overhang
+    tool = _Row(s, [p.get("hit.offset", 0.0), p.get("middle.place", 0.0) * overhang, *(overhang + middles)])
+    pieces = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
+    pieces.append((overhang - sum(length for length, _ in pieces), 1.0))
+    if "tool.taper" in p:
+        # A cone in steps: thicker towards the tip, by the taper over the whole overhang.
+        length, ratio = pieces.pop()
+        steps = 8
+        pieces += [(length / steps, ratio * (1.0 + p["tool.taper"] * (0.5 - (i + 0.5) / steps))) for i in range(steps)]
+    for length, ratio in pieces:
+        rings = _rings(p, "tool", ratio * p["tool.diameter"], 0.0)
+        if crack and tool.x < crack < tool.x + length:
+            first = crack - tool.x
+            tool.go(first, rings)
+            before = tool.at
+            tool.at = s.station()
+            s.spring(before, tool.at, np.diag([1e11, p["crack.k"]]).astype(np.complex128))
+            length -= first
+        tool.go(length, rings)
+    return tool
+
+
+def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
+    """Build the holder, the shank in its mouth as a core unless the joint is spread there."""
+    total = _holder_length(p)
+    spread = p.get("spread.length", 0.0) if middles.size else 0.0
+    holder = _Row(s, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
+    core = _rings(p, "tool", p["tool.diameter"], 0.0)
+    for i in range(sections(p)):
+        outer, inner, length = (p[f"holder.{i}.{name}"] for name in ("outer", "inner", "length"))
+        rings = _rings(p, "holder", outer, p["tool.diameter"] if i == 0 else inner)
+        if i == sections(p) - 1 and "holder.stiffer" in p:
+            factor = 10.0 ** p["holder.stiffer"]
+            rings = [Ring(r.outer, r.inner, r.modulus * factor, r.density, r.poisson, r.loss, r.shear) for r in rings]
+        if i == 0 and spread:
+            holder.go(spread, rings)
+            length -= spread
+            rings = rings if "spread.loose" in p else rings + core
+        elif i == 0:
+            rings = rings + core
+        if length > 1e-9:
+            holder.go(length, rings)
+    return holder
+
+
+def _holder_length(p: Numbers) -> float:
+    return sum(p[f"holder.{i}.length"] for i in range(sections(p)))
+
+
+def _layer(s: Structure, p: Numbers, tool: _Row, holder: _Row, middles: NDArray[np.float64]) -> None:
+    """Continue the tool as shank beside the bore, and hold the two together at points."""
+    k, c = _joint(p)
+    spread = p["spread.length"]
+    weights = 1.0 + p.get("spread.slope", 0.0) * (2.0 * middles / spread - 1.0)
+    weights = weights / weights.sum()
+    shank = p["holder.0.length"] if "spread.loose" in p else spread
+    tool.go(shank, _rings(p, "tool", p["tool.diameter"], 0.0))
+    for x, share in zip(middles, weights, strict=True):
+        s.spring(tool[p["tool.overhang"] + x], holder[x], k * share, c * share)
+
+
+def _link(s: Structure, p: Numbers, tool_end: int, mouth: int) -> None:
+    """Put the joint at a point, perhaps with a collet's mass within it."""
+    k, c = _joint(p)
+    if "collet.mass" not in p:
+        s.spring(tool_end, mouth, k, c)
+        return
+    collet, split = s.station(), p["collet.split"]
+    s.mass(collet, p["collet.mass"], p["collet.mass"] * p["collet.radius"] ** 2)
+    s.spring(tool_end, collet, k / split, c / split)
+    s.spring(collet, mouth, k / (1.0 - split), c / (1.0 - split))
+
+
+def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
+    """Add masses, springs to ground and resonators."""
+    total = _holder_length(p)
+    masses = (
+        ("sensor.mass", tool[0.0], 0.0),
+        ("middle.mass", tool[p.get("middle.place", 0.0) * p["tool.overhang"]], 0.0),
+        ("holder.ring", holder[total], 2e-4),
+        ("nose.ring", holder[p["holder.0.length"]], 2e-4),
+    )
+    for name, station, inertia in masses:
+        if p.get(name, 0.0):
+            s.mass(station, p[name], p[name] * inertia)
+    if "ground.k" in p:
+        at = holder[p["ground.place"] * total]
+        s.spring(at, None, np.diag([p["ground.k"], 0.0]), np.diag([p["ground.c"], 0.0]))
+    if "rope.k" in p:
+        w = np.sqrt(p["rope.k"] / 1.5)
+        rope = np.diag([p["rope.k"], 0.0]), np.diag([2.0 * p["rope.zeta"] * p["rope.k"] / w, 0.0])
+        s.spring(holder[p["rope.place"] * total], None, *rope)
+    for name, station in (("fixture", holder[total]), ("absorber", tool[0.0])):
+        if f"{name}.mass" in p:
+            _resonator(s, station, p[f"{name}.mass"], p[f"{name}.hz"], p[f"{name}.zeta"])
+
+
+def _resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
+    own, w = s.station(), 2.0 * np.pi * hz
+    inertia = mass * 0.005**2
+    s.mass(own, mass, inertia)
+    # Rotation is held so firmly that it stays out of the band.
+    turning = inertia * (2.0 * np.pi * 40e3) ** 2
+    s.spring(station, own, np.diag([mass * w**2, turning]), np.diag([2.0 * zeta * w * mass, 0.0]))
+
+
+@lru_cache(maxsize=256)
+def _poles(items: tuple[tuple[str, float], ...], refinement: float) -> Poles:
+    s, tip, hit = build(dict(items), refinement)
+    unit = np.eye(s.size)
+    return s.poles(unit[:, [2 * hit]], unit[:, [2 * tip]])
+
+
+def poles(p: Numbers, refinement: float = 1.0) -> Poles:
+    """Return the poles of y at the tip over force at the hit."""
+    return _poles(tuple((n, v) for n, v in sorted(p.items()) if n not in MEASURING), refinement)
+
+
+def natural_frequencies(p: Numbers, upper_hz: float) -> NDArray[np.float64]:
+    """Return the undamped natural frequencies."""
+    return build(p)[0].natural_frequencies(upper_hz)
+
+
+def chain(p: Numbers, s: ComplexArray) -> ComplexArray:
+    """Return what the measuring chain makes of a receptance at s: gain, delay, a sensor's mounting, the quantity."""
+    factor = np.full(s.shape, 1.0 + p.get("gain", 0.0), dtype=np.complex128)
+    factor *= np.exp(-s * p.get("delay", 0.0))
+    if "mount.hz" in p:
+        w = 2.0 * np.pi * p["mount.hz"]
+        factor *= w**2 / (w**2 + 2.0 * p["mount.zeta"] * w * s + s**2)
+    return factor * s ** p.get("quantity", 0.0)
+
+
+HIT = 0.01
+"""Time of the hit in the record, in s."""
+
+
+def pulse(s: ComplexArray, duration: float) -> ComplexArray:
+    """Return the spectrum of a smooth pulse of one newton that begins at the hit."""
+    turn = 2.0 * np.pi / duration
+    return -np.expm1(-s * duration) / (2.0 * s) * turn**2 / (s**2 + turn**2) * np.exp(-s * HIT)
+
+
+def recorded(
+    p: Numbers, frequency_hz: NDArray[np.float64], decay_rate: float = 0.0, pulse_duration: float = 1.15e-4
+) -> ComplexArray:
+    """Return what a measurement without noise would report as receptance, on lines and with a stated window.
+
+    The pulse matters only where the record ends too early.
+    """
+    found = poles(p)
+    stated = 2j * np.pi * frequency_hz + decay_rate
+    s = stated + p.get("window", 0.0)
+    values = found.receptance(s / 2j / np.pi)
+    if p.get("record", 0.0):
+        # The record ends before the structure is at rest: what acceleration would still have come is missing. A real
+        # signal has every ringing with its conjugate.
+        ringing = (found.rates.imag > 50.0) & (np.abs(found.rates) < 2e5)
+        rates = found.rates[ringing]
+        residues = (found.seen[0] * found.excited[:, 0])[ringing] * rates**2 * pulse(rates, pulse_duration)
+        rates, residues = (np.concatenate([one, one.conj()]) for one in (rates, residues))
+        late = np.exp((rates[None, :] - s[:, None]) * p["record"]) / (s[:, None] - rates)
+        values = values - late @ residues / s**2 / pulse(s, pulse_duration)
+    # The chain records what happens at s; the analyst divides by the lines that he knows of.
+    return values * chain(p, s) * (s / stated) ** 2

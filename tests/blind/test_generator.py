@@ -1,0 +1,226 @@
+"""Is the laboratory right, and is it apart from what it tests?"""
+
+from __future__ import annotations
+
+import pickle
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind.generator import CATALOGUE, KINDS, OUTSIDE, draw_case, every, rig, shuffled
+from blind.generator.case import true_numbers, where_of
+from blind.generator.elements import Ring, Structure, cowper, hutchinson
+from blind.seeds import fresh_seed
+
+HERE = Path(__file__).resolve().parent
+SEED = fresh_seed()
+
+
+def free_bar(length, diameter, bore, modulus, density, nu, refinement=1.0):
+    structure = Structure(refinement)
+    ring = Ring(diameter, bore, modulus, density, nu, 0.0, cowper(diameter, bore, nu))
+    structure.beam(structure.station(), length, [ring])
+    return structure.natural_frequencies(60e3)
+
+
+def some_numbers(rng_seed=0, **changes):
+    _, truth = draw_case(rng_seed, 0, "nothing", quick=True)
+    return {**next(iter(truth.numbers.values())), **changes}
+
+
+def test_the_package_never_comes_in():
+    code = "import sys; import blind.generator; sys.exit(any(m.split('.')[0] == 'receptance' for m in sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=HERE.parent, env={"PYTHONPATH": str(HERE.parent), "PATH": ""}, check=False
+    )
+    assert done.returncode == 0
+    for source in (HERE / "generator").glob("*.py"):
+        text = source.read_text(encoding="utf-8")
+        assert not re.search(r"(import|from)\s+receptance|import_module", text), source.name
+
+
+def test_only_the_bridge_imports_the_package():
+    for source in HERE.glob("*.py"):
+        if source.name != "bridge.py" and source != Path(__file__):
+            found = re.findall(r"^\s*(?:from|import)\s+receptance.*$", source.read_text(encoding="utf-8"), re.MULTILINE)
+            assert not found, (source.name, found)
+
+
+@pytest.mark.parametrize(
+    ("bar", "known"),
+    [
+        ((0.125, 0.010, 0.0, 200e9, 7800.0, 0.29), (2837.30, 7597.40, 14325.63, 22605.17)),
+        ((0.120, 0.020, 0.0, 580e9, 14500.0, 0.24), (7318.47, 18268.10, 32037.50, 47216.83)),
+        ((0.100, 0.050, 0.020, 210e9, 7850.0, 0.3), (15830.80, 26338.44, 38263.16, 38945.42)),
+    ],
+)
+def test_free_beams_have_their_known_frequencies(bar, known):
+    assert free_bar(*bar, refinement=2.0)[:4] == pytest.approx(known, rel=1e-6)
+
+
+def test_hutchinsons_coefficient_of_a_solid_section():
+    nu = 0.3
+    assert hutchinson(0.02, 0.0, nu) == pytest.approx(6 * (1 + nu) ** 2 / (7 + 12 * nu + 4 * nu**2))
+
+
+EXTRAS = [
+    {},
+    {"spread.length": 0.03, "spread.points": 4.0, "spread.slope": -0.6},
+    {"spread.length": 0.03, "spread.points": 40.0, "spread.loose": 1.0, "holder.0.length": 0.03},
+    {"collet.mass": 0.03, "collet.split": 0.4, "collet.radius": 0.012},
+    {"sensor.mass": 1e-3, "hit.offset": 2e-3, "middle.place": 0.4, "middle.mass": 2e-3},
+    {
+        "fixture.mass": 0.2,
+        "fixture.hz": 1500.0,
+        "fixture.zeta": 0.01,
+        "rope.k": 2e5,
+        "rope.zeta": 0.03,
+        "rope.place": 0.4,
+    },
+    {"crack.place": 0.5, "crack.k": 1e5, "flute.length": 0.02, "flute.ratio": 0.9, "tool.taper": 0.02},
+    {"holder.stiffer": 3.0, "ground.k": 1e7, "ground.c": 10.0, "ground.place": 0.6, "joint.loss": 0.03},
+    {"rope.k": 2e5, "rope.zeta": 0.03, "rope.place": 0.4},
+]
+
+
+@pytest.mark.parametrize("extra", EXTRAS, ids=lambda extra: next(iter(extra), "plain"))
+def test_the_mesh_error_lies_far_under_noise_and_floor(extra):
+    # Half the elements, twice the modes: 1e-4 is a thirtieth of the floor, on any line.
+    p = some_numbers(**extra)
+    lines = np.linspace(150.0, 7000.0, 400)
+    once = rig.poles(p).receptance(lines)
+    structure, tip, hit = rig.build(p, 2.0)
+    unit = np.eye(structure.size)
+    twice = structure.poles(unit[:, [2 * hit]], unit[:, [2 * tip]], modes=48).receptance(lines)
+    assert np.max(np.abs(np.log(once / twice))) < 1e-4
+    # And against solving the matrices line by line.
+    k, m, c = structure.matrices()
+    for i in (0, 150, 399):
+        w = 2.0 * np.pi * lines[i]
+        direct = np.linalg.solve(k - w**2 * m + 1j * w * c, unit[:, 2 * hit])[2 * tip]
+        assert direct == pytest.approx(twice[i], rel=1e-5)
+
+
+def test_points_of_a_layer_converge():
+    p = some_numbers(**{"spread.length": 0.04, "spread.loose": 1.0, "holder.0.length": 0.04})
+    found = [rig.natural_frequencies({**p, "spread.points": float(n)}, 6e3) for n in (20, 40, 80)]
+    coarse, fine = (np.abs(one / found[2] - 1.0).max() for one in found[:2])
+    assert fine < 3e-4
+    assert coarse / fine == pytest.approx(5.0, rel=0.1)  # second order: (16 - 1) / (4 - 1)
+
+
+def test_a_spread_joint_tends_to_a_point():
+    p = some_numbers()
+    point = rig.natural_frequencies(p, 6e3)[0]
+    # What bends beside the spring goes with the length.
+    away = [
+        abs(rig.natural_frequencies({**p, "spread.length": length, "spread.points": 3.0}, 6e3)[0] / point - 1.0)
+        for length in (8e-3, 2e-3, 5e-4)
+    ]
+    assert away[0] > 2.0 * away[1] > 4.0 * away[2]
+
+
+def test_estimates_scatter_as_they_say(summarise):
+    squares = []
+    for i in range(12):
+        id = ("time_delay", "sensor_mass", "calibration_gain", "exponential_window")[i % 4]
+        case, truth = draw_case(SEED, i, "single", (id,), quick=True)
+        for record in case.records:
+            e = record.estimate
+            p = truth.numbers[record.configuration, record.level, record.plane]
+            exact = rig.recorded(p, e.frequency_hz, e.decay_rate, truth.setups[record.level].pulse)
+            known = e.log_variance * e.correlated_lines
+            error = np.log(e.receptance / exact)
+            good = known < 0.12**2
+            if e.decay_rate == 0.0 and record.level == 100.0:
+                # Where noise is more than what the end of a record leaves.
+                good &= e.log_variance > 0.003**2
+                squares.append(np.mean(np.abs(error[good]) ** 2 / 2.0 / e.log_variance[good]))
+            # With the floor nothing is left to explain.
+            assert np.mean(np.abs(error[good]) ** 2 / 2.0 / (known[good] + 0.003**2)) < 1.25
+            assert np.median(np.sqrt(e.log_variance)) < 0.02
+    summarise("blind laboratory", f"seed {SEED}: squares of estimates {np.mean(squares):.3f}", np.mean(squares))
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.05), SEED
+
+
+def test_what_a_record_cuts_off_is_what_is_missing():
+    for i in range(4):
+        case, truth = draw_case(SEED, i, "single", ("coarse_resolution",), u=1.0, quick=True)
+        for record in case.records:
+            e = record.estimate
+            p = truth.numbers[record.configuration, record.level, record.plane]
+            errors = []
+            for one in (p, {**p, "record": 0.0}):
+                exact = rig.recorded(one, e.frequency_hz, e.decay_rate, truth.setups[record.level].pulse)
+                known = e.log_variance * e.correlated_lines + 0.003**2
+                errors.append(float(np.sum((np.abs(np.log(e.receptance / exact)) ** 2 / known)[known < 0.12**2])))
+            assert errors[0] < max(0.2 * errors[1], 3.0 * e.frequency_hz.size), (SEED, i)
+
+
+def test_same_seed_same_case_another_seed_another():
+    (a, s), (b, _), (c, _) = (draw_case(seed, 3, "pair", quick=True) for seed in (SEED, SEED, SEED + 1))
+    assert pickle.dumps(a) == pickle.dumps(b)
+    assert pickle.dumps(a) != pickle.dumps(c)
+    assert len(s.effects) == 2
+
+
+@pytest.mark.parametrize("id", [*CATALOGUE, *OUTSIDE])
+def test_every_effect_changes_what_is_measured_and_more_when_larger(id):
+    changes = []
+    for u in (0.1, 0.9):
+        case, truth = draw_case(11, 4, "single", (id,), u=u, quick=True)
+        record = case.records[-1]
+        overhang = next(c.overhang for c in case.nominal.configurations if c.name == record.configuration)
+        where = where_of(truth, record.configuration, overhang, record.level, record.plane)
+        absent = true_numbers(case.nominal, truth, truth.joint, truth.errors, (), where)
+        before, after = (
+            rig.recorded(one, record.estimate.frequency_hz)
+            for one in (absent, truth.numbers[record.configuration, record.level, record.plane])
+        )
+        changes.append(float(np.sqrt(np.mean(np.abs(np.log(after / before)) ** 2))))
+    if id not in ("wrong_quantity", "joint_spread"):
+        assert changes[1] > 1.3 * changes[0], changes
+    assert changes[1] > 3e-3, changes
+
+
+def test_the_case_holds_nothing_of_the_truth():
+    case, truth = draw_case(SEED, 1, "pair", quick=True)
+    text = repr(replace(case, records=()))
+    for effect in truth.effects:
+        assert effect.id not in text
+    known = set(case.nominal.numbers)
+    assert not any(name.startswith("joint.k_y") and case.nominal.numbers[name] for name in known)
+
+
+def test_batches_have_their_shares():
+    plan = every(450)
+    kinds = [kind for kind, _ in plan]
+    assert set(kinds) == set(KINDS)
+    hidden = [kind for kind in kinds if not kind.startswith("nothing")]
+    assert len(hidden) == 300
+    assert {effects[0] for kind, effects in plan if kind == "single"} == set(CATALOGUE)
+    assert {effects[0] for kind, effects in plan if kind == "outside"} == set(OUTSIDE)
+
+
+def test_shuffled_cases_hold_the_same_measurements():
+    case, _ = draw_case(SEED, 2, "misleading", quick=True)
+    assert all(record.notes for record in case.records)
+    other = shuffled(case)
+    overhangs = [{c.name: c.overhang for c in one.nominal.configurations} for one in (case, other)]
+    assert sorted(overhangs[0].values()) == sorted(overhangs[1].values())
+    assert not set(overhangs[0]) & set(overhangs[1])
+    found = [
+        {overhangs[i][r.configuration]: r.estimate.receptance.sum() for r in one.records if r.level == 100.0}
+        for i, one in enumerate((case, other))
+    ]
+    assert found[0] == found[1]
+    assert not any(record.notes for record in other.records)
+    assert {t.configuration for t in other.nominal.tolerances} - {None} == {
+        *overhangs[1],
+        *(t.name for t in other.new_tools),
+    }
