@@ -172,7 +172,9 @@ class Cause:
         if not isinstance(self.id, str) or not self.id.isidentifier():
             raise ValueError(f"Cause: id is {self.id!r}, expected one word of letters, digits and underscores")
         if self.group not in get_args(Group):
-            raise ValueError(f"Cause {self.id!r}: group is {self.group!r}, expected one of {', '.join(get_args(Group))}")
+            raise ValueError(
+                f"Cause {self.id!r}: group is {self.group!r}, expected one of {', '.join(get_args(Group))}"
+            )
         named = tuple(replace(one, name=f"{self.id}.{one.name.split('.')[-1]}") for one in self.parameters)
         object.__setattr__(self, "parameters", named)
 

@@ -150,9 +150,7 @@ def _verdict(selection: Selection, seed: int, most: int) -> Verdict:
     for one in judgement.reported:
         for cause, variant in one.steps:
             reported.setdefault(cause.id, _candidate(selection, one, cause, variant, identified(one)))
-    candidates = [
-        _candidate(selection, one, *one.steps[0], identified(one)) for one in selection.singles
-    ]
+    candidates = [_candidate(selection, one, *one.steps[0], identified(one)) for one in selection.singles]
     return Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
@@ -173,9 +171,7 @@ def _verdict(selection: Selection, seed: int, most: int) -> Verdict:
     )
 
 
-def _candidate(
-    selection: Selection, one: Explanation, cause: Cause, variant: str, found: Identification
-) -> Candidate:
+def _candidate(selection: Selection, one: Explanation, cause: Cause, variant: str, found: Identification) -> Candidate:
     own = one.sizes(cause)
     return Candidate(
         id=cause.id,
@@ -210,7 +206,9 @@ def _on_data(selection: Selection) -> list[str]:
     model = selection.base.model
     notes = []
     if not model.tolerances:
-        notes.append("there are no tolerances: an ordinary deviation of a dimension or a material can look like a cause")
+        notes.append(
+            "there are no tolerances: an ordinary deviation of a dimension or a material can look like a cause"
+        )
     if len(model.configurations) == 1:
         notes.append("there is one configuration: measure another overhang to tell the joint from the parts")
     if not any(isinstance(one, MeasuredFrequencies) for one in model.observations):

@@ -145,7 +145,9 @@ def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
-    lengths = {_overhang(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)}
+    lengths = {
+        _overhang(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
+    }
     wanted = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
         wanted += lengths
@@ -165,7 +167,9 @@ def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
     if not _varied(_values(model, "plane")):
-        raise UndecidableError("all was measured in one plane: measure in two, and state the condition 'plane' as 1 and 2")
+        raise UndecidableError(
+            "all was measured in one plane: measure in two, and state the condition 'plane' as 1 and 2"
+        )
     yield from _laws(p, model, "plane", "")
 
 
@@ -193,7 +197,9 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tools = {one.tool[-1] for one in model.anatomies if one.joint}
     if len(tools) > 1:
         return
-    gyration = min(_diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements)
+    gyration = min(
+        _diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements
+    )
     fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
 
     def build(assembly: Assembly) -> Assembly:
@@ -280,7 +286,9 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole:
     shank = Section(
         outer_diameter=last.outer_diameter, inner_diameter=last.inner_diameter, material=last.material, shear=last.shear
     )
-    sleeve = Section(outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear)
+    sleeve = Section(
+        outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear
+    )
     kept = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
     length = first.length - _SHORTEST if whole else _SHORTEST
     elements[anatomy.joint] = SpreadJoint(
@@ -310,7 +318,9 @@ def _beside(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:
 
 
 def _exponents(*names: str) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name=name, unit="", lower=-4.0, upper=4.0, typical=-0.3, plausible=(-2.5, 2.5)) for name in names)
+    return tuple(
+        Parameter(name=name, unit="", lower=-4.0, upper=4.0, typical=-0.3, plausible=(-2.5, 2.5)) for name in names
+    )
 
 
 JOINT_CAUSES = (
@@ -377,5 +387,3 @@ JOINT_CAUSES = (
         remedy="weigh collet and nut and add their mass",
     ),
 )
-
-

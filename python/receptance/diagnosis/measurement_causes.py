@@ -170,7 +170,9 @@ MEASUREMENT_CAUSES = (
     Cause(
         id="exponential_window",
         group="measurement",
-        parameters=(Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),),
+        parameters=(
+            Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),
+        ),
         change=_window,
         meaning="an exponential window was put on the records, and the FRF does not say so",
         remedy="state the window's decay rate, or repeat one measurement without it",

@@ -178,9 +178,7 @@ def _divided(assembly: Assembly, part: str, index: int, length: float) -> Assemb
     whole = segments[index]
     segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
     elements[part] = Part(segments, name=part)
-    return Assembly(
-        elements.values(), [replace(point, name=name) for name, point in assembly.attachments.items()]
-    )
+    return Assembly(elements.values(), [replace(point, name=name) for name, point in assembly.attachments.items()])
 
 
 def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:

@@ -42,8 +42,6 @@ def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
     return model.plus(p.move(moves, relative=True))
 
 
-
-
 def _tool_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     yield Variant("all of the tool", _scaled(p["log_modulus"], model, "tool", "youngs_modulus"))
 
@@ -92,7 +90,9 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     parts = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
     first = f"{tip}.segment[0]"
     if any(len(part.segments) > 1 for part in parts):  # type: ignore[union-attr]
-        yield Variant("first section", model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)))
+        yield Variant(
+            "first section", model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True))
+        )
         return
     shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
     divided, _ = model.split(tip, _SPLIT)
@@ -149,9 +149,7 @@ def with_resonator(assembly: Assembly, part: str) -> Assembly:
     # Rotation is held firmly, so that the body has one resonance.
     inertia = mass * (diameter**2 / 16.0 + length**2 / 12.0)
     k, turn = mass * angular**2, inertia * (20.0 * angular) ** 2
-    link = PointJoint(
-        k_y=k, k_theta=turn, c_y=0.04 * k / angular, c_theta=0.04 * turn / angular, name="cause_link"
-    )
+    link = PointJoint(k_y=k, k_theta=turn, c_y=0.04 * k / angular, c_theta=0.04 * turn / angular, name="cause_link")
     stub = Part([Segment(length=length, outer_diameter=diameter, material=body)], name="cause_resonator")
     points = [replace(point, name=name) for name, point in assembly.attachments.items()]
     return Assembly([*elements.values(), link, stub], points)
@@ -171,7 +169,6 @@ def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if lower >= 0.0 or upper <= 0.0:
         raise UndecidableError("Poisson's ratio is at its limit")
     yield Variant("all parts", model.plus(replace(ratio, lower=lower, upper=upper)))
-
 
 
 def _share(name: str, typical: float, believable: float) -> Parameter:
@@ -212,7 +209,9 @@ PART_CAUSES = (
     Cause(
         id="overhang_error",
         group="structure",
-        parameters=(Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),),
+        parameters=(
+            Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),
+        ),
         change=_overhang,
         meaning="the overhang is not what was written down",
         remedy="measure it again with a caliper",

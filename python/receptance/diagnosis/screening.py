@@ -98,7 +98,9 @@ def _allowed(cause: Cause, name: str, step: float) -> bool:
     return step > 0.0 if parameter.null == parameter.lower else step < 0.0
 
 
-def chance(found: Sequence[Direction], penalty: float, *, level: float = 0.99, draws: int = 2000, seed: int = 0) -> float:
+def chance(
+    found: Sequence[Direction], penalty: float, *, level: float = 0.99, draws: int = 2000, seed: int = 0
+) -> float:
     """Return what the best cause gains in evidence by chance alone, at a level: the bootstrap of the base, to first order.
 
     Residuals are drawn from noise and priors; every cause is fitted to them as its direction says, and the largest gain

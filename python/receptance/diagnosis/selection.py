@@ -179,9 +179,7 @@ def _rebased(selection: Selection, threads: int | None) -> Selection:
     return replace(selection, base=again, singles=singles)
 
 
-def _variants(
-    model: Model, causes: Sequence[Cause], fit: Fit
-) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
+def _variants(model: Model, causes: Sequence[Cause], fit: Fit) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
     found: list[tuple[Cause, Variant]] = []
     undecidable: dict[str, str] = {}
     for cause in causes:
@@ -236,7 +234,9 @@ def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
         starts.append({**null, **direction.step})
     for times in (_LARGE, -_LARGE):
         large = {
-            name: one.typical if one.secondary else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
+            name: one.typical
+            if one.secondary
+            else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
             for name, one in parameters.items()
         }
         starts.append(large)
@@ -292,9 +292,7 @@ def _explanation(
     own = sum(unknown.prior is None for unknown in fit.model.unknowns)
     count = max(own - sum(unknown.prior is None for unknown in base.model.unknowns), 1)
     gain = base.chi_square - fit.chi_square
-    return Explanation(
-        (*steps, (direction.cause, direction.variant.name)), fit, gain, gain - selection.penalty * count
-    )
+    return Explanation((*steps, (direction.cause, direction.variant.name)), fit, gain, gain - selection.penalty * count)
 
 
 def _best_each(found: Sequence[Explanation]) -> list[Explanation]:
@@ -326,7 +324,9 @@ def _added(
         others = [cause for cause in causes if cause.id not in root.ids]
         variants, _ = _variants(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
-        promising = [one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)]
+        promising = [
+            one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)
+        ]
         open_ = open_ or bool(promising)
         ranked = _chosen(promising)
         own: list[Direction] = []
