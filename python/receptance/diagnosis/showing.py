@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from receptance.diagnosis.verdict import Candidate, Verdict
 
-__all__ = ["as_dict", "as_text", "sizes"]
+__all__ = ["SENTENCE", "as_dict", "as_text", "sizes"]
 
 _SHOWN = 6
-_SENTENCE = {
+SENTENCE = {
     "adequate": "The model is adequate: noise, floor and tolerances explain what is left.",
     "named": "The model lacks something, and the data say what.",
     "suspected": "Something may be missing; one cause is suspected, no more.",
@@ -76,7 +76,7 @@ def sizes(one: Candidate) -> str:
 
 def as_text(verdict: Verdict) -> str:
     """Return a short readable answer."""
-    lines = [f"verdict: {verdict.verdict}", _SENTENCE[verdict.verdict]]
+    lines = [f"verdict: {verdict.verdict}", SENTENCE[verdict.verdict]]
     after = verdict.adequacy_after
     left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
     lines.append(f"misfit: {verdict.adequacy.misfit:.2f} times what noise and floor explain{left}")

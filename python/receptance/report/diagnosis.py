@@ -1,0 +1,154 @@
+"""The report of a diagnosis: one HTML file with its figures, their code and the story in plain sentences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from receptance import _files
+from receptance.diagnosis.by_mode import Curve, curves, residuals_by_mode
+from receptance.diagnosis.screening import look_alike
+from receptance.diagnosis.showing import SENTENCE
+from receptance.identification.observations import MeasuredFRF
+from receptance.report import figures
+from receptance.report.story import story
+
+if TYPE_CHECKING:
+    import os
+
+    from receptance.diagnosis import Candidate, Verdict
+
+__all__ = ["diagnosis_html", "write_diagnosis"]
+
+_ALIKE = 12
+"""Causes whose look-alikes are shown."""
+
+
+def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
+    """Return a diagnosis as one HTML page that needs no network.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        What `diagnose` answered.
+    title : str, optional
+        Heading; shown as it is, whatever characters are in it.
+
+    Returns
+    -------
+    str
+        Measured against simulated before and after, which can be zoomed; residuals by mode; evidence of the
+        candidates and which look alike; improvement; what to measure next; settings and versions.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=PackageLoader("receptance.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    base, explanation = verdict.selection.base, verdict.explanation
+    before, after = residuals_by_mode(base), residuals_by_mode(explanation.fit) if explanation is not None else ()
+    rows = {(one.label, one.mode): one for one in after}
+    return environment.get_template("diagnosis.html").render(
+        title=title,
+        verdict=verdict,
+        sentence=SENTENCE[verdict.verdict],
+        story=story(verdict, before, after),
+        curves=_curves(verdict),
+        modes=[(one, rows.get((one.label, one.mode))) for one in before],
+        sizes={one.id: _sizes(verdict, one) for one in verdict.causes},
+        evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
+        alike=_alike(verdict),
+        settings=_rows(verdict.settings),
+        library=get_plotlyjs(),
+    )
+
+
+def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: str = "Diagnosis") -> Path:
+    """Write the report of a diagnosis, whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        Where to.
+    verdict, title
+        As for `diagnosis_html`.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    target = Path(path)
+    text = diagnosis_html(verdict, title=title)
+    _files.write_whole({target: text.encode("utf-8")})
+    return target
+
+
+def _sizes(verdict: Verdict, one: Candidate) -> str:
+    """What was found for a cause, with intervals and units."""
+    cause = next(found.cause for found in verdict.selection.found if found.cause.id == one.id)
+    texts = []
+    for name, (value, low, high) in one.parameters.items():
+        unit = cause.parameter_of(name).unit
+        texts.append(f"{name.split('.', 1)[-1]} {value:.3g}{' ' + unit if unit else ''} ({low:.3g} to {high:.3g})")
+    return ", ".join(texts)
+
+
+def _shown(figure: Any, name: str) -> str:
+    from plotly.io import to_html
+
+    config = {"displaylogo": False, "responsive": True, "scrollZoom": True, "showSendToCloud": False}
+    return str(to_html(figure, include_plotlyjs=False, full_html=False, div_id=f"figure-{name}", config=config))
+
+
+def _curves(verdict: Verdict) -> list[tuple[str, str]]:
+    """Each receptance with its figure, and all natural frequencies in one."""
+    base, explanation = verdict.selection.base, verdict.explanation
+    before = curves(base)
+    after: list[Curve | None] = list(curves(explanation.fit)) if explanation is not None else [None] * len(before)
+    complete = []
+    frequencies = []
+    for number, one in enumerate(base.model.observations):
+        if isinstance(one, MeasuredFRF):
+            html = _shown(figures.curve_figure(before[number], after[number]), f"curve-{number}")
+            complete.append((before[number].label or f"receptance {number + 1}", html))
+        else:
+            frequencies.append(number)
+    if frequencies:
+        extended = [curve for i in frequencies if (curve := after[i]) is not None]
+        figure = figures.frequencies_figure([before[i] for i in frequencies], extended)
+        complete.append(("natural frequencies", _shown(figure, "frequencies")))
+    return complete
+
+
+def _alike(verdict: Verdict) -> str:
+    """The best candidates against each other."""
+    best: dict[str, Any] = {}
+    for one in verdict.candidates:
+        own = [
+            d
+            for d in verdict.selection.found
+            if d.cause.id == one.id and d.variant.name == one.variant and d.slopes.shape[1]
+        ]
+        if own and one.id not in best:
+            best[one.id] = own[0]
+    names = list(best)[:_ALIKE]
+    if len(names) < 2:
+        return ""
+    cosines = [[look_alike(best[a], best[b]) for b in names] for a in names]
+    return _shown(figures.alike_figure(names, cosines), "alike")
+
+
+def _rows(settings: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    for name, value in settings.items():
+        if isinstance(value, dict):
+            rows += [(f"{name}: {inner}", str(own)) for inner, own in value.items()]
+        else:
+            rows.append((name, ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)))
+    return rows

@@ -1,0 +1,80 @@
+"""A verdict in plain sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.identification.observations import MeasuredFRF
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from receptance.diagnosis import Verdict
+    from receptance.diagnosis.by_mode import ModeResidual
+
+__all__ = ["story"]
+
+
+def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
+    """Return what was done and found, one sentence each."""
+    observed = verdict.selection.base.model.observations
+    receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
+    lines = sum(one.frequency_hz.size for one in receptances)
+    frequencies = sum(one.frequency_hz.size for one in observed if not isinstance(one, MeasuredFRF))
+    data = [f"{len(receptances)} receptances with {lines} lines"] if receptances else []
+    data += [f"{frequencies} natural frequencies"] if frequencies else []
+    count = len(verdict.selection.base.model.configurations)
+    sentences = [
+        f"Measured were {' and '.join(data)} of {count} configuration{'s' if count != 1 else ''}; the model was fitted "
+        "to all of them together, with dimensions and materials free within their tolerances."
+    ]
+    worst = verdict.adequacy.worst[0] if verdict.adequacy.worst else None
+    sentence = f"It leaves {verdict.adequacy.misfit:.2f} times what noise and floor explain"
+    if worst is not None and not verdict.adequacy.passed:
+        sentence += f", most of it in {worst.label} from {worst.low_hz:.0f} to {worst.high_hz:.0f} Hz"
+    sentences.append(sentence + (": that is adequate." if verdict.adequacy.passed else "."))
+    sentences += _on_causes(verdict)
+    sentences += _on_modes(before, after)
+    if verdict.gain is not None:
+        low, high = verdict.gain.interval
+        sentences.append(
+            f"On data that its fit never saw, {verdict.gain.metric} goes from {verdict.gain.held_out_before:.3g} to "
+            f"{verdict.gain.held_out_after:.3g}; 95 % interval of the improvement {low:.3g} to {high:.3g}."
+        )
+    return sentences
+
+
+def _on_causes(verdict: Verdict) -> list[str]:
+    after = verdict.adequacy_after
+    left = f" With it {after.misfit:.2f} times what noise and floor explain is left." if after is not None else ""
+    if verdict.verdict == "ambiguous":
+        alike = ", ".join(verdict.ambiguous_between)
+        return [f"These data cannot tell apart: {alike}. Each of them explains what the model lacks.{left}"]
+    if verdict.verdict == "unexplained":
+        tried = len(verdict.candidates)
+        return [f"None of {tried} known causes explains it. A cause that is not in the catalogue, or several, may act."]
+    names = " and ".join(one.id for one in verdict.causes)
+    if verdict.verdict == "suspected":
+        return [f"{names} would explain it, but the evidence is too weak to name it.{left}"]
+    if verdict.verdict == "named":
+        return [f"The cause is {names}: {'; '.join(one.meaning for one in verdict.causes)}.{left}"]
+    return ["No cause of the catalogue would explain more than chance does."]
+
+
+def _on_modes(before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
+    first = np.array([one.frequency_percent for one in before])
+    last = np.array([one.frequency_percent for one in after])
+    if not np.isfinite(first).any():
+        return []
+    worst = before[int(np.nanargmax(np.abs(first)))]
+    sentence = (
+        f"Natural frequencies of the fitted model are off by {_rms(first):.2g} % rms, most in {worst.label}, mode "
+        f"{worst.mode} ({worst.frequency_percent:+.2g} %)"
+    )
+    return [sentence + (f"; those of the extended one by {_rms(last):.2g} % rms." if np.isfinite(last).any() else ".")]
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))

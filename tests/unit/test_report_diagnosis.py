@@ -1,0 +1,154 @@
+"""The report of a diagnosis: complete, escaped, without network, and alive in a browser."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    MeasuredFrequencies,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    Unknown,
+)
+from receptance.diagnosis import diagnose
+from receptance.diagnosis.by_mode import curves, residuals_by_mode
+from receptance.report import diagnosis_html, write_diagnosis
+
+SEED = 20261122
+LINES = np.linspace(200.0, 6000.0, 500)
+TITLE = '12 mm <script>alert(1)</script> & "mill" äöü 端'
+LABEL = "</script><img src=x onerror=alert(2)> {:.0f}"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+def assembled(overhang: float, *masses: PointMass) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+    return Assembly([tool, joint, holder], masses)
+
+
+@pytest.fixture(scope="module")
+def verdict() -> Any:
+    """A sensor of one gram that nobody told the model of."""
+    rng = np.random.default_rng(SEED)
+    observations = [
+        MeasuredFRF(
+            assembly=assembled(overhang),
+            frequency_hz=LINES,
+            receptance=assembled(overhang, PointMass(mass=1e-3)).receptance(LINES)
+            * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
+            standard_deviation=0.01,
+            label=LABEL.format(1e3 * overhang),
+        )
+        for overhang in (0.05, 0.07, 0.09)
+    ]
+    sensed = assembled(0.08, PointMass(mass=1e-3)).natural_frequencies(6000.0)[:1]
+    observations.append(
+        MeasuredFrequencies(assembly=assembled(0.08), frequency_hz=sensed, standard_deviation_hz=2.0, label="peak")
+    )
+    bounds = {"k_y": (1e6, 1e11), "k_theta": (1e2, 1e8), "c_y": (1e-1, 1e6), "c_theta": (1e-4, 1e3)}
+    unknowns = [Unknown(address=f"joint.{name}", lower=low, upper=high) for name, (low, high) in bounds.items()]
+    return diagnose(observations, unknowns, causes=["sensor_mass", "tool_density", "tool_modulus"], most=1)
+
+
+@pytest.fixture(scope="module")
+def page(verdict: Any) -> str:
+    return diagnosis_html(verdict, title=TITLE)
+
+
+def test_modes_are_off_by_what_the_sensor_does(verdict: Any) -> None:
+    """Against natural frequencies of both assemblies, calculated beside the data."""
+    assert verdict.verdict == "named"
+    before = {one.label: one for one in residuals_by_mode(verdict.selection.base)}
+    after = residuals_by_mode(verdict.explanation.fit)
+    assert {one.label for one in after} == set(before)
+    assert all(abs(one.frequency_percent) < 0.05 for one in after)
+    assert max(abs(one.frequency_percent) for one in before.values()) > 0.3
+    own = before[LABEL.format(90)]
+    true = assembled(0.09, PointMass(mass=1e-3)).natural_frequencies(6000.0)[0]
+    assert own.measured_hz == pytest.approx(true, rel=1e-3)
+    assert np.isnan(before["peak"].damping_percent)
+
+
+def test_curves_are_those_of_the_fitted_models(verdict: Any) -> None:
+    for one, assembly in zip(curves(verdict.selection.base)[:3], verdict.base.assemblies, strict=False):
+        np.testing.assert_allclose(one.modelled, assembly.receptance(one.frequency_hz), rtol=1e-6)
+
+
+def test_it_says_all(page: str, verdict: Any) -> None:
+    for words in (
+        "The model lacks something, and the data say what.",
+        "What is left at each mode",
+        "Evidence for each cause alone",
+        "Which causes look alike",
+        "How this was done",
+        "sensor_mass",
+        "mass 0.00",
+        " kg (",
+        verdict.causes[0].remedy,
+        "versions: receptance",
+    ):
+        assert words in page, words
+    assert page.count('id="figure-curve-') == 3
+    assert 'id="figure-frequencies"' in page
+
+
+def test_what_people_wrote_is_text(page: str) -> None:
+    assert "<script>alert(1)" not in page
+    assert "<img src=x" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; &#34;mill&#34; äöü 端" in page
+
+
+def test_nothing_points_elsewhere(page: str) -> None:
+    """Outside the scripts there is no address; inside them nothing may be loaded (the page's own policy)."""
+    loading: list[str] = []
+
+    class Attributes(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            loading.extend(name for name, _ in attrs if name in {"src", "href", "srcset", "action", "data"})
+
+    Attributes().feed(page)
+    assert loading == []
+    assert "default-src 'none'" in page
+
+
+def test_it_is_written_whole(tmp_path: Path, verdict: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_diagnosis(tmp_path / "report.html", verdict)
+    assert path.read_text(encoding="utf-8").endswith("</html>\n") or path.read_text(encoding="utf-8").endswith(
+        "</html>"
+    )
+    assert [one.name for one in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_browser_shows_it(tmp_path: Path, verdict: Any) -> None:
+    """Headless: every figure is drawn, no script fails, nothing is refused, which is what a fetch would be."""
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip(f"none of {', '.join(BROWSERS)} is installed, so the report was not opened")
+    path = write_diagnosis(tmp_path / "report.html", verdict, title=TITLE)
+    run = subprocess.run(
+        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--enable-logging=stderr",
+         f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=20000", "--dump-dom",
+         path.as_uri()],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    figures = re.findall(r'id="figure-[\w-]+"', run.stdout)
+    assert len(figures) >= 5
+    assert run.stdout.count('class="main-svg"') >= len(figures), "a figure was not drawn"
+    said = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
+    assert not said, said
