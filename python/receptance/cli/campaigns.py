@@ -157,19 +157,28 @@ def diagnose(
     causes: Annotated[
         list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be given several times.")
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE.html", help="Write the report as one HTML file.")
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with 3 where the verdict is anything but adequate.")
     ] = False,
 ) -> None:
     """Say whether the model is adequate for what was measured, and what it lacks if not."""
-    targets = Targets(json_file, None)
+    targets = Targets(json_file, None, report)
     from receptance.campaign import CampaignError
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = _loaded(campaign, targets)
         found = with_progress(lambda say: read.diagnose(causes or None, progress=say))
-    targets.write(found.as_dict(), lambda: None)  # type: ignore[arg-type,return-value]
+
+    def page() -> str:
+        from receptance.report import diagnosis_html
+
+        return diagnosis_html(found.verdict, title=read.title)
+
+    targets.write(found.as_dict(), report=page)
     console = output()
     console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
     console.print(Text(found.verdict.summary()), soft_wrap=True)

@@ -55,11 +55,16 @@ class Targets:
     beside: Path | None = None
     """A second figure that was written beside the one asked for."""
 
-    def __init__(self, json_file: Path | None, plot: Path | None) -> None:
+    def __init__(self, json_file: Path | None, plot: Path | None, report: Path | None = None) -> None:
         self.json_file, self.plot = json_file, plot
+        self.report = report
         if json_file is not None and plot is not None and json_file.resolve() == plot.resolve():
             raise InputError(f"--json and --plot both name {plot}; give two files")
-        for path in (json_file, plot):
+        if report is not None and json_file is not None and json_file.resolve() == report.resolve():
+            raise InputError(f"--json and --report both name {report}; give two files")
+        if report is not None and report.suffix.lower() not in (".html", ".htm"):
+            raise InputError(f"cannot write {report}: a report is one HTML file, expected an ending .html")
+        for path in (json_file, plot, report):
             if path is not None:
                 with input_errors():
                     check_target(path)
@@ -68,18 +73,29 @@ class Targets:
     def keep_off(self, path: Path, what: str) -> None:
         """Refuse to write over a file that is read."""
         second = None if self.plot is None else _beside(self.plot, PROFILES)
-        for option, target in (("--json", self.json_file), ("--plot", self.plot), ("--plot", second)):
+        for option, target in (
+            ("--json", self.json_file),
+            ("--plot", self.plot),
+            ("--plot", second),
+            ("--report", self.report),
+        ):
             if target is not None and target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
     def write(
-        self, results: dict[str, Any], draw: Callable[[], Figure], profiles: Callable[[], Figure] | None = None
+        self,
+        results: dict[str, Any],
+        draw: Callable[[], Figure] | None = None,
+        profiles: Callable[[], Figure] | None = None,
+        report: Callable[[], str] | None = None,
     ) -> None:
         """Write what was asked for, all of it or nothing; profiles as a figure of their own beside the other."""
         contents: dict[Path, bytes] = {}
         if self.json_file is not None:
             contents[self.json_file] = (json.dumps(results, indent=2, allow_nan=False) + "\n").encode()
-        if self.plot is not None:
+        if self.report is not None and report is not None:
+            contents[self.report] = report().encode()
+        if self.plot is not None and draw is not None:
             from receptance.plot import as_image
 
             contents[self.plot] = as_image(draw(), self.kind)
@@ -93,6 +109,8 @@ class Targets:
         """Say what was written."""
         if self.json_file is not None:
             console.print(f"Results: {self.json_file}", soft_wrap=True)
+        if self.report is not None:
+            console.print(f"Report: {self.report}", soft_wrap=True)
         if self.plot is not None:
             console.print(f"Figure: {self.plot}", soft_wrap=True)
         if self.beside is not None:

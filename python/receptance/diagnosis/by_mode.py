@@ -143,7 +143,7 @@ def _at_peaks(one: MeasuredFRF, curve: Curve) -> list[ModeResidual]:
 
 def _modes(frf: FRF) -> list[ModeEstimate]:
     """The peaks, each by a circle where there are lines enough."""
-    found = []
+    found: list[ModeEstimate] = []
     for peak in find_peaks(frf):
         half = _AROUND * peak.frequency_hz * (peak.damping_ratio if np.isfinite(peak.damping_ratio) else 0.01)
         try:

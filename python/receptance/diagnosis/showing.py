@@ -23,7 +23,13 @@ SENTENCE = {
 
 def as_dict(verdict: Verdict) -> dict[str, Any]:
     """Return a verdict as plain values, without numbers that JSON does not have."""
-    after = verdict.adequacy_after
+    from receptance.diagnosis.by_mode import residuals_by_mode
+
+    after, best = verdict.adequacy_after, verdict.explanation
+    modes = {
+        "before": [asdict(one) for one in residuals_by_mode(verdict.selection.base)],
+        "after": None if best is None else [asdict(one) for one in residuals_by_mode(best.fit)],
+    }
     found: dict[str, Any] = _plain(
         {
             "verdict": verdict.verdict,
@@ -37,6 +43,7 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "adequacy_after": None if after is None else asdict(after),
             "base": verdict.base.values,
             "extended": None if verdict.extended is None else verdict.extended.values,
+            "residuals_by_mode": modes,
             "frequency_errors_percent": verdict.frequency_errors(),
             "undecidable": verdict.undecidable,
             "notes": list(verdict.notes),
