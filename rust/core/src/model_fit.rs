@@ -311,8 +311,9 @@ mod tests {
 
     fn with_campaign<T>(lines: usize, work: impl FnOnce(&Campaign) -> T) -> T {
         let w: Vec<Complex64> = (0..lines).map(|i| Complex64::new(500.0 + 20.0 * i as f64, 0.0)).collect();
-        let measured =
-            receptance(&model(&BAR), &w, &request(&[]), 1).map(|found| found.receptance).unwrap_or_default();
+        let measured = receptance(&model(&BAR), &Frequencies::complex(&w, 1.0), &request(&[]), 1)
+            .map(|found| found.receptance)
+            .unwrap_or_default();
         let weights = vec![100.0; lines];
         let mut fixed = BAR;
         (fixed[5], fixed[2]) = (0.0, 0.0);
@@ -348,7 +349,12 @@ mod tests {
 
     fn request(parameters: &[Parameter]) -> Request {
         let point = vec![Coordinate { node: 0, direction: 0 }];
-        Request { excitations: point.clone(), responses: point, parameters: parameters.to_vec(), joint: None }
+        Request {
+            excitations: point.clone(),
+            responses: point,
+            parameters: parameters.to_vec(),
+            ..Request::default()
+        }
     }
 
     #[test]
@@ -358,7 +364,8 @@ mod tests {
             let mut bar = BAR;
             (bar[5], bar[2]) = (10.0_f64.powf(x[0]), 0.2 * (0.01 * x[1]).exp());
             let Seen::Receptance { w, measured, weights, .. } = campaign.observed[0].seen else { return };
-            let found = receptance(&model(&bar), w, &request(&[entry(5), entry(2)]), 1);
+            let lines = Frequencies::complex(w, 1.0);
+            let found = receptance(&model(&bar), &lines, &request(&[entry(5), entry(2)]), 1);
             let Ok(found) = found else { unreachable!() };
             let by = [bar[5] * core::f64::consts::LN_10, 0.01 * bar[2]];
             let mut sum = [[0.0; 3]; 3];
