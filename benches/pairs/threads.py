@@ -21,6 +21,7 @@ def thread_pairs(lines: int) -> Iterator[Pair]:
     own = segment_addresses(assembly)
     calls: list[tuple[str, int, Callable[[int], Any]]] = [
         ("ten-segment chain, tip", 10, lambda threads: chain().receptance(f, threads=threads)),
+        ("tool, joint and holder, tip", 9, lambda threads: assembly.receptance(f, threads=threads)),
         (
             f"tool, joint and holder with {len(own)} segment derivatives",
             9,
