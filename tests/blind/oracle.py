@@ -318,14 +318,19 @@ def _frequencies(case: Case, truth: Truth, problem: Problem, fit: Fitted) -> dic
 
 
 def same_answer(case: Case, truth: Truth, id: str, tries: int = 5) -> bool:
-    """Return whether another effect, alone, fits the truth without noise to within three nats."""
+    """Return whether another effect, alone, fits the truth without noise to within three nats.
+
+    Of the truth's own effects, that is: what deviations within tolerances cost is not laid to the other one's charge.
+    """
     data = data_of(case, truth, exact=True)
+    own = Problem(case, truth, data, list(truth.effects))
+    least = own.fit(own.start(null=False), most=20).chi_square
     rng = np.random.default_rng([*truth.seed, 78])
     for attempt in range(tries):
         effect = draw_effect(rng, id, (attempt + 0.5) / tries, case.nominal.numbers)
         if not effect.sizes:
             continue
         problem = Problem(case, truth, data, [effect])
-        if problem.fit(problem.start(null=attempt == 0), most=10).chi_square < 6.0:
+        if problem.fit(problem.start(null=attempt == 0), most=10).chi_square < least + 6.0:
             return True
     return False
