@@ -11,7 +11,10 @@ from typer.core import TyperGroup
 from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.figure import Figure
+    from rich.console import Console
 
 __all__ = ["demo", "studies"]
 
@@ -39,6 +42,23 @@ Resolution = Annotated[
     ),
 ]
 Overhang = Annotated[float, typer.Option("--overhang-error", metavar="MM", help="Standard deviation of an overhang.")]
+
+
+def _tell(
+    targets: Targets, document: dict[str, Any], result: Any, show: Callable[[Console, Any], None], figure: str
+) -> None:
+    """Write what was asked for, print the study, name the files."""
+
+    def draw() -> Figure:
+        from receptance import plot
+
+        drawn: Figure = getattr(plot, figure)(result)
+        return drawn
+
+    targets.write(document, draw)
+    console = output()
+    show(console, result)
+    targets.name(console)
 
 
 def demo(json_file: Json = None, plot: Plot = None) -> None:
@@ -74,16 +94,7 @@ def _run_er32(json_file: Path | None, plot: Path | None, given: dict[str, Any]) 
             options["chance"] = study.ChanceModel(overhang_mm=given["overhang_error"])
         settings = study.ER32Settings(**options)
     result = with_progress(lambda say: study.run(settings, progress=say))
-
-    def draw() -> Figure:
-        from receptance.plot import draw_er32
-
-        return draw_er32(result)
-
-    targets.write(study.as_dict(result), draw)
-    console = output()
-    print_er32(console, result)
-    targets.name(console)
+    _tell(targets, study.as_dict(result), result, print_er32, "draw_er32")
 
 
 @studies.command("clamped-rods")
@@ -104,16 +115,7 @@ def clamped_rods(
     with input_errors():
         error = study.checked_error(reading_error)
     result = with_progress(lambda say: study.run(reading_error_hz=error, seed=seed, progress=say))
-
-    def draw() -> Figure:
-        from receptance.plot import draw_clamped_rods
-
-        return draw_clamped_rods(result)
-
-    targets.write(study.as_dict(result), draw)
-    console = output()
-    print_clamped_rods(console, result)
-    targets.name(console)
+    _tell(targets, study.as_dict(result), result, print_clamped_rods, "draw_clamped_rods")
 
 
 @studies.command()
@@ -133,16 +135,7 @@ def table3(
         measuring = study.Measuring(coherence=coherence, averages=averages)
         settings = study.Table3Settings(measuring=measuring, seed=seed)
     result = with_progress(lambda say: study.run(settings, progress=say))
-
-    def draw() -> Figure:
-        from receptance.plot import draw_table3
-
-        return draw_table3(result)
-
-    targets.write(study.as_dict(result), draw)
-    console = output()
-    print_table3(console, result)
-    targets.name(console)
+    _tell(targets, study.as_dict(result), result, print_table3, "draw_table3")
 
 
 @studies.command()
@@ -162,16 +155,7 @@ def clamping(
         steps = Steps(fine_hz=resolution, coarse_hz=10.0 * resolution)
         settings = study.ClampingSettings(resolution=steps, seed=seed)
     result = with_progress(lambda say: study.run(settings, progress=say))
-
-    def draw() -> Figure:
-        from receptance.plot import draw_clamping
-
-        return draw_clamping(result)
-
-    targets.write(study.as_dict(result), draw)
-    console = output()
-    print_clamping(console, result)
-    targets.name(console)
+    _tell(targets, study.as_dict(result), result, print_clamping, "draw_clamping")
 
 
 @studies.command()
@@ -189,13 +173,4 @@ def bt50(
     with input_errors():
         settings = study.BT50Settings(step_kn=step, seed=seed)
     result = with_progress(lambda say: study.run(settings, progress=say))
-
-    def draw() -> Figure:
-        from receptance.plot import draw_bt50
-
-        return draw_bt50(result)
-
-    targets.write(study.as_dict(result), draw)
-    console = output()
-    print_bt50(console, result)
-    targets.name(console)
+    _tell(targets, study.as_dict(result), result, print_bt50, "draw_bt50")

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from receptance import _checks
-from receptance.assembly import Assembly
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
+from receptance.identification import _checked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from receptance.assembly import Assembly
     from receptance.frf import FRF
     from receptance.identification.floor import Floor
 
@@ -111,9 +112,9 @@ class MeasuredFRF:
         conditions: Mapping[str, float] | None = None,
         force: ArrayLike | None = None,
     ) -> None:
-        owner = _owner("MeasuredFRF", label, assembly)
-        lines = _numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
-        values = _numbers(owner, "receptance", receptance, "iufc", "complex numbers")
+        owner = _checked.owner_of("MeasuredFRF", label, assembly)
+        lines = _checked.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
+        values = _checked.numbers(owner, "receptance", receptance, "iufc", "complex numbers")
         if lines.ndim != 1:
             raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
         if values.shape != lines.shape:
@@ -121,8 +122,8 @@ class MeasuredFRF:
                 f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
             )
         sd = standard_deviation
-        spread = None if sd is None else _spread(owner, "standard_deviation", sd, lines.shape)
-        forces = None if force is None else _spread(owner, "force", force, lines.shape)
+        spread = None if sd is None else _checked.spread(owner, "standard_deviation", sd, lines.shape)
+        forces = None if force is None else _checked.spread(owner, "force", force, lines.shape)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -135,7 +136,7 @@ class MeasuredFRF:
             )
             lines, values = lines[1:], values[1:]
             spread, forces = (given if given is None else given[1:] for given in (spread, forces))
-        lines = _decaying(owner, _ascending(owner, lines))
+        lines = _checked.decaying(owner, _checked.ascending(owner, lines))
         if forces is not None and lines.dtype.kind == "c":
             raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
         values = values.astype(np.complex128)
@@ -153,7 +154,7 @@ class MeasuredFRF:
             places.append(place or Coordinate())
         # A line off the real axis: no resonance can be in the way of asking whether the coordinates exist.
         assembly.receptance([lines[0].real * (1.0 - 0.1j)], response=places[0], excitation=places[1], threads=1)
-        _set(
+        _checked.fill(
             self,
             assembly=assembly,
             frequency_hz=lines,
@@ -165,7 +166,7 @@ class MeasuredFRF:
             label=str(label),
             notes=notes,
             configuration=str(configuration or label),
-            conditions=_conditions(owner, conditions),
+            conditions=_checked.conditions_of(owner, conditions),
             force=forces,
         )
 
@@ -298,16 +299,16 @@ class MeasuredFrequencies:
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
     ) -> None:
-        owner = _owner("MeasuredFrequencies", label, assembly)
-        values = np.atleast_1d(_numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
-        values = _ascending(owner, values)
-        numbers = tuple(range(1, values.size + 1)) if modes is None else _modes(owner, modes)
+        owner = _checked.owner_of("MeasuredFrequencies", label, assembly)
+        values = np.atleast_1d(_checked.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
+        values = _checked.ascending(owner, values)
+        numbers = tuple(range(1, values.size + 1)) if modes is None else _checked.mode_numbers(owner, modes)
         if len(numbers) != values.size:
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
         spread = None
         if standard_deviation_hz is not None:
-            spread = _spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
-        _set(
+            spread = _checked.spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+        _checked.fill(
             self,
             assembly=assembly,
             frequency_hz=values,
@@ -315,7 +316,7 @@ class MeasuredFrequencies:
             standard_deviation_hz=spread,
             label=str(label),
             configuration=str(configuration or label),
-            conditions=_conditions(owner, conditions),
+            conditions=_checked.conditions_of(owner, conditions),
         )
 
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFrequencies:
@@ -327,82 +328,14 @@ class MeasuredFrequencies:
         return f"MeasuredFrequencies({self.label!r}, {found})"
 
 
-def _owner(kind: str, label: str, assembly: Any) -> str:
-    owner = f"{kind} {label!r}" if label else kind
-    if not isinstance(assembly, Assembly):
-        raise TypeError(f"{owner}: assembly is {assembly!r}, expected an Assembly")
-    return owner
-
-
-def _set(target: Any, **fields: Any) -> None:
-    """Fill a frozen dataclass; its arrays are its own and stay as they are."""
-    for name, value in fields.items():
-        if isinstance(value, np.ndarray):
-            value = value.copy()
-            value.setflags(write=False)
-        object.__setattr__(target, name, value)
-
-
-def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
-    return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
-
-
 def _configured(target: _Kind, configuration: str, conditions: Mapping[str, float]) -> _Kind:
     changed = copy.copy(target)
-    _set(changed, configuration=configuration, conditions=_conditions(repr(target), conditions))
+    _checked.fill(changed, configuration=configuration, conditions=_checked.conditions_of(repr(target), conditions))
     return changed
-
-
-def _numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
-    if array.dtype.kind not in kinds:
-        raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
-    return array
-
-
-def _ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
-    try:
-        return _checks.frequencies(array)
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"{owner}: {error}") from None
-
-
-def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
-    """Return complex lines that a decaying window can have caused; as real ones where none was used."""
-    bad = np.flatnonzero(lines.imag > 0.0)
-    if bad.size:
-        raise ValueError(
-            f"{owner}: frequency_hz[{bad[0]}] is {lines[bad[0]]:g} Hz, expected an imaginary part of zero or less: "
-            "f - i sigma / (2 pi) for the window exp(-sigma t)"
-        )
-    return lines if lines.imag.any() else lines.real.astype(np.float64)
-
-
-def _spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    array = _numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
-    if array.shape not in ((), shape):
-        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
-    array = np.broadcast_to(array, shape)
-    bad = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))
-    if bad.size:
-        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number above zero")
-    return array
-
-
-def _modes(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
-    array = np.asarray(modes)
-    if array.ndim != 1 or array.dtype.kind not in "iu":
-        raise TypeError(f"{owner}: modes is {modes!r}, expected a list of whole numbers")
-    if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):
-        raise ValueError(f"{owner}: modes is {modes!r}, expected ascending numbers from 1 on")
-    return tuple(int(number) for number in array)
 
 
 def altered(target: _Any, **fields: Any) -> _Any:
     """Return an observation with other fields, which are taken as they are."""
     changed = copy.copy(target)
-    _set(changed, **fields)
+    _checked.fill(changed, **fields)
     return changed

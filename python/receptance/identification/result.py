@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.identification import showing
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.prediction import Forecast, PredictedReceptance
 from receptance.identification.spread import quantile
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from receptance.identification.task import Task
 
 __all__ = ["Identification", "Start"]
-
-_COLUMNS = ("parameter", "value", "standard error", "95 % interval")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,60 +369,15 @@ class Identification:
 
     def summary(self) -> str:
         """Return the result as text: values with intervals, fit, starts, advice and notes."""
-        rows = [_COLUMNS]
-        rows += self._rows()
-        widths = [max(len(row[column]) for row in rows) for column in range(4)]
-        lines = [self._headline(), ""]
-        for row in rows:
-            lines.append("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
-        lines += ["", *self._fits()]
-        lines += [f"advice: {text}" for text in self.advice]
-        lines += [f"note: {text}" for text in self.notes]
-        return "\n".join(lines)
+        return showing.text(self)
 
     def __repr__(self) -> str:
-        found = ", ".join(
-            f"{address}={value:.4g} +- {self.standard_errors[address]:.1g}" for address, value in self.values.items()
-        )
-        return f"Identification({found}; {self._headline()})"
+        return showing.line(self)
 
     def _repr_html_(self) -> str:
-        head = "".join(f"<th>{cell}</th>" for cell in _COLUMNS)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self._rows()
-        )
-        said = [html.escape(text) for text in self._fits()]
-        said += [f"<b>{html.escape(text)}</b>" for text in self.advice]
-        said += [html.escape(text) for text in self.notes]
-        return (
-            f"<p>{html.escape(self._headline())}</p><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-            f"<ul>{''.join(f'<li>{text}</li>' for text in said)}</ul>"
-        )
-
-    def _rows(self) -> list[tuple[str, str, str, str]]:
-        rows = []
-        for address, value in self.values.items():
-            low, high = self.interval(address)
-            rows.append((address, f"{value:.5g}", f"{self.standard_errors[address]:.2g}", f"{low:.5g} to {high:.5g}"))
-        return rows
-
-    def _fits(self) -> list[str]:
-        return [
-            f"{label}: {residual.size} residuals, rms {_rms(residual):.3g} {unit}"
-            for label, unit, residual in zip(self.labels, self.units, self.residuals, strict=True)
-        ]
-
-    def _headline(self) -> str:
-        state = "converged" if self.converged else "not converged"
-        count = len(self.starts)
-        starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
-        return f"{state}, {starts}, {self.evaluations} evaluations, rms {self.rms:.3g}"
+        return showing.page(self)
 
     def _index(self, address: str) -> int:
         if address not in self.values:
             raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
         return self.addresses.index(address)
-
-
-def _rms(residual: NDArray[np.float64]) -> float:
-    return float(np.sqrt(np.mean(residual**2)))

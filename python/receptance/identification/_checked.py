@@ -1,0 +1,85 @@
+"""What observations are made of, checked, with the observation named in every mistake."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance import _checks
+from receptance.assembly import Assembly
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["ascending", "conditions_of", "decaying", "fill", "mode_numbers", "numbers", "owner_of", "spread"]
+
+
+def owner_of(kind: str, label: str, assembly: Any) -> str:
+    owner = f"{kind} {label!r}" if label else kind
+    if not isinstance(assembly, Assembly):
+        raise TypeError(f"{owner}: assembly is {assembly!r}, expected an Assembly")
+    return owner
+
+
+def fill(target: Any, **fields: Any) -> None:
+    """Fill a frozen dataclass; its arrays are its own and stay as they are."""
+    for name, value in fields.items():
+        if isinstance(value, np.ndarray):
+            value = value.copy()
+            value.setflags(write=False)
+        object.__setattr__(target, name, value)
+
+
+def conditions_of(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
+    return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
+
+
+def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
+    if array.dtype.kind not in kinds:
+        raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
+    return array
+
+
+def ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
+    try:
+        return _checks.frequencies(array)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{owner}: {error}") from None
+
+
+def decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
+    """Return complex lines that a decaying window can have caused; as real ones where none was used."""
+    bad = np.flatnonzero(lines.imag > 0.0)
+    if bad.size:
+        raise ValueError(
+            f"{owner}: frequency_hz[{bad[0]}] is {lines[bad[0]]:g} Hz, expected an imaginary part of zero or less: "
+            "f - i sigma / (2 pi) for the window exp(-sigma t)"
+        )
+    return lines if lines.imag.any() else lines.real.astype(np.float64)
+
+
+def spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    array = numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    if array.shape not in ((), shape):
+        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
+    array = np.broadcast_to(array, shape)
+    bad = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number above zero")
+    return array
+
+
+def mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
+    array = np.asarray(modes)
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        raise TypeError(f"{owner}: modes is {modes!r}, expected a list of whole numbers")
+    if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):
+        raise ValueError(f"{owner}: modes is {modes!r}, expected ascending numbers from 1 on")
+    return tuple(int(number) for number in array)
