@@ -35,6 +35,7 @@ __all__ = [
     "joint_normal_matrix",
     "joint_residual",
     "models_normal_matrix",
+    "models_rows",
     "natural_frequencies",
     "receptance",
     "reduce_joint",
@@ -129,6 +130,15 @@ def models_normal_matrix(
     variables: NDArray[np.float64],
     threads: int,
 ) -> NDArray[np.float64]: ...
+def models_rows(
+    receptances: list[tuple[Any, ...]],
+    frequencies: list[tuple[Any, ...]],
+    logarithmic: NDArray[np.bool_],
+    bounds: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    variables: NDArray[np.float64],
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None: ...
 def fit_models(
     receptances: list[tuple[Any, ...]],
     frequencies: list[tuple[Any, ...]],

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from receptance.identification.fit import identify
 from receptance.identification.minimise import minimise
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.result import Identification, Start
+from receptance.identification.task import place_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +28,18 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["Explored", "Fit", "explore", "fit_base", "on_few_lines", "refit", "starting_at", "thinned"]
+__all__ = [
+    "Explored",
+    "Fit",
+    "explore",
+    "fit_base",
+    "on_few_lines",
+    "problem_of",
+    "refit",
+    "starting_at",
+    "telling_lines",
+    "thinned",
+]
 
 EXPLORING = 240
 """Lines of each receptance while starts are compared."""
@@ -118,16 +130,35 @@ class Fit:
         return conclude(self.task, self.problem, self.problem, [start], loss=None, seed=seed, notes=list(notes))
 
 
-def thinned(model: Model, lines: int = EXPLORING) -> Model:
-    """Return the model with the lines of each receptance that tell most: close where the logarithm changes fast."""
+def telling_lines(model: Model, lines: int = EXPLORING) -> list[NDArray[np.intp] | None]:
+    """Return the lines of each receptance that tell most, close where the logarithm changes fast; None for all.
 
-    def fewer(one: Observation) -> Observation:
-        if not isinstance(one, MeasuredFRF) or one.frequency_hz.size <= lines or one.standard_deviation is None:
-            return one
-        path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
-        path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
+    Records of one configuration on the same lines get the same ones: one evaluation then serves all of them.
+    """
+    paths: dict[Any, NDArray[np.float64]] = {}
+    keys: list[Any] = []
+    for index, one in enumerate(model.observations):
+        keys.append(None)
+        if isinstance(one, MeasuredFRF) and one.frequency_hz.size > lines and one.standard_deviation is not None:
+            path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
+            path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
+            place = place_of(one, index).configuration
+            keys[index] = (place, one.response, one.excitation, one.frequency_hz.tobytes())
+            paths[keys[index]] = paths.get(keys[index], 0.0) + path
+    chosen: dict[Any, NDArray[np.intp] | None] = {None: None}
+    for key, path in paths.items():
         total = np.concatenate([[0.0], np.cumsum(path)])
-        chosen = np.unique(np.searchsorted(total, np.linspace(0.0, total[-1], lines)).clip(0, total.size - 1))
+        ends = np.searchsorted(total, np.linspace(0.0, total[-1], lines)).clip(0, total.size - 1)
+        chosen[key] = np.unique(ends)
+    return [chosen[key] for key in keys]
+
+
+def thinned(model: Model, lines: int = EXPLORING) -> Model:
+    """Return the model with the lines of each receptance that tell most."""
+
+    def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
+        if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
+            return one
         return altered(
             one,
             frequency_hz=one.frequency_hz[chosen],
@@ -135,7 +166,25 @@ def thinned(model: Model, lines: int = EXPLORING) -> Model:
             standard_deviation=one.standard_deviation[chosen],
         )
 
-    return model.map(fewer)
+    pairs = zip(model.observations, telling_lines(model, lines), strict=True)
+    return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))
+
+
+def problem_of(model: Model, threads: int | None) -> tuple[Task, Problem]:
+    """Return a model as a task, and its residuals, in the core where it knows all that is in them."""
+    task = model.task(threads)
+    problem = task.problem()
+    return task, task.modelled(problem) or problem
+
+
+def _few(model: Model, threads: int | None) -> tuple[Task, Problem]:
+    """Return the same on the lines that tell most."""
+    task = model.task(threads)
+    problem = task.modelled(task.problem(), telling_lines(model))
+    if problem is not None:
+        return task, problem
+    task = thinned(model).task(threads)
+    return task, task.problem()
 
 
 def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
@@ -180,8 +229,7 @@ class Explored:
 
     def evaluated(self) -> Fit:
         """Return the model at the best end on few lines, for what is too far off to be worth more."""
-        task = self.model.task(self.threads)
-        problem = task.problem()
+        task, problem = problem_of(self.model, self.threads)
         x = _vector(task, self.ends[0][1])
         residual = problem.residual(x)
         return Fit(self.model, task, problem, x, float(residual @ residual), False, self.evaluations)
@@ -189,8 +237,7 @@ class Explored:
 
 def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int | None = None) -> Explored:
     """Return where starts lead on few lines: names and values; what they do not name is as given."""
-    task = thinned(model).task(threads)
-    problem = task.problem()
+    task, problem = _few(model, threads)
     found: list[tuple[float, NDArray[np.float64]]] = []
     begun = [minimise(problem, _vector(task, values), most=_BEGUN, least=_CLOSE) for values in starts]
     ranked = sorted((end for end in begun if np.isfinite(end.cost)), key=lambda end: end.cost)
@@ -209,8 +256,8 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
 
 def on_few_lines(fit: Fit, threads: int | None = None) -> float:
     """Return chi-square of a fit on the few lines, at its best point there."""
-    task = thinned(fit.model).task(threads)
-    return 2.0 * minimise(task.problem(), fit.x, most=_BEGUN, least=_CLOSE).cost
+    _, problem = _few(fit.model, threads)
+    return 2.0 * minimise(problem, fit.x, most=_BEGUN, least=_CLOSE).cost
 
 
 def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:
@@ -224,8 +271,7 @@ def _elsewhere(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -
 
 
 def _finish(model: Model, values: Mapping[str, float], threads: int | None, before: int) -> Fit:
-    task = model.task(threads)
-    problem = task.problem()
+    task, problem = problem_of(model, threads)
     end = minimise(problem, _vector(task, values), most=_MOST, least=_CLOSE)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model has no value at its best point: {problem.reason}")
@@ -240,8 +286,7 @@ def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:
 
 def starting_at(fit: Fit, model: Model) -> Fit:
     """Return a model at the point of a fit of a smaller one, not fitted."""
-    task = model.task(fit.task.threads)
-    problem = task.problem()
+    task, problem = problem_of(model, fit.task.threads)
     x = _vector(task, fit.values)
     residual = problem.residual(x)
     return replace(fit, model=model, task=task, problem=problem, x=x, chi_square=float(residual @ residual))

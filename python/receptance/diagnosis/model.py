@@ -45,7 +45,16 @@ class Model:
     tolerances: tuple[Tolerance, ...] = ()
 
     def task(self, threads: int | None = None) -> Task:
-        """Return what is to be fitted."""
+        """Return what is to be fitted; it is made once."""
+        if threads not in self._tasks:
+            self._tasks[threads] = self._task(threads)
+        return self._tasks[threads]
+
+    @cached_property
+    def _tasks(self) -> dict[int | None, Task]:
+        return {}
+
+    def _task(self, threads: int | None) -> Task:
         places = [place_of(one, i) for i, one in enumerate(self.observations)]
         parameters = Parameters(self.unknowns, self.tolerances, places)
         unit: Unit = "standard deviations"

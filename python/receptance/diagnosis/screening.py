@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Cause, Variant
-from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.model import Model
-from receptance.identification.laws import Move
-from receptance.identification.observations import altered
+from receptance.diagnosis.fitting import Fit, problem_of
 from receptance.identification.residuals import InfeasibleError
 
 __all__ = ["Direction", "chance", "directions", "look_alike"]
@@ -53,6 +51,11 @@ class Direction:
     score: float
     step: dict[str, float]
 
+    @cached_property
+    def basis(self) -> NDArray[np.float64]:
+        """Orthonormal columns that span the slopes."""
+        return np.linalg.qr(self.slopes)[0]
+
     @property
     def step_name(self) -> tuple[Cause, str]:
         """The cause and the name of its variant."""
@@ -69,13 +72,13 @@ def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Dire
 def _direction(
     fit: Fit, cause: Cause, variant: Variant, basis: NDArray[np.float64], rest: NDArray[np.float64]
 ) -> Direction:
-    before = set(fit.values)
+    before = {u.name for u in fit.model.unknowns}
     names = tuple(u.name for u in variant.model.unknowns if u.name not in before)
     empty = Direction(cause, variant, names, len(names), np.zeros((rest.size, 0)), False, 0.0, {})
     if variant.fresh or not names:
         return empty
     try:
-        own, starts = _slopes(fit, variant)
+        own, starts = _slopes(fit, variant, names)
     except InfeasibleError:
         return empty
     data = own.shape[0]
@@ -98,25 +101,19 @@ def _direction(
     return Direction(cause, variant, names, len(names), slopes, lone, score, step)
 
 
-def _slopes(fit: Fit, variant: Variant) -> tuple[NDArray[np.float64], dict[str, float]]:
+def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray[np.float64], dict[str, float]]:
     """Return the derivatives of the observed residuals with respect to a variant's own unknowns, and where these start.
 
-    Everything else is put into the assemblies, so that the core is asked for nothing else.
+    Nothing else is asked of the core.
     """
-    model = variant.model
-    fresh = tuple(unknown for unknown in model.unknowns if unknown.name not in fit.values)
-    whole = model.task(fit.task.threads)
-    vector = np.array([fit.values.get(u.name, u.start) for u in whole.parameters.unknowns])
-    placed = [
-        altered(one, assembly=at.apply(one.assembly, vector))
-        for one, at in zip(model.observations, whole.placed, strict=True)
-    ]
-    alone = Model(tuple(placed), fresh).task(fit.task.threads)
-    # What moves parameters is in the assemblies already, and moves them from there.
-    values = np.array([0.0 if isinstance(one, Move) else float(one.start or 0.0) for one in fresh])
-    ones = np.ones(len(fresh))
-    rows = [part.evaluate(values, ones)[1] for part in alone.problem().residuals[: len(placed)]]
-    return np.concatenate(rows), {one.name: float(one.start or 0.0) for one in fresh}
+    task, problem = problem_of(variant.model, fit.task.threads)
+    unknowns = task.parameters.unknowns
+    values = np.array([fit.values.get(u.name, u.start or 0.0) for u in unknowns], dtype=np.float64)
+    fresh = np.array([u.name in names for u in unknowns])
+    x = task.variables.from_values(values)
+    rows = problem.slopes(x, fresh) / task.variables.slopes(values)[fresh]
+    data = sum(part.size for part in problem.residuals[: len(task.observed)])
+    return rows[:data], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
 
 
 def _allowed(cause: Cause, name: str, step: float) -> bool:
@@ -157,6 +154,5 @@ def look_alike(first: Direction, second: Direction) -> float:
     """Return how much of the smaller of two causes the other one can do, from 0 to 1: the largest canonical cosine."""
     if not first.slopes.shape[1] or not second.slopes.shape[1]:
         return 0.0
-    a, _ = np.linalg.qr(first.slopes)
-    b, _ = np.linalg.qr(second.slopes)
-    return float(np.linalg.svd(a.T @ b, compute_uv=False)[0].clip(0.0, 1.0))
+    both = first.basis.T @ second.basis
+    return float(np.linalg.svd(both, compute_uv=False)[0].clip(0.0, 1.0))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
 
-__all__ = ["DECAY_RATES", "DELAY", "FACTORS", "LOG_GAIN", "frequency_weights"]
+__all__ = ["DECAY_RATES", "DELAY", "FACTORS", "LOG_GAIN", "frequency_powers", "frequency_weights"]
 
 LOG_GAIN = "observation.log_gain"
 """Natural logarithm of measured over true magnitude."""
@@ -35,13 +35,18 @@ FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES)
 _POWERS = {"density": 2.0, "mass": 2.0, "inertia": 2.0, "c_y": 1.0, "c_theta": 1.0, "c_ytheta": 1.0}
 
 
+def frequency_powers(assembly: Assembly) -> dict[str, float]:
+    """Return the addresses beside which frequency enters, and its power there."""
+    powers = {name: _POWERS.get(name.rsplit(".", 1)[-1], 0.0) for name in assembly.parameters}
+    return {name: power for name, power in powers.items() if power}
+
+
 def frequency_weights(assembly: Assembly) -> tuple[list[str], NDArray[np.float64]]:
     """Return addresses a and numbers n v with w dH/dw = sum n v dH/da.
 
     Frequency enters a structure beside its densities, masses and dashpots alone, as w^2 m and w c, so that its
     derivative follows from theirs, and no difference has to be taken.
     """
-    powers = {name: _POWERS.get(name.rsplit(".", 1)[-1], 0.0) for name in assembly.parameters}
-    chosen = {name: power * assembly.get(name) for name, power in powers.items() if power}
+    chosen = {name: power * assembly.get(name) for name, power in frequency_powers(assembly).items()}
     kept = {name: weight for name, weight in chosen.items() if weight}
     return list(kept), np.array(list(kept.values()))

@@ -7,6 +7,7 @@ on all of them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,17 +15,19 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance._ties import tie
-from receptance.identification.factors import FACTORS
+from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.identification.problem import Normal, Problem, split_normal
 from receptance.identification.reduced import ENDED
-from receptance.identification.residuals import FrequencyResidual, FRFResidual
+from receptance.identification.residuals import FrequencyResidual, FRFResidual, InfeasibleError, Pair
 from receptance.identification.result import Start
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance.assembly import Assembly
     from receptance.coordinates import Coordinate
+    from receptance.identification.mapping import Placed
     from receptance.identification.task import Task
     from receptance.identification.unknowns import Unknown
 
@@ -62,7 +65,10 @@ class Models:
     Attributes
     ----------
     receptances, frequencies : list of tuple
-        One for each observation, see `receptance._core.fit_models`.
+        One for each observation, see `receptance._core.fit_models`; receptances of one model on the same lines are
+        records of one observation, so that the model is evaluated once for all of them.
+    rows : ndarray
+        Where the residuals of the core are among those of the task.
     priors : ndarray
         `(k, 3)` variable, one over its standard deviation, mean times that.
     logarithmic, limits : ndarray
@@ -73,40 +79,56 @@ class Models:
 
     receptances: list[tuple[Any, ...]]
     frequencies: list[tuple[Any, ...]]
+    rows: NDArray[np.intp]
     priors: NDArray[np.float64]
     logarithmic: NDArray[np.bool_]
     limits: NDArray[np.float64]
     threads: int
 
     @classmethod
-    def of(cls, task: Task, problem: Problem) -> Models | None:
-        """Return what the core needs of a task and its residuals; None where it cannot run the fit."""
-        receptances, frequencies = [], []
-        for observation, placed, residual in zip(task.observed, task.placed, problem.residuals, strict=False):
+    def of(cls, task: Task, problem: Problem, lines: Sequence[NDArray[np.intp] | None] | None = None) -> Models | None:
+        """Return what the core needs of a task and its residuals; None where it cannot run the fit.
+
+        `lines` are those of each observation that are taken; by default all.
+        """
+        receptances: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[int], tuple[Any, ...]]] = {}
+        frequencies: list[tuple[int, tuple[Any, ...]]] = []
+        sizes = []
+        for index, (observation, placed, residual) in enumerate(
+            zip(task.observed, task.placed, problem.residuals, strict=False)
+        ):
             inner = getattr(residual, "inner", residual)
-            if isinstance(observation, MeasuredFrequencies):
-                points: tuple[Coordinate, ...] = ()
-            else:
+            points: tuple[Coordinate, ...] = ()
+            if not isinstance(observation, MeasuredFrequencies):
                 points = (observation.response, observation.excitation)
-            # What stands between structure and record, and multiples of one unknown, are Python's.
-            if not set(FACTORS).isdisjoint(placed.addresses) or np.any(placed.scale[placed.base >= 0] != 1.0):
-                return None
-            tied = tie(observation.assembly, placed.addresses, points)
+            tied = _tied(observation.assembly, placed, points)
             if tied is None or not isinstance(inner, (FRFResidual, FrequencyResidual)):
                 return None
             arrays = inner.arrays()
             if arrays is None:
                 return None
-            addresses = np.column_stack([placed.base, placed.fixed, placed.exponents, placed.shifts])
-            ties = (tied.tables, tied.rates, np.ascontiguousarray(addresses, dtype=np.float64))
+            places, ties = tied
+            chosen = None if lines is None else lines[index]
             if not points:
-                frequencies.append((*arrays, ties))
-            else:
-                receptances.append((*arrays, tied.points, ties))
+                frequencies.append((index, (*arrays, ties)))
+                sizes.append(arrays[0].size)
+                continue
+            w, measured, weights = arrays if chosen is None else (values[chosen] for values in arrays)
+            sizes.append(2 * w.size)
+            key = tuple(array.tobytes() for array in (w, places, *ties[0], *ties[1:]))
+            own = receptances.setdefault(key, ([], [], [], (w, places, ties)))
+            for kept, value in zip(own, (measured, weights, index), strict=False):
+                kept.append(value)
         variables = problem.variables
+        order = [i for *_, own, _ in receptances.values() for i in own] + [i for i, _ in frequencies]
+        begins = np.cumsum([0, *sizes])
         return cls(
-            receptances=receptances,
-            frequencies=frequencies,
+            receptances=[
+                (w, np.stack(measured), np.stack(weights), places, ties)
+                for measured, weights, _, (w, places, ties) in receptances.values()
+            ],
+            frequencies=[one for _, one in frequencies],
+            rows=np.concatenate([np.arange(begins[i], begins[i + 1]) for i in order]),
             priors=_priors(variables.unknowns),
             logarithmic=variables.logarithmic,
             limits=np.ascontiguousarray(variables.limits),
@@ -116,14 +138,14 @@ class Models:
     @property
     def lines(self) -> int:
         """Lines of all receptances."""
-        return sum(one[0].size for one in self.receptances)
+        return sum(one[1].size for one in self.receptances)
 
     def thinned(self, lines: int) -> Models:
         """Return the same on every so many of the lines, so that about `lines` are left of each receptance."""
         fewer = []
         for w, measured, weights, *rest in self.receptances:
             stride = max(w.size // lines, 1)
-            fewer.append((*(np.ascontiguousarray(values[::stride]) for values in (w, measured, weights)), *rest))
+            fewer.append((*(np.ascontiguousarray(a[..., ::stride]) for a in (w, measured, weights)), *rest))
         return replace(self, receptances=fewer)
 
     def normal(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -137,6 +159,23 @@ class Models:
             np.ascontiguousarray(x),
             self.threads,
         )
+
+    def residual_and_slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> Pair | None:
+        """Return the residuals without priors, and their derivatives by the free variables; None where there is none."""
+        found = _core.models_rows(
+            self.receptances,
+            self.frequencies,
+            self.logarithmic,
+            self.limits,
+            free,
+            np.ascontiguousarray(x),
+            self.threads,
+        )
+        if found is None:
+            return None
+        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
+        residual[self.rows], slopes[self.rows] = found
+        return residual, slopes
 
     def fit(
         self,
@@ -178,6 +217,28 @@ class ModelledProblem(Problem):
         """Return cost, slope and curvature; see `Problem.normal`."""
         self.evaluations += 1
         return split_normal(self.models.normal(x))
+
+    def value(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals without their derivatives; see `Problem.value`."""
+        return self._with_priors(x, np.zeros(x.size, dtype=np.bool_))[0]
+
+    def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the derivatives of the residuals by some variables; see `Problem.slopes`."""
+        return self._with_priors(x, free)[1]
+
+    def _parts(self, x: NDArray[np.float64]) -> Pair:
+        return self._with_priors(x, np.ones(x.size, dtype=np.bool_))
+
+    def _with_priors(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> Pair:
+        found = self.models.residual_and_slopes(x, free)
+        if found is None:
+            super()._parts(x)  # which knows why not
+            raise InfeasibleError("a residual or its derivative is not finite")
+        known = self.residuals[len(self.residuals) - (self.models.priors.size > 0) :]
+        values = self.variables.to_values(x)
+        slopes = self.variables.slopes(values)
+        parts = [found, *((a, b[:, free]) for a, b in (prior.evaluate(values, slopes) for prior in known))]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
     def fit_all(self, starts: NDArray[np.float64], most: int, tolerance: float) -> list[Start]:
         """Run the fits from all starts: on some lines first, the best different ends on all."""
@@ -232,6 +293,22 @@ class ModelledProblem(Problem):
             converged=owner is not None and end.status > 0,
             message=message,
         )
+
+
+def _tied(
+    assembly: Assembly, placed: Placed, points: tuple[Coordinate, ...]
+) -> tuple[NDArray[np.float64], tuple[Any, ...]] | None:
+    """Return the places of the coordinates, and the tables as functions of the unknowns."""
+    factors = [(FACTORS.index(name), i) for i, name in enumerate(placed.addresses) if name in FACTORS]
+    windowed = not set(DECAY_RATES).isdisjoint(placed.addresses)
+    powers = frequency_powers(assembly) if windowed else {}
+    tied = tie(assembly, placed.addresses, points, others=FACTORS, powers=powers)
+    if tied is None:
+        return None
+    start = np.where(placed.base >= 0, placed.scale, placed.fixed)
+    addresses = np.column_stack([placed.base, start, placed.exponents, placed.shifts]).astype(np.float64)
+    between = np.array(factors, dtype=np.float64).reshape(-1, 2)
+    return tied.points, (tied.tables, tied.rates, np.ascontiguousarray(addresses), between, tied.powers)
 
 
 def _priors(unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from receptance.identification.reduced import JointResidual
-from receptance.identification.residuals import InfeasibleError, Residual
+from receptance.identification.residuals import InfeasibleError, Pair, Residual
 from receptance.identification.result import Start
 
 if TYPE_CHECKING:
@@ -65,6 +65,10 @@ class Problem:
         self._evaluate(x)
         return self._jacobian
 
+    def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the derivatives by some variables; raises `InfeasibleError` where the model has no value."""
+        return self._parts(x)[1][:, free]
+
     def normal(self, x: NDArray[np.float64]) -> Normal | None:
         """Return what a step needs to know of a point; None where the model has no value."""
         residual, jacobian = self.residual(x), self.jacobian(x)
@@ -77,23 +81,25 @@ class Problem:
             return
         self._at = None
         self.evaluations += 1
-        values = self.variables.to_values(x)
-        slopes = self.variables.slopes(values)
         self.reason = "a residual or its derivative is not finite"
         try:
-            parts = [residual.evaluate(values, slopes) for residual in self.residuals]
+            self._residual, self._jacobian = self._parts(x)
         except InfeasibleError as error:
             self.reason = str(error)
-            parts = [(np.full(self.size, np.inf), np.zeros((self.size, x.size)))]
-        self._residual, self._jacobian = parts[0]
-        if len(parts) > 1:
-            self._residual = np.concatenate([part[0] for part in parts])
-            self._jacobian = np.concatenate([part[1] for part in parts])
+            self._residual, self._jacobian = np.full(self.size, np.inf), np.zeros((self.size, x.size))
         if not (np.isfinite(self._jacobian).all() and np.isfinite(self._residual).all()):
             self._residual = np.full(self.size, np.inf)
         self._residual.setflags(write=False)
         self._jacobian.setflags(write=False)
         self._at = x.copy()
+
+    def _parts(self, x: NDArray[np.float64]) -> Pair:
+        values = self.variables.to_values(x)
+        slopes = self.variables.slopes(values)
+        parts = [residual.evaluate(values, slopes) for residual in self.residuals]
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
     def fit(
         self,

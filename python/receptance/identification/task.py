@@ -21,6 +21,9 @@ from receptance.identification.residuals import FrequencyResidual, FRFResidual, 
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from receptance.identification.bands import Bands
 
 __all__ = ["Observation", "Task", "place_of"]
@@ -85,9 +88,14 @@ class Task:
                 return self._joined(reduced)
         return self.modelled(problem) or problem
 
-    def modelled(self, problem: Problem) -> ModelledProblem | None:
-        """Return the same problem with whole models in the core, if it knows all that is in them."""
-        models = Models.of(self, problem)
+    def modelled(
+        self, problem: Problem, lines: Sequence[NDArray[np.intp] | None] | None = None
+    ) -> ModelledProblem | None:
+        """Return the same problem with whole models in the core, if it knows all that is in them.
+
+        `lines` are those of each observation that count; by default all.
+        """
+        models = Models.of(self, problem, lines)
         return None if models is None else ModelledProblem(problem, models)
 
     def approach(self) -> Problem:

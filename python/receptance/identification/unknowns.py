@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -198,7 +198,12 @@ class Variables:
 
 def covered(address: str, assembly: Assembly) -> frozenset[str]:
     """Return the parameters of the assembly that an address stands for; `segment[*]` stands for several."""
-    known = assembly.parameters
+    return _covered(address, assembly.parameters)
+
+
+# A diagnosis asks for the same addresses of like assemblies a hundred thousand times.
+@lru_cache(maxsize=1 << 14)
+def _covered(address: str, known: tuple[str, ...]) -> frozenset[str]:
     if "[*]" not in address:
         return frozenset((address,) if address in known else ())
     pattern = re.compile(re.escape(address).replace(r"\[\*\]", r"\[\d+\]"))

@@ -42,7 +42,7 @@ pub fn fit_models(
             whole
         };
         let normal = |x: &[f64]| {
-            let matrix = campaign.normal_matrix(&whole(x), inside)?;
+            let matrix = campaign.normal_matrix(&whole(x), free, inside)?;
             let kept = || moving.iter().copied().chain([count]);
             Some(kept().flat_map(|i| kept().map(move |j| i * (count + 1) + j)).map(|at| matrix[at]).collect())
         };

@@ -1,12 +1,13 @@
 //! From the fitted variables to the tables of a model, with derivatives.
 //!
 //! The values u of the unknowns are the variables or ten to their power. An address of a model has the value
-//! v = b exp(E u) + S u, b an unknown or a number (laws, tolerances), and an entry of a table grows with the
-//! addresses at fixed rates.
+//! v = b exp(E u) + S u, b a multiple of an unknown or a number (laws, tolerances), and an entry of a table grows with
+//! the addresses at fixed rates. Addresses may also be factors of what was recorded, see `observed`.
 
 use crate::error::{Error, Result};
 use crate::joint_search::Variables;
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Table, Tables};
+use crate::observed::Factor;
 use crate::overlap;
 use crate::request::Parameter;
 use crate::section;
@@ -30,16 +31,26 @@ pub struct Tied<'a> {
     pub entries: Vec<Parameter>,
     /// Entry, address and rate.
     rates: Vec<(usize, usize, f64)>,
-    /// A row an address: the unknown b or -1, b as a number, E, S.
+    /// A row an address: the unknown of b or -1, by what it is multiplied or b as a number, E, S.
     addresses: &'a [f64],
     count: usize,
+    /// Factors of what was recorded, and their addresses.
+    factors: Vec<(Factor, usize)>,
+    /// Entries through which frequency acts, and its power in what they are multiplied by.
+    powers: Vec<(Parameter, f64)>,
 }
 
 /// Tables of a model and the derivatives of their moving entries by the variables, row by row.
 pub struct At {
     /// The model.
     pub model: Model,
-    /// `(entries, variables)`.
+    /// Those entries that the variables move.
+    pub entries: Vec<Parameter>,
+    /// Factors of what was recorded.
+    pub factors: Vec<(Factor, f64)>,
+    /// Entries a and numbers n a with w dH/dw = sum n a dH/da.
+    pub by_frequency: Vec<(Parameter, f64)>,
+    /// `(entries and then factors, variables)`.
     pub slopes: Vec<f64>,
 }
 
@@ -62,17 +73,15 @@ impl<'a> Tied<'a> {
             }
         }
         let fixed = [tables.segments, tables.joints, tables.masses, tables.grounds, tables.overlaps];
-        let mut tied = Self { fixed, entries: Vec::new(), rates: Vec::new(), addresses, count };
+        let (factors, powers) = (Vec::new(), Vec::new());
+        let mut tied =
+            Self { fixed, entries: Vec::new(), rates: Vec::new(), addresses, count, factors, powers };
         for (index, rate) in rates.iter().enumerate() {
             if rate.address >= addresses.len() / width {
                 let expected = format!("an address below {}", addresses.len() / width);
                 return Err(Error::Index { what: "rate", index, value: rate.address as f64, expected });
             }
-            let Parameter { table, row, column } = rate.entry;
-            if column >= columns(table) || (row + 1) * columns(table) > fixed[table as usize].len() {
-                let expected = "a row and a column of its table".to_owned();
-                return Err(Error::Index { what: "entry", index, value: row as f64, expected });
-            }
+            tied.check_entry(index, rate.entry)?;
             let known = tied.entries.iter().position(|entry| *entry == rate.entry);
             let entry = known.unwrap_or_else(|| {
                 tied.entries.push(rate.entry);
@@ -83,7 +92,37 @@ impl<'a> Tied<'a> {
         Ok(tied)
     }
 
-    /// The model at a point; nothing where it is none.
+    /// The same with factors at addresses, and entries through which frequency acts with their powers.
+    ///
+    /// # Errors
+    /// An entry or an address that does not exist.
+    pub fn with_factors(
+        mut self,
+        factors: Vec<(Factor, usize)>,
+        powers: Vec<(Parameter, f64)>,
+    ) -> Result<Self> {
+        let known = self.addresses.len() / (2 + 2 * self.count);
+        if let Some((index, wrong)) = factors.iter().enumerate().find(|(_, factor)| factor.1 >= known) {
+            let expected = format!("an address below {known}");
+            return Err(Error::Index { what: "factor", index, value: wrong.1 as f64, expected });
+        }
+        for (index, (entry, _)) in powers.iter().enumerate() {
+            self.check_entry(index, *entry)?;
+        }
+        (self.factors, self.powers) = (factors, powers);
+        Ok(self)
+    }
+
+    fn check_entry(&self, index: usize, Parameter { table, row, column }: Parameter) -> Result<()> {
+        if column < columns(table) && (row + 1) * columns(table) <= self.fixed[table as usize].len() {
+            return Ok(());
+        }
+        let expected = "a row and a column of its table".to_owned();
+        Err(Error::Index { what: "entry", index, value: row as f64, expected })
+    }
+
+    /// The model at a point; nothing where it is none. `slopes` are the derivatives of the values by the variables,
+    /// zero for what is held.
     pub fn at(&self, values: &[f64], slopes: &[f64]) -> Option<At> {
         let mut tables = self.fixed.map(<[f64]>::to_vec);
         let mut by_variable = vec![0.0; self.entries.len() * self.count];
@@ -102,10 +141,30 @@ impl<'a> Tied<'a> {
                 *into += rate * slope;
             }
         }
+        let by_frequency = self
+            .powers
+            .iter()
+            .map(|&(entry, n)| {
+                (entry, n * tables[entry.table as usize][entry.row * columns(entry.table) + entry.column])
+            })
+            .filter(|(_, weight)| *weight != 0.0)
+            .collect();
+        let mut entries = Vec::with_capacity(self.entries.len());
+        let mut moving = Vec::with_capacity(by_variable.len());
+        for (entry, slopes) in self.entries.iter().zip(by_variable.chunks(self.count.max(1))) {
+            if slopes.iter().any(|slope| *slope != 0.0) {
+                entries.push(*entry);
+                moving.extend_from_slice(slopes);
+            }
+        }
+        let factors = self.factors.iter().map(|&(factor, address)| (factor, rows[address].0)).collect();
+        for (_, address) in &self.factors {
+            moving.extend_from_slice(&rows[*address].1);
+        }
         let [segments, joints, masses, grounds, overlaps] = &tables;
         let tables = Tables { segments, joints, masses, grounds, overlaps };
         let model = Model::new(Motion::Bending, tables).ok()?;
-        Some(At { model, slopes: by_variable })
+        Some(At { model, entries, factors, by_frequency, slopes: moving })
     }
 }
 
@@ -115,9 +174,9 @@ fn address(row: &[f64], values: &[f64], slopes: &[f64]) -> (f64, Vec<f64>) {
     let dot = |x: &[f64]| x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>();
     let factor = dot(exponents).exp();
     let own = (row[0] >= 0.0).then_some(row[0] as usize);
-    let start = own.map_or(row[1], |own| values[own]);
+    let start = own.map_or(row[1], |own| row[1] * values[own]);
     let by = |i: usize| {
-        let direct = if own == Some(i) { factor } else { 0.0 };
+        let direct = if own == Some(i) { row[1] * factor } else { 0.0 };
         (start * factor * exponents[i] + shifts[i] + direct) * slopes[i]
     };
     (start * factor + dot(shifts), (0..values.len()).map(by).collect())

@@ -54,7 +54,7 @@ pub fn contiguous<'a, T, E>(name: &str, slice: Result<&'a [T], E>) -> PyResult<&
 }
 
 /// A whole number that is not negative.
-fn index(name: &str, value: f64) -> PyResult<usize> {
+pub fn index(name: &str, value: f64) -> PyResult<usize> {
     if value >= 0.0 && value.fract() == 0.0 && value < 1e15 {
         return Ok(value as usize);
     }

@@ -1,32 +1,36 @@
 //! The functions of the extension that fit parameters of whole models.
 
-use crate::arrays::{c_contiguous, contiguous, coordinates, indices, parameter, table};
+use crate::arrays::{c_contiguous, contiguous, coordinates, index, indices, parameter, table};
 use crate::errors::CoreError;
 use crate::functions::shaped;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Campaign, GROUND_COLUMNS, JOINT_COLUMNS, Known, MASS_COLUMNS, Modelled, Rate, Seen, Stop, Tables, Tied,
-    Variables, overlap, section,
+    Campaign, Factor, GROUND_COLUMNS, JOINT_COLUMNS, Known, MASS_COLUMNS, Modelled, Rate, Record, Seen, Stop,
+    Tables, Tied, Variables, overlap, section,
 };
 
 type Row<'py, T> = PyReadonlyArray1<'py, T>;
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
 
-/// Tables, entries that move and how fast, addresses.
-type Ties<'py> = ((Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>), Rows<'py>, Rows<'py>);
+/// Tables, entries that move and how fast, addresses, factors (kind, address), entries through which frequency acts.
+type Ties<'py> =
+    ((Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>), Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>);
 
-/// Lines, measured, weights, coordinates (response, excitation), ties.
-type Receptance<'py> = (Row<'py, Complex64>, Row<'py, Complex64>, Row<'py, f64>, Rows<'py>, Ties<'py>);
+/// Lines, measured and weights (a row a record), coordinates (response, excitation), ties.
+type Receptance<'py> =
+    (Row<'py, Complex64>, PyReadonlyArray2<'py, Complex64>, Rows<'py>, Rows<'py>, Ties<'py>);
 
 /// Modes, measured, weights, ties.
 type Frequencies<'py> = (Row<'py, f64>, Row<'py, f64>, Row<'py, f64>, Ties<'py>);
 
 fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
-    let ((segments, joints, masses, grounds, overlaps), rates, addresses) = ties;
+    let ((segments, joints, masses, grounds, overlaps), rates, addresses, factors, powers) = ties;
     let tables = Tables {
         segments: table("segments", segments, section::column::COUNT)?,
         joints: table("joints", joints, JOINT_COLUMNS)?,
@@ -40,7 +44,29 @@ fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
         found.push(Rate { entry: parameter(&row[..3])?, address, rate: row[4] });
     }
     let width = 2 + 2 * count;
-    Ok(Tied::new(tables, &found, table("addresses", addresses, width)?, count).map_err(CoreError::from)?)
+    let kinds =
+        [Factor::LogGain, Factor::Delay, Factor::DecayRate(2), Factor::DecayRate(1), Factor::DecayRate(0)];
+    let mut between = Vec::new();
+    for row in table("factors", factors, 2)?.chunks_exact(2) {
+        let [kind, address] = [index("factors", row[0])?, index("factors", row[1])?];
+        let kind =
+            kinds.get(kind).ok_or_else(|| PyValueError::new_err("factors: the kind is none of 0 to 4"))?;
+        between.push((*kind, address));
+    }
+    let mut through = Vec::new();
+    for row in table("powers", powers, 4)?.chunks_exact(4) {
+        through.push((parameter(&row[..3])?, row[3]));
+    }
+    let tied = Tied::new(tables, &found, table("addresses", addresses, width)?, count);
+    Ok(tied.and_then(|tied| tied.with_factors(between, through)).map_err(CoreError::from)?)
+}
+
+/// The rows of a table with a row a record.
+fn records<'a, T: numpy::Element>(name: &str, array: &'a PyReadonlyArray2<'_, T>) -> PyResult<Vec<&'a [T]>> {
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err(format!("{name}: expected a C-contiguous array")));
+    }
+    Ok(contiguous(name, array.as_slice())?.chunks(array.shape()[1].max(1)).collect())
 }
 
 fn variables<'a>(
@@ -75,13 +101,15 @@ fn campaign<'a>(
         let [response, excitation] = points[..] else {
             return Err(PyValueError::new_err("points: expected two rows, response and excitation"));
         };
-        let seen = Seen::Receptance {
-            w: contiguous("angular_frequency", w.as_slice())?,
-            measured: contiguous("measured", measured.as_slice())?,
-            weights: contiguous("weights", weights.as_slice())?,
-            response,
-            excitation,
-        };
+        let (measured, weights) = (records("measured", measured)?, records("weights", weights)?);
+        if measured.len() != weights.len() {
+            let message = format!("weights: {} records, expected {}", weights.len(), measured.len());
+            return Err(PyValueError::new_err(message));
+        }
+        let pairs = measured.into_iter().zip(weights);
+        let records = pairs.map(|(measured, weights)| Record { measured, weights }).collect();
+        let w = contiguous("angular_frequency", w.as_slice())?;
+        let seen = Seen::Receptance { w, records, response, excitation };
         observed.push(Modelled { tied: tied(ties, count)?, seen });
     }
     for ((_, measured, weights, ties), modes) in frequencies.iter().zip(modes) {
@@ -132,8 +160,39 @@ pub fn models_normal_matrix<'py>(
         return Err(PyValueError::new_err(format!("variables: {} values, expected {count}", x.len())));
     }
     let size = count + 1;
-    let found = py.detach(|| campaign.normal_matrix(x, threads)).unwrap_or(vec![f64::NAN; size * size]);
+    let found = py
+        .detach(|| campaign.normal_matrix(x, &vec![true; count], threads))
+        .unwrap_or(vec![f64::NAN; size * size]);
     Ok(shaped(Array2::from_shape_vec((size, size), found))?.into_pyarray(py))
+}
+
+/// Residuals of whole models and their derivatives by variables that are `free`; nothing where a model has no value.
+#[pyfunction]
+#[pyo3(signature = (receptances, frequencies, logarithmic, bounds, free, variables, threads))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn models_rows<'py>(
+    py: Python<'py>,
+    receptances: Vec<Receptance<'py>>,
+    frequencies: Vec<Frequencies<'py>>,
+    logarithmic: Row<'py, bool>,
+    bounds: Rows<'py>,
+    free: Row<'py, bool>,
+    variables: Row<'py, f64>,
+    threads: usize,
+) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
+    let modes = modes_of(&frequencies)?;
+    let space = self::variables(&logarithmic, &bounds)?;
+    let count = space.logarithmic.len();
+    let priors = Array2::<f64>::zeros((0, 3)).into_pyarray(py).readonly();
+    let campaign = campaign(&receptances, &frequencies, &modes, &priors, space)?;
+    let (x, free) = (contiguous("variables", variables.as_slice())?, contiguous("free", free.as_slice())?);
+    if x.len() != count || free.len() != count {
+        return Err(PyValueError::new_err(format!("variables: {} values, expected {count}", x.len())));
+    }
+    let Some(found) = py.detach(|| campaign.rows(x, free, threads)) else { return Ok(None) };
+    let shape = (found.residual.len(), free.iter().filter(|free| **free).count());
+    let jacobian = shaped(Array2::from_shape_vec(shape, found.jacobian))?;
+    Ok(Some((Array1::from_vec(found.residual).into_pyarray(py), jacobian.into_pyarray(py))))
 }
 
 /// Fits of parameters of whole models from many starts, with variables that are not `free` held.

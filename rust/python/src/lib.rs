@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::campaigns::{fit_models, models_normal_matrix};
+    use super::campaigns::{fit_models, models_normal_matrix, models_rows};
     #[pymodule_export]
     use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
