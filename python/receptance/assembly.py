@@ -87,6 +87,7 @@ class Assembly:
         check_chain(elements, points, motion)
         # An assembly never changes, so it is flattened once for each set of coordinates.
         self._flats: dict[tuple[Coordinate, ...], Flat] = {}
+        self._values: dict[str, float] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
         self._attachments = dict(zip(names_of(points), points, strict=True))
         if double := self._elements.keys() & self._attachments.keys():
@@ -215,6 +216,11 @@ class Assembly:
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` the segments must agree."""
+        if address not in self._values:
+            self._values[address] = self._get(address)
+        return self._values[address]
+
+    def _get(self, address: str) -> float:
         owner, rest = self._owner(address)
         if isinstance(owner, Part):
             values = {

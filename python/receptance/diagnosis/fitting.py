@@ -41,7 +41,7 @@ __all__ = [
     "thinned",
 ]
 
-EXPLORING = 240
+EXPLORING = 120
 """Lines of each receptance while starts are compared."""
 _CLOSE = 1e-3
 """A fit has converged where the next step promises less than this of chi-square."""

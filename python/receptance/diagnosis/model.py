@@ -112,7 +112,10 @@ class Model:
 
     def rebuilt(self, build: Callable[[Assembly], Assembly]) -> Model:
         """Return the model with every assembly changed."""
-        return self.map(lambda one: altered(one, assembly=build(one.assembly)))
+        # Records of one configuration share their assembly, and go on sharing it.
+        different = {id(one.assembly): one.assembly for one in self.observations}
+        built = {key: build(assembly) for key, assembly in different.items()}
+        return self.map(lambda one: altered(one, assembly=built[id(one.assembly)]))
 
     def attached(self, *points: PointMass | GroundSpring) -> Model:
         """Return the model with point elements on every assembly that has their part."""
