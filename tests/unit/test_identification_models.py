@@ -11,6 +11,7 @@ from receptance import (
     CARBIDE,
     STEEL,
     Assembly,
+    ColletJoint,
     Coordinate,
     GroundSpring,
     MeasuredFrequencies,
@@ -26,6 +27,7 @@ from receptance import (
 from receptance.identification import Law, Power, Prior, Tolerance, identify
 from receptance.identification.mapping import Parameters
 from receptance.identification.models import ModelledProblem, Models
+from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
 from simulated_campaigns import simulate_campaign
 
@@ -103,15 +105,49 @@ def everything() -> Task:
     return Task(observed, parameters, ("standard deviations",) * 4, threads=1)
 
 
-def test_normal_matrices_are_those_of_the_residuals():
-    task = everything()
+def recorded() -> Task:
+    """Return a task with what stands between structure and record, a collet, multiples, and records of one model."""
+
+    def seat(mass: float) -> Assembly:
+        springs = [PointJoint(k_y=9e8, k_theta=2e5, c_theta=2.0), PointJoint(k_y=2e9, k_theta=3e5, c_y=100.0)]
+        tool, _, holder = assembled().elements.values()
+        collet = ColletJoint(inner=springs[0], outer=springs[1], mass=mass, inertia=1e-6, name="collet")
+        return Assembly([tool, collet, holder], assembled().attachments.values())
+
+    one = measured(0.06)
+    observed = (
+        one,
+        altered(measured(0.06), assembly=one.assembly, label="again"),
+        altered(measured(0.06, LINES - 2j), assembly=seat(0.02), configuration="collet"),
+    )
+    unknowns = [
+        Unknown(address="joint.k_y", lower=1e6, upper=1e11, multiple=2.0, also={"joint.k_theta": 4e-4}),
+        Unknown(address="collet.mass", lower=0.0, upper=0.1, start=0.02),
+        Unknown(address="observation.log_gain", lower=-1.0, upper=1.0, configurations="60 mm"),
+        Unknown(address="observation.delay", lower=-1e-4, upper=1e-4),
+        Unknown(address="observation.decay_rate", lower=0.0, upper=100.0, start=5.0),
+        Unknown(address="observation.decay_rate_of_velocity", lower=0.0, upper=50.0, start=3.0, configurations="60 mm"),
+    ]
+    places = [place_of(one, i) for i, one in enumerate(observed)]
+    return Task(observed, Parameters(unknowns, TOLERANCES[:2], places), ("standard deviations",) * 3, threads=1)
+
+
+def near(task: Task) -> np.ndarray:
+    low, high = task.variables.limits
+    x = task.variables.start + RNG.normal(scale=0.02, size=task.variables.start.size)
+    return np.clip(x, low + 1e-3 * (high - low), high - 1e-3 * (high - low))
+
+
+@pytest.mark.parametrize("made", [everything, recorded])
+def test_normal_matrices_are_those_of_the_residuals(made):
+    task = made()
     problem = task.problem()
     quick = task.quick(problem)
     assert isinstance(quick, ModelledProblem)
-    start = task.variables.start
     for _ in range(3):
-        x = start + RNG.normal(scale=0.02, size=start.size)
-        x[task.variables.names.index("joint.k_ytheta")] = RNG.uniform(-1e5, 1e5)
+        x = near(task)
+        if "joint.k_ytheta" in task.variables.names:
+            x[task.variables.names.index("joint.k_ytheta")] = RNG.uniform(-1e5, 1e5)
         own, other = quick.normal(x), problem.normal(x)
         scale = np.sqrt(np.diag(other.curvature))
         assert scale.min() > 0.0
@@ -120,6 +156,38 @@ def test_normal_matrices_are_those_of_the_residuals():
         assert own.curvature / np.outer(scale, scale) == pytest.approx(
             other.curvature / np.outer(scale, scale), rel=1e-8, abs=1e-9
         )
+
+
+@pytest.mark.parametrize("made", [everything, recorded])
+def test_rows_are_those_of_the_residuals(made):
+    task = made()
+    problem = task.problem()
+    quick = task.modelled(problem)
+    x = near(task)
+    scale = np.linalg.norm(problem.jacobian(x), axis=0)
+    assert quick.residual(x) == pytest.approx(problem.residual(x), rel=1e-9, abs=1e-9)
+    assert quick.value(x) == pytest.approx(problem.residual(x), rel=1e-9, abs=1e-9)
+    assert quick.jacobian(x) / scale == pytest.approx(problem.jacobian(x) / scale, rel=1e-7, abs=1e-9)
+    free = RNG.random(x.size) < 0.5
+    assert quick.slopes(x, free) / scale[free] == pytest.approx(problem.slopes(x, free) / scale[free], abs=1e-8)
+
+
+def test_records_of_one_model_share_its_evaluation():
+    task = recorded()
+    models = Models.of(task, task.problem())
+    assert [one[1].shape[0] for one in models.receptances] == [2, 1]
+    assert models.lines == 3 * LINES.size
+
+
+def test_some_lines_are_taken_alone():
+    task = everything()
+    lines = [np.arange(0, LINES.size, 3), None, np.arange(100), None]
+    some = task.modelled(task.problem(), lines)
+    whole, x = task.problem(), near(task)
+    kept = [np.r_[chosen, LINES.size + chosen] for chosen in (lines[0], np.arange(LINES.size), lines[2])]
+    begins = np.cumsum([0] + [part.size for part in whole.residuals])
+    rows = np.concatenate([begins[i] + own for i, own in enumerate(kept)] + [np.arange(begins[3], begins[-1])])
+    assert some.residual(x) == pytest.approx(whole.residual(x)[rows], rel=1e-9, abs=1e-9)
 
 
 def test_threads_do_not_change_a_bit():
@@ -132,8 +200,8 @@ def test_the_optimum_is_that_of_scipy():
     campaign = simulate_campaign(np.random.default_rng([5, 1]), overhangs=1)
     found = identify(campaign.observations, campaign.unknowns(campaign.truth), tolerances=campaign.tolerances, starts=3)
     problem = found.task.problem()
-    near = min(found.starts, key=lambda run: run.cost).variables + 0.01
-    scipy = problem.fit(near, None, 200, 1e-10, None)
+    beside = min(found.starts, key=lambda run: run.cost).variables + 0.01
+    scipy = problem.fit(beside, None, 200, 1e-10, None)
     best = min(found.starts, key=lambda run: run.cost)
     assert best.cost == pytest.approx(scipy.cost, rel=1e-8)
     assert np.max(np.abs(best.variables - scipy.variables) / np.sqrt(np.diag(found.covariance))) < 1e-3
@@ -196,7 +264,7 @@ def test_what_the_core_does_not_know_is_fitted_by_scipy(monkeypatch):
         (lambda a: a.update(bounds=np.array([[1.0, 0.0], [0.0, 1.0]])), "below is above above"),
         (lambda a: a.update(priors=np.array([[7.0, 1.0, 0.0]])), "variable below 2"),
         (lambda a: a.update(priors=np.zeros((1, 2))), "priors"),
-        (lambda a: a["receptances"].append(_with(a, 1, np.zeros(3, dtype=complex))), "measured receptance"),
+        (lambda a: a["receptances"].append(_with(a, 1, np.zeros((1, 3), dtype=complex))), "measured receptance"),
         (lambda a: a["receptances"].append(_with(a, 3, np.zeros((1, 2)))), "two rows"),
         (lambda a: a["receptances"].append(_tied(a, 1, np.array([[0.0, 99.0, 2.0, 0.0, 1.0]]))), "row and a column"),
         (lambda a: a["receptances"].append(_tied(a, 1, np.array([[0.0, 0.0, 2.0, 9.0, 1.0]]))), "address below"),

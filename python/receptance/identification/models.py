@@ -117,8 +117,9 @@ class Models:
             sizes.append(2 * w.size)
             key = tuple(array.tobytes() for array in (w, places, *ties[0], *ties[1:]))
             own = receptances.setdefault(key, ([], [], [], (w, places, ties)))
-            for kept, value in zip(own, (measured, weights, index), strict=False):
-                kept.append(value)
+            own[0].append(measured)
+            own[1].append(weights)
+            own[2].append(index)
         variables = problem.variables
         order = [i for *_, own, _ in receptances.values() for i in own] + [i for i, _ in frequencies]
         begins = np.cumsum([0, *sizes])
@@ -161,7 +162,7 @@ class Models:
         )
 
     def residual_and_slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> Pair | None:
-        """Return the residuals without priors, and their derivatives by the free variables; None where there is none."""
+        """Return the residuals without priors and their derivatives by the free variables; None where there is none."""
         found = _core.models_rows(
             self.receptances,
             self.frequencies,
