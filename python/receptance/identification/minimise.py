@@ -131,7 +131,8 @@ def _bounded_step(
 
 
 def _step(normal: NDArray[np.float64], gradient: NDArray[np.float64], damping: float) -> NDArray[np.float64]:
-    scale = np.sqrt(np.diag(normal))
+    # A column that nearly cancels out can have a square just below zero.
+    scale = np.sqrt(np.maximum(np.diag(normal), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     matrix = normal / np.outer(scale, scale)
     # The last digits keep what the data do not see at all where it is.
