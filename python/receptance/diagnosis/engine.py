@@ -157,9 +157,7 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
     return found
 
 
-def _verdict(
-    selection: Selection, seed: int, most: int, gains: tuple[Gain, ...], left_out: Sequence[str]
-) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, gains: tuple[Gain, ...], left_out: Sequence[str]) -> Verdict:
     judgement = conclude(selection)
     notes = [*judgement.notes, *_on_data(selection), *left_out]
     fitted: dict[Explanation, Identification] = {}
