@@ -4,8 +4,8 @@
 Hides an effect in every case (or nothing, in a third of them), asks the package, opens the truth and prints the score
 table, with exact binomial intervals. Every case is drawn anew from the seed and its number, so that shards and a
 resumed run give the same cases as one long run. The file of `--resume` holds one JSON line for each finished case;
-several shards are scored together with `--score FILE FILE ...`. Any beginning of the list of cases is a fair mixture, so
-`--budget` may end a run early: after so many minutes no case is begun any more, and the table says how many ran.
+several shards are scored together with `--score FILE FILE ...`. Any beginning of the list of cases is a fair mixture,
+so `--budget` may end a run early: after so many minutes no case is begun any more, and the table says how many ran.
 """
 
 from __future__ import annotations
@@ -54,6 +54,13 @@ def read(paths: list[Path]) -> list[Outcome]:
     return list(found.values())
 
 
+def append(path: Path, one: Outcome) -> None:
+    """Write a finished case to the end of a file; a line that a killed run left open is closed first."""
+    begun = path.read_text(encoding="utf-8") if path.exists() else ""
+    with path.open("a", encoding="utf-8") as file:
+        file.write(("\n" if begun and not begun.endswith("\n") else "") + json.dumps(dataclasses.asdict(one)) + "\n")
+
+
 def shard(text: str) -> tuple[int, int]:
     """Return `i/n` as two numbers."""
     own, _, count = text.partition("/")
@@ -93,8 +100,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     hidden = sum(bool(one.effects) for one in outcomes)
     sys.stdout.write(
-        f"seed {seed}: {len(outcomes)} of {wanted} cases ran, {hidden} with something hidden, {len(outcomes) - hidden} with "
-        f"nothing\n{report(outcomes)}\n"
+        f"seed {seed}: {len(outcomes)} of {wanted} cases ran, {hidden} with something hidden, "
+        f"{len(outcomes) - hidden} with nothing\n{report(outcomes)}\n"
     )
     if options.json:
         lines, rest = table(outcomes)
@@ -126,8 +133,7 @@ def run(seed: int, options: argparse.Namespace, own: int, count: int) -> list[Ou
         )
         sys.stdout.flush()
         if options.resume:
-            with options.resume.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(dataclasses.asdict(one)) + "\n")
+            append(options.resume, one)
     return outcomes
 
 
