@@ -230,9 +230,10 @@ def ask(
 
     begun = time.perf_counter()
     measured = {c.name for c in case.nominal.configurations}
+    every = tolerances_of(case.nominal)
     stated = [
         one
-        for one, tolerance in zip(tolerances_of(case.nominal), case.nominal.tolerances, strict=True)
+        for one, tolerance in zip(every, case.nominal.tolerances, strict=True)
         if tolerance.configuration is None or tolerance.configuration in measured
     ]
     try:
@@ -252,7 +253,8 @@ def ask(
     for tool in case.new_tools:
         assembly = assembly_of(case.nominal, tool)
         level = float(np.sqrt(np.prod(sorted({r.level for r in case.records}))))
-        where = {"configuration": tool.name, "conditions": _conditions(tool, level) | {"plane": 1.0}}
+        conditions = _conditions(tool, level) | {"plane": 1.0}
+        where: dict[str, Any] = {"configuration": tool.name, "conditions": conditions, "tolerances": every}
         try:
             predictions[tool.name] = _lists(verdict.predict_natural_frequencies(assembly, UPPER_HZ, **where))
             before[tool.name] = _lists(verdict.base.predict_natural_frequencies(assembly, UPPER_HZ, **where))
