@@ -1,9 +1,11 @@
-"""The blind laboratory: `python benches/blind.py --cases N --seed S [--json FILE] [--shard i/n] [--resume FILE]`.
+"""The blind laboratory: `python benches/blind.py --cases N --seed S [--json FILE] [--shard i/n] [--resume FILE]
+[--budget MIN]`.
 
 Hides an effect in every case (or nothing, in a third of them), asks the package, opens the truth and prints the score
 table, with exact binomial intervals. Every case is drawn anew from the seed and its number, so that shards and a
 resumed run give the same cases as one long run. The file of `--resume` holds one JSON line for each finished case;
-several shards are scored together with `--score FILE FILE ...`.
+several shards are scored together with `--score FILE FILE ...`. Any beginning of the list of cases is a fair mixture,
+so `--budget` may end a run early: after so many minutes no case is begun any more, and the table says how many ran.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
 from blind.generator import every
-from blind.score import Outcome, report, run_case, table
+from blind.outcome import Outcome, run_case
+from blind.score import report, table
 
 
 def outcome_from(row: dict[str, Any]) -> Outcome:
@@ -51,6 +54,13 @@ def read(paths: list[Path]) -> list[Outcome]:
     return list(found.values())
 
 
+def append(path: Path, one: Outcome) -> None:
+    """Write a finished case to the end of a file; a line that a killed run left open is closed first."""
+    begun = path.read_text(encoding="utf-8") if path.exists() else ""
+    with path.open("a", encoding="utf-8") as file:
+        file.write(("\n" if begun and not begun.endswith("\n") else "") + json.dumps(dataclasses.asdict(one)) + "\n")
+
+
 def shard(text: str) -> tuple[int, int]:
     """Return `i/n` as two numbers."""
     own, _, count = text.partition("/")
@@ -67,21 +77,32 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, help="outcomes and table as JSON")
     parser.add_argument("--shard", type=shard, default=(1, 1), metavar="i/n")
     parser.add_argument("--resume", type=Path, help="file of finished cases, which it goes on with")
+    parser.add_argument(
+        "--budget", type=float, default=float("inf"), metavar="MIN", help="begin no case after these minutes"
+    )
     parser.add_argument("--score", type=Path, nargs="+", help="score files of finished cases, run nothing")
     parser.add_argument("--quick", action="store_true", help="three overhangs and a narrower band")
     parser.add_argument("--threads", type=int, default=1, help="of one diagnosis; shards are the better use of cores")
     options = parser.parse_args(arguments)
-    seed = secrets.randbelow(2**31) if options.seed is None else options.seed
     own, count = options.shard
-    sys.stdout.write(f"seed {seed}, {options.cases} cases, shard {own}/{count}\n")
     if options.score:
         outcomes = read(options.score)
+        seeds = sorted({one.seed for one in outcomes})
+        seed = seeds[0] if len(seeds) == 1 else seeds
+        wanted = len(outcomes)
     else:
+        seed = secrets.randbelow(2**31) if options.seed is None else options.seed
+        sys.stdout.write(f"seed {seed}, {options.cases} cases, shard {own}/{count}\n")
         outcomes = run(seed, options, own, count)
+        wanted = len(range(own - 1, options.cases, count))
     if not outcomes:
         sys.stdout.write("no case\n")
         return 0
-    sys.stdout.write(report(outcomes) + "\n")
+    hidden = sum(bool(one.effects) for one in outcomes)
+    sys.stdout.write(
+        f"seed {seed}: {len(outcomes)} of {wanted} cases ran, {hidden} with something hidden, "
+        f"{len(outcomes) - hidden} with nothing\n{report(outcomes)}\n"
+    )
     if options.json:
         lines, rest = table(outcomes)
         rows = [{**dataclasses.asdict(line), "interval": line.interval} for line in lines]
@@ -98,6 +119,9 @@ def run(seed: int, options: argparse.Namespace, own: int, count: int) -> list[Ou
     for index, (kind, effects) in enumerate(every(options.cases)):
         if index % count != own - 1 or index in done:
             continue
+        if time.perf_counter() - begun > 60.0 * options.budget:
+            sys.stdout.write("the budget is used up\n")
+            break
         one = run_case(seed, index, kind, effects, functools.partial(ask, threads=options.threads), quick=options.quick)
         outcomes.append(one)
         sizes = ", ".join(f"{id} {u:.2f}" for id, u in zip(one.effects, one.sizes, strict=True)) or "nothing"
@@ -109,8 +133,7 @@ def run(seed: int, options: argparse.Namespace, own: int, count: int) -> list[Ou
         )
         sys.stdout.flush()
         if options.resume:
-            with options.resume.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(dataclasses.asdict(one)) + "\n")
+            append(options.resume, one)
     return outcomes
 
 

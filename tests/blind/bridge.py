@@ -185,13 +185,20 @@ def frf_of(record: Record) -> FRF:
         return frf.to(record.form)  # type: ignore[arg-type]
 
 
+def _conditions(configuration: Configuration, level: float) -> dict[str, float]:
+    noted = {"torque": configuration.torque} if configuration.torque else {}
+    return {"force": level, **noted}
+
+
 def observations_of(case: Case) -> list[MeasuredFRF]:
     """Return all records as observations of the nominal assemblies."""
-    by_name = {c.name: assembly_of(case.nominal, c) for c in case.nominal.configurations}
+    configurations = {c.name: c for c in case.nominal.configurations}
+    by_name = {name: assembly_of(case.nominal, c) for name, c in configurations.items()}
     several = len({record.plane for record in case.records}) > 1
     found = []
     for record in case.records:
-        conditions = {"force": record.level, **({"plane": float(record.plane)} if several else {})}
+        conditions = _conditions(configurations[record.configuration], record.level)
+        conditions |= {"plane": float(record.plane)} if several else {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found.append(
@@ -223,9 +230,10 @@ def ask(
 
     begun = time.perf_counter()
     measured = {c.name for c in case.nominal.configurations}
+    every = tolerances_of(case.nominal)
     stated = [
         one
-        for one, tolerance in zip(tolerances_of(case.nominal), case.nominal.tolerances, strict=True)
+        for one, tolerance in zip(every, case.nominal.tolerances, strict=True)
         if tolerance.configuration is None or tolerance.configuration in measured
     ]
     try:
@@ -244,8 +252,9 @@ def ask(
     problem = ""
     for tool in case.new_tools:
         assembly = assembly_of(case.nominal, tool)
-        conditions = {"force": float(np.sqrt(np.prod(sorted({r.level for r in case.records})))), "plane": 1.0}
-        where = {"configuration": tool.name, "conditions": conditions}
+        level = float(np.sqrt(np.prod(sorted({r.level for r in case.records}))))
+        conditions = _conditions(tool, level) | {"plane": 1.0}
+        where: dict[str, Any] = {"configuration": tool.name, "conditions": conditions, "tolerances": every}
         try:
             predictions[tool.name] = _lists(verdict.predict_natural_frequencies(assembly, UPPER_HZ, **where))
             before[tool.name] = _lists(verdict.base.predict_natural_frequencies(assembly, UPPER_HZ, **where))

@@ -15,7 +15,8 @@ from blind.bridge import Answer, ask, assembly_of, observations_of, simulated, t
 from blind.generator import draw_case, every, rig
 from blind.generator.case import numbers_of, where_of, with_layer
 from blind.oracle import consult, same_answer
-from blind.score import Outcome, report, run_case, table
+from blind.outcome import Outcome, run_case
+from blind.score import report, table
 from blind.seeds import fresh_seed
 
 SEED = fresh_seed()
@@ -36,7 +37,7 @@ def test_both_physics_agree_where_nothing_is_hidden():
         case, truth = draw_case(SEED, i, "nothing", quick=True)
         record = case.records[0]
         configuration = next(c for c in case.nominal.configurations if c.name == record.configuration)
-        where = where_of(truth, configuration.name, configuration.overhang, record.level, 1)
+        where = where_of(truth, configuration, record.level, 1)
         p = numbers_of(case.nominal, truth.joint, {}, where)
         if case.nominal.layer:
             p = with_layer(p, truth.layer_points)

@@ -175,8 +175,8 @@ def test_every_effect_changes_what_is_measured_and_more_when_larger(id):
     for u in (0.1, 0.9):
         case, truth = draw_case(11, 4, "single", (id,), u=u, quick=True)
         record = case.records[-1]
-        overhang = next(c.overhang for c in case.nominal.configurations if c.name == record.configuration)
-        where = where_of(truth, record.configuration, overhang, record.level, record.plane)
+        configuration = next(c for c in case.nominal.configurations if c.name == record.configuration)
+        where = where_of(truth, configuration, record.level, record.plane)
         absent = true_numbers(case.nominal, truth, truth.joint, truth.errors, (), where)
         before, after = (
             rig.recorded(one, record.estimate.frequency_hz)

@@ -30,10 +30,11 @@ class Stated:
 
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
-    """A clamping: its name and the overhang that was written down."""
+    """A clamping: its name, the overhang that was written down, and the torque of the nut where it was noted."""
 
     name: str
     overhang: float
+    torque: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +86,8 @@ class Truth:
     """In standard deviations: of tolerances by name, of joint numbers by `joint.k_y @ configuration`."""
     numbers: Mapping[tuple[str, float, int], Mapping[str, float]]
     """By configuration, force level and plane."""
-    references: tuple[float, float]
+    references: tuple[float, float, float]
+    """Overhang, force level and torque at which laws have their reference."""
     layer_points: int
     new_numbers: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     setups: Mapping[float, Setup] = field(default_factory=dict)
@@ -121,6 +123,8 @@ def _ordinary(rng: np.random.Generator, layer: bool) -> dict[str, float]:
         dimensions = {"length": lengths[i], "outer": outer[i], "inner": inner[i]}
         p |= {f"holder.{i}.{name}": round(float(value), 4) for name, value in dimensions.items()}
     p["joint.k_ytheta"] = p["joint.c_ytheta"] = p["joint.loss"] = 0.0
+    if rng.random() < 0.25:
+        p["torques"] = 1.0
     if rng.random() < 0.3:
         p["sensor.mass"] = round(rng.uniform(3e-4, 1.5e-3), 5)
     return {name: float(value) for name, value in p.items()}
@@ -186,9 +190,13 @@ def true_numbers(
     return p
 
 
-def where_of(truth: Truth, configuration: str, overhang: float, level: float, plane: int) -> Where:
+def where_of(truth: Truth, configuration: Configuration, level: float, plane: int) -> Where:
     """Return where a record belongs."""
-    return Where(configuration, overhang, level, plane, *truth.references)
+    overhang, reference, torque = truth.references
+    return Where(
+        configuration.name, configuration.overhang, level, plane, overhang, reference, configuration.torque or torque,
+        torque,
+    )  # fmt: skip
 
 
 def draw_case(
@@ -221,14 +229,19 @@ def draw_case(
         numbers |= drawn[-1].believed
     overhangs = _overhangs(rng, numbers["tool.diameter"], 3 if quick else int(rng.integers(3, 5)))
     names = _names(rng, overhangs.size)
+    between = _between(rng, overhangs)
+    torques = _torques(rng, len(names) + between.size) if "torques" in numbers else [0.0] * 8
     configurations = tuple(
-        Configuration(name=name, overhang=float(x)) for name, x in zip(names, overhangs, strict=True)
+        Configuration(name=name, overhang=float(x), torque=torque)
+        for name, x, torque in zip(names, overhangs, torques, strict=False)
     )
     if kind == "one_configuration":
         at = names[int(rng.integers(len(names)))]
         drawn = [Effect(e.id, e.sizes, e.fixed, e.believed, at, e.u) for e in drawn]
     exact = kind == "nothing_exact"
-    new = tuple(Configuration(name=f"new {i}", overhang=float(x)) for i, x in enumerate(_between(rng, overhangs)))
+    new = tuple(
+        Configuration(name=f"new {i}", overhang=float(x), torque=torques[len(names) + i]) for i, x in enumerate(between)
+    )
     nominal = Nominal(
         numbers=numbers,
         configurations=configurations,
@@ -258,7 +271,7 @@ def draw_case(
         joint=_draw_joint(rng, numbers["tool.diameter"]),
         errors=errors,
         numbers={},
-        references=(float(np.exp(np.mean(np.log(overhangs)))), float(np.sqrt(levels[0] * levels[1]))),
+        references=(float(np.exp(np.mean(np.log(overhangs)))), float(np.sqrt(levels[0] * levels[1])), TORQUE),
         layer_points=LAYER if layer else 0,
         new_numbers={},
         setups={level: like(setup, level) for level in levels},
@@ -271,7 +284,7 @@ def draw_case(
     for c in configurations:
         for plane in planes:
             for level in levels:
-                where = where_of(truth, c.name, c.overhang, level, plane)
+                where = where_of(truth, c, level, plane)
                 p = true_numbers(nominal, truth, truth.joint, errors, active, where)
                 truth.numbers[c.name, level, plane] = p  # type: ignore[index]
                 label = f"{c.name} {len(records)}"
@@ -290,12 +303,14 @@ def draw_case(
     # Predictions are of the machine at work: no sensor that nobody knows of, no rope.
     lasting = tuple((effect, None) for effect in drawn if effect.id not in MEASUREMENT)
     for c in new:
-        where = where_of(truth, c.name, c.overhang, truth.references[1], 1)
+        where = where_of(truth, c, truth.references[1], 1)
         truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, errors, lasting, where)  # type: ignore[index]
     return Case(name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=new), truth
 
 
 LAYER = rig.LAYER_POINTS
+TORQUE = 40.0
+"""Nominal torque of the nut in Nm."""
 
 
 def _choose(rng: np.random.Generator, kind: str) -> tuple[str, ...]:
@@ -323,6 +338,12 @@ def _overhangs(rng: np.random.Generator, diameter: float, count: int) -> NDArray
 def _between(rng: np.random.Generator, overhangs: NDArray[np.float64]) -> NDArray[np.float64]:
     gaps = np.argsort(np.diff(overhangs))[::-1][:2]
     return np.round([overhangs[g] + rng.uniform(0.35, 0.65) * (overhangs[g + 1] - overhangs[g]) for g in gaps], 4)
+
+
+def _torques(rng: np.random.Generator, count: int) -> list[float]:
+    """Return torques of the nut in Nm, varied on purpose and in no order of the overhangs."""
+    found = TORQUE * np.exp(np.linspace(-0.45, 0.45, count) + rng.uniform(-0.05, 0.05, count))
+    return [float(round(x, 1)) for x in rng.permutation(found)]
 
 
 def _names(rng: np.random.Generator, count: int) -> list[str]:

@@ -23,6 +23,8 @@ class Where:
     plane: int = 1
     reference_overhang: float = 0.09
     reference_level: float = 100.0
+    torque: float = 1.0
+    reference_torque: float = 1.0
 
 
 Numbers = dict[str, float]
@@ -85,8 +87,8 @@ def _amplitude(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Wh
     _law(p, s, f, w.level / w.reference_level)
 
 
-def _overhang_law(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Where) -> None:
-    _law(p, s, f, w.overhang / w.reference_overhang)
+def _clamping_law(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Where) -> None:
+    _law(p, s, f, w.torque / w.reference_torque if f["torque"] else w.overhang / w.reference_overhang)
 
 
 def _planes(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Where) -> None:
@@ -140,7 +142,7 @@ ACTS: dict[str, Act] = {
     "joint_spread": _spread,
     "joint_hysteretic_loss": _plus(joint__loss="loss"),
     "joint_amplitude": _amplitude,
-    "joint_overhang_law": _overhang_law,
+    "joint_overhang_law": _clamping_law,
     "xy_asymmetry": _planes,
     "collet_mass": _collet,
     "fluted_part": _flutes,
@@ -178,9 +180,11 @@ MEASUREMENT = CATALOGUE[16:]
 
 def null_of(id: str, sizes: Mapping[str, float]) -> dict[str, float]:
     """Return sizes at which an effect is as good as absent, as starts of fits."""
-    nowhere = {"fixture.mass": 1e-4, "absorber.mass": 1e-5, "rope.k": 1.0, "ground.k": 10.0}
+    nowhere = {"fixture.mass": 1e-4, "rope.k": 1.0}
     if id == "joint_spread":
         return {"length": 2e-3}
+    if id == "missing_mode":
+        return {**sizes, "fixture.mass": nowhere["fixture.mass"]}
     return {name: nowhere.get(name, 0.0) for name in sizes}
 
 
@@ -227,6 +231,12 @@ def _draw_law(low: float, high: float) -> _Draw:
     return draw
 
 
+def _draw_clamping_law(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
+    sizes, fixed, _ = _draw_law(0.02, 0.8)(rng, u, p)
+    # By the torque of the clamping nut, where torques were noted, about as often as by the overhang.
+    return sizes, fixed | {"torque": float(p.get("torques", 0.0) and rng.random() < 0.5)}, {}
+
+
 def _draw_collet(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     fixed = {"radius": rng.uniform(0.4, 0.8) * p["tool.diameter"], "split": rng.uniform(0.3, 0.7)}
     return {"mass": _between(u, 0.002, 0.08)}, fixed, {}
@@ -246,8 +256,7 @@ def _draw_flexible(rng: np.random.Generator, u: float, p: Mapping[str, float]) -
 
 def _draw_mode(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     hz = float(np.exp(rng.uniform(np.log(400.0), np.log(5000.0))))
-    sizes = {"fixture.mass": _between(u, 2e-4, 0.5), "fixture.hz": hz}
-    return sizes, {"fixture.zeta": rng.uniform(0.005, 0.03)}, {}
+    return {"fixture.mass": _between(u, 2e-4, 0.5), "fixture.hz": hz, "fixture.zeta": rng.uniform(0.005, 0.03)}, {}, {}
 
 
 def _draw_shear(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
@@ -266,7 +275,7 @@ def _draw_quantity(rng: np.random.Generator, u: float, p: Mapping[str, float]) -
 
 def _draw_record(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     # A whole even number of samples, as an analyser takes.
-    return {"record": 2.0 * round(12800.0 / _between(u, 4.0, 24.0)) / 25600.0}, {}, {}
+    return {}, {"record": 2.0 * round(12800.0 / _between(u, 4.0, 24.0)) / 25600.0}, {}
 
 
 def _draw_absorber(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
@@ -304,7 +313,7 @@ _DRAWS: dict[str, _Draw] = {
     "joint_spread": _draw_spread,
     "joint_hysteretic_loss": _one_way(0.002, 0.08, "loss"),
     "joint_amplitude": _draw_law(0.004, 0.25),
-    "joint_overhang_law": _draw_law(0.02, 0.8),
+    "joint_overhang_law": _draw_clamping_law,
     "xy_asymmetry": _draw_law(0.01, 0.4),
     "collet_mass": _draw_collet,
     "fluted_part": _draw_flutes,

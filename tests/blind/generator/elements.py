@@ -23,6 +23,8 @@ LONGEST, SHORT = 0.035, 0.004
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Matrices = tuple[ComplexArray, FloatArray, FloatArray]
+"""Stiffness, mass, viscous damping."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ class Structure:
         """Add a mass to a station."""
         self._inertia.append((np.array([2 * station, 2 * station + 1]), np.diag([mass, inertia])))
 
-    def matrices(self) -> tuple[ComplexArray, FloatArray, FloatArray]:
+    def matrices(self) -> Matrices:
         """Return stiffness with its losses, mass, and viscous damping."""
         stiffness = np.zeros((self.size, self.size), dtype=np.complex128)
         inertia, damping = np.zeros((self.size, self.size)), np.zeros((self.size, self.size))
@@ -163,7 +165,7 @@ class Structure:
         found = np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi)
         return found[(found > 20.0) & (found < upper_hz)]
 
-    def poles(self, forces: FloatArray, motions: FloatArray, modes: int = 24) -> Poles:
+    def poles(self, forces: FloatArray, motions: FloatArray, modes: int = 12) -> Poles:
         """Return the response as a sum over poles, forces and motions given as columns over all unknowns.
 
         The basis is the lowest undamped modes and what the higher ones add to the static response to the forces, the
@@ -196,10 +198,12 @@ class Structure:
         state[n:, :] /= unit
         state[n:, n:] *= unit
         rates, right = linalg.eig(state)
-        entry = np.vstack([np.zeros((n, forces.shape[1])), np.linalg.solve(m, basis.T @ forces) / unit])
+        loads = np.hstack([forces, motions])
+        entry = np.vstack([np.zeros((n, loads.shape[1])), np.linalg.solve(m, basis.T @ loads) / unit])
         left = np.linalg.solve(right, entry)
         seen = (motions.T @ basis) @ right[:n]
-        return Poles(rates, seen, left)
+        count = forces.shape[1]
+        return Poles(rates, seen, left[:, :count], left[:, count:], basis, right[:n])
 
 
 @dataclass(frozen=True)
@@ -209,6 +213,11 @@ class Poles:
     rates: ComplexArray
     seen: ComplexArray
     excited: ComplexArray
+    mirrored: ComplexArray
+    """How forces where the motions are seen excite them."""
+    basis: FloatArray
+    shapes: ComplexArray
+    """In the basis."""
 
     def receptance(
         self, frequency_hz: NDArray[np.float64] | ComplexArray, motion: int = 0, force: int = 0
@@ -217,3 +226,22 @@ class Poles:
         s = 2j * np.pi * np.asarray(frequency_hz)
         residues = self.seen[motion] * self.excited[:, force]
         return (1.0 / (s[:, None] - self.rates)) @ residues
+
+    def slopes(
+        self, frequency_hz: NDArray[np.float64] | ComplexArray, changes: Sequence[Matrices], motion: int = 0,
+        force: int = 0,
+    ) -> ComplexArray:  # fmt: skip
+        """Return what changes of stiffness, mass and damping do to the receptance, to first order, column by column.
+
+        With A x = f and A z = m, both in the basis, d(m.x) = -z.dA.x.
+        """
+        s = 2j * np.pi * np.asarray(frequency_hz)
+        near = 1.0 / (s[:, None] - self.rates)
+        x = (near * self.excited[:, force]) @ self.shapes.T
+        z = (near * self.mirrored[:, motion]) @ self.shapes.T
+        result = np.zeros((s.size, len(changes)), dtype=np.complex128)
+        for j, parts in enumerate(changes):
+            for part, weight in zip(parts, (1.0, s**2, s), strict=True):
+                if np.any(part):
+                    result[:, j] -= weight * np.sum((z @ (self.basis.T @ part @ self.basis)) * x, axis=1)
+        return result

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import rig
 
 RATE = 25600.0
-SPACING = 4.0
+SPACING = 8.0
 POOLED = 4
 """Neighbours to each side over which the analyser pools its noise."""
 
@@ -87,11 +87,11 @@ def measure(rng: np.random.Generator, p: Mapping[str, float], setup: Setup) -> E
     picked = np.arange(step * -(-first // step), last, step)
     band = slice(picked[0] - POOLED - step, picked[-1] + POOLED + step + 1)
     f1, a1 = (np.fft.rfft(signal * window)[band] for signal in (force, response))
-    # White noise of the channels, from the wanted scatter of the mean of all hits.
+    # White noise of the channels, from the wanted scatter of the mean of all hits; input ranges follow the level.
     power = float(np.sum(window**2))
     low = setup.noise / np.sqrt(power / 2.0 / setup.hits)
-    sensor = low * float(np.median(np.abs(a1))) * 100.0
-    hammer = setup.hammer_noise / np.sqrt(power / 2.0 / setup.hits) * float(np.median(np.abs(f1))) * 100.0
+    sensor = low * float(np.median(np.abs(a1))) * setup.level
+    hammer = setup.hammer_noise / np.sqrt(power / 2.0 / setup.hits) * float(np.median(np.abs(f1))) * setup.level
     cross = np.zeros(f1.size, dtype=np.complex128)
     force_power, response_power = np.zeros(f1.size), np.zeros(f1.size)
     for _ in range(setup.hits):

@@ -12,13 +12,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .elements import ComplexArray, Poles, Ring, Structure, cowper, hutchinson
+from .elements import ComplexArray, Matrices, Poles, Ring, Structure, cowper, hutchinson
 
 Numbers = Mapping[str, float]
 
 LAYER_POINTS = 40
 """Springs that stand for a continuous layer."""
-MEASURING = ("gain", "delay", "window", "quantity", "record", "mount.hz", "mount.zeta")
+MEASURING = ("torques", "gain", "delay", "window", "quantity", "record", "mount.hz", "mount.zeta")
 """Names of numbers that do not change the structure."""
 
 
@@ -199,6 +199,34 @@ def _poles(items: tuple[tuple[str, float], ...], refinement: float) -> Poles:
 def poles(p: Numbers, refinement: float = 1.0) -> Poles:
     """Return the poles of y at the tip over force at the hit."""
     return _poles(tuple((n, v) for n, v in sorted(p.items()) if n not in MEASURING), refinement)
+
+
+def log_slopes(
+    p: Numbers, steps: Sequence[Numbers], frequency_hz: NDArray[np.float64], decay_rate: float = 0.0,
+    pulse_duration: float = 1.15e-4,
+) -> ComplexArray:  # fmt: skip
+    """Return how much the logarithm of what is recorded changes by small steps of some numbers, column by column.
+
+    Where a step changes matrices only, these are what is differenced; the response follows to first order.
+    """
+    found = poles(p)
+    lines = frequency_hz + (decay_rate + p.get("window", 0.0)) / (2j * np.pi)
+    structure, *stations = build(p)
+    here = structure.matrices()
+    result = np.zeros((lines.size, len(steps)), dtype=np.complex128)
+    changes: dict[int, Matrices] = {}
+    for j, step in enumerate(steps):
+        moved = {**p, **{name: p[name] + change for name, change in step.items()}}
+        if not set(step) & set(MEASURING) and not p.get("record", 0.0):
+            other, *places = build(moved)
+            if other.size == structure.size and places == stations:
+                k, m, c = (b - a for a, b in zip(here, other.matrices(), strict=True))
+                changes[j] = k, m, c
+                continue
+        near, far = (recorded(one, frequency_hz, decay_rate, pulse_duration) for one in (p, moved))
+        result[:, j] = np.log(far / near)
+    result[:, list(changes)] = found.slopes(lines, list(changes.values())) / found.receptance(lines)[:, None]
+    return result
 
 
 def natural_frequencies(p: Numbers, upper_hz: float) -> NDArray[np.float64]:

@@ -1,0 +1,209 @@
+"""One case: drawn, answered, and what of the answer was right."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from blind.generator import CATALOGUE, draw_case, shuffled
+from blind.generator.case import UPPER_HZ
+from blind.oracle import consult, same_answer
+
+COMPARED_HZ = 0.95 * UPPER_HZ
+"""New tools are compared up to here: a mode near the limit of what is predicted may be on one side only."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One case: what was hidden, what the oracle gains, what was answered."""
+
+    seed: int
+    index: int
+    kind: str
+    effects: tuple[str, ...]
+    sizes: tuple[float, ...]
+    """How large the effects were drawn, from 0 to 1."""
+    large: bool
+    oracle: dict[str, Any]
+    verdict: str
+    reported: tuple[str, ...]
+    together: tuple[str, ...]
+    same: tuple[str, ...]
+    """Reported ids that would have looked the same as the truth."""
+    seconds: float
+    misfit: float
+    misfit_after: float
+    share: float | None
+    """Improvement on new tools as a share of the oracle's."""
+    covered: tuple[bool, ...]
+    """Of natural frequencies of new tools by 95 % intervals."""
+    size_covered: tuple[bool, ...]
+    layer: bool = False
+    error: str = ""
+    candidates: list[Any] = field(default_factory=list)
+    next_measurement: str = ""
+    shuffled: tuple[str, ...] = ()
+    """Verdict and reported ids under other names and without remarks, where that was asked."""
+    resolved: bool | None = None
+    """Whether the advised measurement led from an ambiguous verdict to the right name."""
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Reported ids that are right or as good as right."""
+        return tuple(id for id in self.reported if id in self.effects or id in self.same)
+
+    @property
+    def in_set(self) -> bool:
+        """Whether every effect, or what looks the same, is reported."""
+        if not self.effects:
+            return False
+        right = sum(id in self.reported for id in self.effects)
+        return right == len(self.effects) or right + any(id in self.same for id in self.reported) >= len(self.effects)
+
+    @property
+    def named_right(self) -> bool:
+        """Whether all of the effects and nothing else is named."""
+        return self.verdict == "named" and self.in_set and len(self.found) == len(self.reported)
+
+    @property
+    def named_wrong(self) -> bool:
+        """Whether something is named that is not there."""
+        return self.verdict == "named" and len(self.found) < len(self.reported)
+
+
+def run_case(
+    seed: int, index: int, kind: str, effects: Sequence[str], ask: Callable[[Any], Any], *, quick: bool = False,
+    u: float | None = None, oracle: bool = True,
+) -> Outcome:  # fmt: skip
+    """Draw a case, have it answered, and open the truth."""
+    case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u)
+    answer = ask(case)
+    names = tuple(effect.id for effect in truth.effects)
+    resolved = _resolved(ask, case, names, answer) if answer.verdict == "ambiguous" and names else None
+    again = ask(shuffled(case)) if kind == "misleading" else None
+    told = consult(case, truth) if oracle else None
+    wrong = [id for id in answer.reported if id not in names and id in CATALOGUE]
+    beside = [id for id in answer.reported if id in names] if len(names) > 1 else []
+    same = tuple(id for id in wrong if oracle and names and same_answer(case, truth, id, beside))
+    frequencies = {c.name: truth.frequencies(c.name) for c in case.new_tools}
+    return Outcome(
+        seed=seed,
+        index=index,
+        kind=kind,
+        effects=names,
+        sizes=tuple(effect.u for effect in truth.effects),
+        large=told.large if told else True,
+        oracle={} if told is None else dataclasses.asdict(told),
+        verdict=answer.verdict,
+        reported=tuple(answer.reported),
+        together=tuple(answer.together),
+        same=same,
+        seconds=answer.seconds,
+        misfit=answer.misfit,
+        misfit_after=answer.misfit_after,
+        share=_share(told, answer) if told else None,
+        covered=_coverage(frequencies, answer.predictions),
+        size_covered=_sizes_covered(truth, answer),
+        layer=case.nominal.layer,
+        error=answer.error,
+        candidates=list(answer.candidates),
+        next_measurement=answer.next_measurement,
+        resolved=resolved,
+        shuffled=() if again is None else (again.verdict, *sorted(again.reported)),
+    )
+
+
+def _resolved(ask: Callable[..., Any], case: Any, names: tuple[str, ...], answer: Any) -> bool:
+    """Return whether the advised measurement resolves an ambiguous verdict to the right name.
+
+    What it shows by itself (a weight, a length, a gain) is known afterwards: either it is the effect, or it is none and
+    the diagnosis is repeated without it.
+    """
+    if not answer.separates:
+        return False
+    if set(names) & set(answer.separates):
+        return set(names) <= set(answer.separates)
+    second = ask(case, without=answer.separates)
+    return second.verdict == "named" and set(second.reported) == set(names)
+
+
+def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> float | None:
+    """Return the rms error of natural frequencies over the new tools, in %."""
+    found = []
+    for name, every in true.items():
+        own = predicted.get(name)
+        if not own:
+            return None
+        frequencies = _compared(every)
+        # By the nearest one: a mode too many or too few would shift all the others.
+        away = np.abs(np.array(own)[None, :] / frequencies[:, None] - 1.0).min(axis=1)
+        found += list(100.0 * away)
+    return float(np.sqrt(np.mean(np.square(found)))) if found else None
+
+
+def _share(told: Any, answer: Any) -> float | None:
+    """Return how much of the oracle's improvement on new tools was reached; None where there was hardly any."""
+    true = told.frequencies_true
+    before, best = (_error(one, true) for one in (told.frequencies_before, told.frequencies_after))
+    after = _error({name: pair[0] for name, pair in answer.predictions.items()}, true)
+    if before is None or best is None or after is None or before - best < 0.02:
+        return None
+    return float((before - after) / (before - best))
+
+
+def _compared(frequencies: Sequence[float]) -> NDArray[np.float64]:
+    found = np.array(frequencies)
+    return found[found < COMPARED_HZ]
+
+
+def _coverage(true: dict[str, Any], predictions: dict[str, Any]) -> tuple[bool, ...]:
+    covered = []
+    for name, every in true.items():
+        if name not in predictions:
+            continue
+        frequencies = _compared(every)
+        values, errors = (np.array(one)[: frequencies.size] for one in predictions[name])
+        inside = np.zeros(frequencies.size, dtype=bool)
+        inside[: values.size] = np.abs(values - frequencies[: values.size]) <= stats.norm.ppf(0.975) * errors
+        covered += inside.tolist()
+    return tuple(covered)
+
+
+_SIZES: dict[str, tuple[str, Callable[[float], float]]] = {
+    "sensor_mass": ("mass", float),
+    "hammer_offset": ("distance", float),
+    "time_delay": ("delay", float),
+    "overhang_error": ("length", float),
+    "joint_hysteretic_loss": ("loss", float),
+    "exponential_window": ("rate", float),
+    "calibration_gain": ("gain", np.log1p),
+    "tool_modulus": ("share", np.log1p),
+    "tool_density": ("share", np.log1p),
+    "holder_modulus": ("share", np.log1p),
+    "holder_inertia": ("share", np.log1p),
+    "joint_amplitude": ("exponent", float),
+    "joint_overhang_law": ("exponent", float),
+    "collet_mass": ("mass", float),
+}
+"""Effects whose size the package states as one number, and how ours becomes it."""
+
+
+def _sizes_covered(truth: Any, answer: Any) -> tuple[bool, ...]:
+    """Return whether intervals of rightly named effects hold the true sizes."""
+    if answer.verdict != "named":
+        return ()
+    covered = []
+    for effect in truth.effects:
+        stated = answer.sizes.get(effect.id)
+        if effect.id in _SIZES and stated:
+            name, change = _SIZES[effect.id]
+            value = change(effect.sizes[name])
+            _, low, high = next(iter(stated.values()))
+            covered.append(bool(low <= value <= high))
+    return tuple(covered)

@@ -1,0 +1,80 @@
+"""`benches/blind.py`: shards, runs that were killed, budgets, scoring of files."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+from blind.outcome import Outcome
+
+BENCH = Path(__file__).resolve().parents[2] / "benches" / "blind.py"
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    spec = importlib.util.spec_from_file_location("bench_of_blind", BENCH)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.ran = []
+
+    def run_case(seed, index, kind, effects, ask, *, quick=False):
+        module.ran.append(index)
+        effects = effects or (() if kind.startswith("nothing") else ("time_delay",))
+        return Outcome(
+            seed=seed, index=index, kind=kind, effects=tuple(effects), sizes=(0.5,) * len(effects), large=bool(effects),
+            oracle={"gain": 100.0, "misfit": 2.0, "misfit_true": 1.0}, verdict="named" if effects else "adequate",
+            reported=tuple(effects), together=(), same=(), seconds=1.0, misfit=2.0, misfit_after=1.0, share=0.9,
+            covered=(True, True), size_covered=(True,), shuffled=("named", *effects) if kind == "misleading" else (),
+        )  # fmt: skip
+
+    monkeypatch.setattr(module, "run_case", run_case)
+    return module
+
+
+def test_shards_are_parts_of_one_run_and_score_together(bench, tmp_path, capsys):
+    files = [tmp_path / f"{i}.jsonl" for i in (1, 2)]
+    for i, file in enumerate(files, 1):
+        bench.main(["--cases", "21", "--seed", "3", "--shard", f"{i}/2", "--resume", str(file)])
+    assert sorted(bench.ran) == list(range(21))
+    out = tmp_path / "table.json"
+    assert bench.main(["--score", *map(str, files), "--json", str(out)]) == 0
+    assert "seed 3: 21 of 21 cases ran, 14 with something hidden, 7 with nothing" in capsys.readouterr().out
+    document = json.loads(out.read_text(encoding="utf-8"))
+    assert document["seed"] == 3
+    assert len(document["cases"]) == 21
+    named = next(line for line in document["lines"] if line["name"] == "one effect, large enough: in the reported set")
+    assert named["hits"] == named["trials"]
+    assert named["interval"][1] == 1.0
+
+
+def test_a_killed_run_goes_on_where_it_was(bench, tmp_path):
+    file = tmp_path / "cases.jsonl"
+    arguments = ["--cases", "9", "--seed", "4", "--resume", str(file)]
+    bench.main(arguments)
+    whole = file.read_text(encoding="utf-8").splitlines()
+    assert len(whole) == 9
+    # Killed while the fifth line was being written.
+    file.write_text("\n".join([*whole[:4], whole[4][:50]]), encoding="utf-8")
+    bench.ran.clear()
+    bench.main(arguments)
+    assert bench.ran == [4, 5, 6, 7, 8]
+    assert sorted(one.index for one in bench.read([file])) == list(range(9))
+    # Cases of another seed in the file are not taken for this one's.
+    bench.ran.clear()
+    bench.main(["--cases", "2", "--seed", "5", "--resume", str(file)])
+    assert bench.ran == [0, 1]
+
+
+def test_a_budget_begins_no_more_cases(bench, capsys):
+    bench.main(["--cases", "9", "--seed", "4", "--budget", "0"])
+    assert not bench.ran
+    assert "no case" in capsys.readouterr().out
+
+
+def test_a_shard_that_cannot_be_is_refused(bench):
+    for wrong in ("0/2", "3/2", "a/b", "2"):
+        with pytest.raises(SystemExit):
+            bench.main(["--shard", wrong])
