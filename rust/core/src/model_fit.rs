@@ -8,7 +8,7 @@ use crate::frequencies::Frequencies;
 use crate::joint_search::Variables;
 use crate::lane::{C, MAX_LANES, R};
 use crate::natural::natural_frequencies;
-use crate::request::{Coordinate, Request, check};
+use crate::request::{ByLine, Coordinate, Request, check};
 use crate::response::{Job, LINES_PER_TASK};
 use crate::threads::on_threads;
 use crate::ties::{At, Tied, unknowns};
@@ -165,7 +165,8 @@ impl Modelled<'_> {
                 let lines = start..w.len().min(start + LINES_PER_TASK);
                 let mut h = vec![Complex64::ZERO; lines.len()];
                 let mut dh = vec![Complex64::ZERO; lines.len() * request.parameters.len()];
-                if job.lines(&arch, &w[lines.clone()], &[], &mut h, &mut dh, &mut []).is_some() {
+                if job.lines(&arch, &w[lines.clone()], ByLine::default(), &mut h, &mut dh, &mut []).is_some()
+                {
                     return None;
                 }
                 let (measured, weights) = (&measured[lines.clone()], &weights[lines]);
