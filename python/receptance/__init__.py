@@ -24,6 +24,7 @@ from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import CARBIDE, STEEL, Material
 from receptance.microslip import MicroslipJoint
 from receptance.spread import SpreadJoint
+from receptance.terminals import MeasuredPart, ModalPart, Mode
 
 __all__ = [
     "CARBIDE",
@@ -38,7 +39,10 @@ __all__ = [
     "Material",
     "MeasuredFRF",
     "MeasuredFrequencies",
+    "MeasuredPart",
     "MicroslipJoint",
+    "ModalPart",
+    "Mode",
     "Part",
     "PointJoint",
     "PointMass",

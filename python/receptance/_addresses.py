@@ -16,29 +16,44 @@ from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.microslip import MicroslipJoint
 from receptance.spread import SpreadJoint
+from receptance.terminals import MeasuredPart, ModalPart, Terminal
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
-_KIND = {Part: "part", **dict.fromkeys(_JOINTS, "joint"), PointMass: "mass", GroundSpring: "ground"}
+_TERMINALS = (MeasuredPart, ModalPart)
+_KIND: dict[type, str] = {
+    Part: "part",
+    **dict.fromkeys(_JOINTS, "joint"),
+    **dict.fromkeys(_TERMINALS, "spindle"),
+    PointMass: "mass",
+    GroundSpring: "ground",
+}
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
 def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
     """Raise where elements do not make a chain from the tip on, or points are none."""
     for index, element in enumerate(elements):
-        if not isinstance(element, (Part, *_JOINTS)):
-            kinds = ", ".join(kind.__name__ for kind in _JOINTS[:-1])
+        if not isinstance(element, (Part, *_JOINTS, *_TERMINALS)):
+            *kinds, last = (kind.__name__ for kind in (*_JOINTS, *_TERMINALS))
             raise TypeError(
-                f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {kinds} and {_JOINTS[-1].__name__}"
+                f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {', '.join(kinds)} and {last}"
             )
-        if motion != "bending" and isinstance(element, _JOINTS) and type(element) is not PointJoint:
+        if isinstance(element, _TERMINALS) and index != len(elements) - 1:
+            raise ValueError(
+                f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only, so that "
+                "nothing can follow it"
+            )
+        if motion != "bending" and isinstance(element, (*_JOINTS, *_TERMINALS)) and type(element) is not PointJoint:
             raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which there is for bending only")
     for index, point in enumerate(points):
         if not isinstance(point, (PointMass, GroundSpring)):
             raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
-    if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], Part):
-        raise ValueError("Assembly: the chain must begin and end with a Part")
+    if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], (Part, *_TERMINALS)):
+        raise ValueError(
+            "Assembly: the chain must begin and end with a Part, or end with a MeasuredPart or a ModalPart"
+        )
     for index in range(1, len(elements)):
-        if not isinstance(elements[index - 1], Part) and not isinstance(elements[index], Part):
+        if isinstance(elements[index - 1], _JOINTS) and isinstance(elements[index], _JOINTS):
             raise ValueError(
                 f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, with nothing between them; "
                 "springs in series are one PointJoint, or a ColletJoint"
@@ -139,7 +154,9 @@ def replace_in_segment(segment: Any, fields: dict[str, float]) -> Any:
 
 
 def value_in(owner: Any, rest: str) -> float:
-    """Return a value of a joint or a point element."""
+    """Return a value of a joint, a point element or a terminal."""
+    if isinstance(owner, Terminal):
+        return owner.value(rest)
     member, dot, field = rest.partition(".")
     if not dot:
         return float(getattr(owner, rest))
@@ -148,7 +165,9 @@ def value_in(owner: Any, rest: str) -> float:
 
 
 def replace_in(owner: Any, fields: Mapping[str, float]) -> Any:
-    """Return the joint or point element with other values of some fields."""
+    """Return the joint, point element or terminal with other values of some fields."""
+    if isinstance(owner, Terminal):
+        return owner.with_values(fields)
     changes: dict[str, Any] = {name: value for name, value in fields.items() if "." not in name}
     for member in dict.fromkeys(name.split(".", 1)[0] for name in fields if "." in name):
         first = f"{member}."

@@ -17,7 +17,9 @@ Whole models: receptances are (lines, measured, weights, points (2, 2), ties), f
     weights, ties), in rad/s; ties are ((segments, joints, masses, grounds, overlaps), rates, addresses): rates (k, 5)
     table, row, column, address, and the rate that its value is added at; addresses (m, 2 + 2 p) the unknown's number b
     or -1, its value, E, S of v = b exp(E u) + S u. Priors (k, 3): variable x, scale, offset of scale x - offset.
-parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps), row, column.
+parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps, 5 beyond terminals), row, column.
+terminals (k,), optional: nodes at which the structure goes on; beyond (n_freq * k * 3): the receptance of what is
+    beyond each, y over force, theta over moment and y over moment; as a parameter these are the columns 0 to 2.
 """
 
 from typing import Any
@@ -61,6 +63,8 @@ def receptance(
     overlaps: NDArray[np.float64] | None = None,
     scale: float = 1.0,
     added: NDArray[np.complex128] | None = None,
+    terminals: NDArray[np.float64] | None = None,
+    beyond: NDArray[np.complex128] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
 def natural_frequencies(
     upper: float,
@@ -85,6 +89,8 @@ def reduce_joint(
     threads: int,
     overlaps: NDArray[np.float64] | None = None,
     scale: float = 1.0,
+    terminals: NDArray[np.float64] | None = None,
+    beyond: NDArray[np.complex128] | None = None,
 ) -> NDArray[np.float64]: ...
 def joint_normal_matrix(
     reduction: NDArray[np.float64],

@@ -10,13 +10,27 @@ import numpy as np
 from receptance import _core
 from receptance._addresses import interfaces_by_name
 from receptance._amplitude import evaluate, force_amplitudes, natural_weights
+from receptance._flatten import TERMINALS
+from receptance.terminals import ENTRIES
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance._flatten import Flat
 
-__all__ = ["modes", "responses"]
+__all__ = ["beyond", "modes", "responses"]
+
+_CORE_TERMINALS = 5
+"""The core's number of the table of receptances beyond terminals."""
+
+
+def beyond(flat: Flat, lines: NDArray[Any]) -> tuple[NDArray[np.float64] | None, NDArray[np.complex128] | None]:
+    """Return nodes of the terminals, and the receptance beyond them on checked lines in Hz, as the core takes them."""
+    if not flat.terminals:
+        return None, None
+    nodes = np.array([node for node, _ in flat.terminals], dtype=np.float64)
+    entries = np.concatenate([terminal.entries(lines) for _, terminal in flat.terminals], axis=1)
+    return nodes, entries.reshape(-1)
 
 
 def responses(
@@ -33,14 +47,28 @@ def responses(
     `lines` are checked ones in Hz, real or complex; the core scales them, so that they need not be copied.
     """
     amplitudes = force_amplitudes(force, lines, len(points[1]))
+    nodes, receptance = beyond(flat, lines)
 
     def solve(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        tables = flat.tables()
-        return _core.receptance(
-            lines, motion, *tables, loads, seen, asked, threads, flat.beside(), scale=tau, added=added
+        own = asked[:, 0] == TERMINALS
+        needed = np.vstack([asked[~own], _entries_of_terminals(flat)]) if own.any() else asked
+        h, dh = _core.receptance(
+            lines,
+            motion,
+            *flat.tables(),
+            loads,
+            seen,
+            needed,
+            threads,
+            flat.beside(),
+            scale=tau,
+            added=added,
+            terminals=nodes,
+            beyond=receptance,
         )
+        return h, _through_terminals(flat, lines, dh, asked) if own.any() else dh
 
     with interfaces_by_name(flat):
         if flat.microslips:
@@ -49,10 +77,39 @@ def responses(
         return solve(points[1], points[0], rows)
 
 
+def _entries_of_terminals(flat: Flat) -> NDArray[np.float64]:
+    """Return the core's table entries of all terminals, three each."""
+    count = len(flat.terminals)
+    rows = np.repeat(np.arange(count), len(ENTRIES)), np.tile(np.arange(len(ENTRIES)), count)
+    return np.column_stack([np.full(count * len(ENTRIES), _CORE_TERMINALS), *rows]).astype(np.float64)
+
+
+def _through_terminals(
+    flat: Flat, lines: NDArray[Any], dh: NDArray[np.complex128], asked: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return derivatives for table entries, those of terminals made of the core's by their receptances."""
+    own = asked[:, 0] == TERMINALS
+    first = int(np.count_nonzero(~own))
+    result = np.empty((*dh.shape[:3], len(asked)), dtype=np.complex128)
+    result[..., ~own] = dh[..., :first]
+    for row, (_, terminal) in enumerate(flat.terminals):
+        columns = np.flatnonzero(own & (asked[:, 1] == row))
+        slopes = terminal.slopes(lines, [terminal.columns_of[int(asked[column, 2])] for column in columns])
+        start = first + len(ENTRIES) * row
+        through = dh[..., start : start + len(ENTRIES)]
+        result[..., columns] = np.einsum("nres,nsm->nrem", through, slopes)
+    return result
+
+
 def modes(
     flat: Flat, upper: float, rows: NDArray[np.float64], motion: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return natural angular frequencies up to a limit, joints at their stated levels, and derivatives `(n, m)`."""
+    if flat.terminals:
+        raise ValueError(
+            "natural frequencies are counted for parts and joints, not for a spindle known by its receptances; take "
+            "the peaks of a receptance"
+        )
     tables = flat.tables()
     asked, weights = rows, None
     if flat.microslips:

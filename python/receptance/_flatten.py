@@ -15,6 +15,7 @@ from receptance.collet import ColletJoint
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.microslip import MicroslipJoint
 from receptance.spread import SpreadJoint
+from receptance.terminals import MeasuredPart, ModalPart, Terminal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,8 +29,8 @@ SEGMENT_COLUMN = {
     **{name: 5 + i for i, name in enumerate(MATERIAL_FIELDS)},
     **{f"core.{name}": 9 + i for i, name in enumerate(MATERIAL_FIELDS)},
 }
-SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS, MICROSLIP = range(6)
-"""The core's tables, and last what it does not know: the fields of joints in micro-slip."""
+SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS, MICROSLIP, TERMINALS = range(7)
+"""The core's tables, and last what it does not know: parameters of joints in micro-slip and of terminals."""
 MICROSLIP_FIELDS = ("k_y", "k_theta", *MicroslipJoint.amplitude_of)
 OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
 BEAM_COLUMN = {"shank": 3, "sleeve": 14}
@@ -41,7 +42,7 @@ Entry = tuple[int, int, int, float]
 """Table, row, column and weight: how fast the entry grows with the parameter."""
 
 
-Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint
+Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
 Tables = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]
 
 
@@ -55,6 +56,7 @@ class Flat:
     grounds: list[list[float]] = field(default_factory=list)
     overlaps: list[list[float]] = field(default_factory=list)
     microslips: list[tuple[int, str, MicroslipJoint]] = field(default_factory=list)
+    terminals: list[tuple[int, Terminal]] = field(default_factory=list)
     titles: dict[tuple[str, int], str] = field(default_factory=dict)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
@@ -116,6 +118,8 @@ def flatten(
             node = _add_part(flat, name, element, node, sorted(positions.get(name, ())))
         elif isinstance(element, SpreadJoint):
             node = _add_spread(flat, name, element, node)
+        elif isinstance(element, (MeasuredPart, ModalPart)):
+            _add_terminal(flat, name, element, node)
         elif isinstance(element, ColletJoint):
             node = _add_collet(flat, name, element, node)
         else:
@@ -160,6 +164,12 @@ def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
                 column = start + SEGMENT_COLUMN[quantity] - SEGMENT_COLUMN["outer_diameter"]
                 flat.entries[f"{name}.{beam}.{quantity}"] = [(OVERLAPS, row, column, 1.0)]
     return far
+
+
+def _add_terminal(flat: Flat, name: str, terminal: Terminal, node: int) -> None:
+    for i, quantity in enumerate(terminal.columns_of):
+        flat.entries[f"{name}.{quantity}"] = [(TERMINALS, len(flat.terminals), i, 1.0)]
+    flat.terminals.append((node, terminal))
 
 
 def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, nodes: list[int]) -> None:

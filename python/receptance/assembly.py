@@ -26,7 +26,7 @@ from receptance._addresses import (
     value_in,
     value_in_segment,
 )
-from receptance._evaluation import modes, responses
+from receptance._evaluation import beyond, modes, responses
 from receptance._flatten import MOTIONS, Element, Flat, Motion, constant, flatten
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
@@ -45,14 +45,15 @@ class Assembly:
 
     Two parts that follow each other are rigidly connected; a `PointJoint` between them makes the connection
     elastic (Matthias et al. 2016, eqs. 2 to 5), a `SpreadJoint` spreads it along the insertion, a `ColletJoint` puts a
-    mass between two of them, and a `MicroslipJoint` depends on its amplitude. Every number is a parameter with an
+    mass between two of them, and a `MicroslipJoint` depends on its amplitude. A spindle that is known by its
+    receptances or by its modes, a `MeasuredPart` or a `ModalPart`, ends the chain. Every number is a parameter with an
     address: see `parameters`.
 
     Parameters
     ----------
     chain : iterable of parts and joints
-        From the tip on; begins and ends with a part. Unnamed elements are called `part`, `joint`, numbered
-        where there are several.
+        From the tip on; begins with a part, and ends with one or with a spindle. Unnamed elements are called `part`,
+        `joint`, `spindle`, numbered where there are several.
     attachments : iterable of PointMass and GroundSpring, optional
         Point elements; each says on which part and where. Unnamed ones are called `mass` and `ground`.
     motion : {"bending", "axial"}, optional
@@ -112,8 +113,9 @@ class Assembly:
         `<part>.segment[i].length`, `.outer_diameter`, `.inner_diameter`, `.youngs_modulus`, `.density`,
         `.poisson_ratio`, `.loss_factor` and `.core.youngs_modulus` and so on; `<joint>.k_y` and its six
         companions, a spread joint's `.length`, `.shank.outer_diameter` and so on, a collet's `.inner.k_y` and
-        `.mass`, a slipping one's `.slip_y`, `.level` and so on; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on.
-        `segment[*]` stands for all segments of a part together.
+        `.mass`, a slipping one's `.slip_y`, `.level` and so on; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on;
+        `<spindle>.residual_y`, `.mode[i].frequency_hz` and so on. `segment[*]` stands for all segments of a part
+        together.
         """
         return tuple(self._flatten(()).entries)
 
@@ -295,7 +297,8 @@ class Assembly:
             raise ValueError(f"there is no joint {joint!r} in {self!r}, or another one is in micro-slip")
         if self.motion != "bending":
             raise ValueError(f"{self!r} is in {self.motion} motion; only bending is reduced to a joint")
-        w = tau * _checks.frequencies(frequency_hz)
+        lines = _checks.frequencies(frequency_hz)
+        w = tau * lines
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
@@ -305,7 +308,10 @@ class Assembly:
             tables = (tables[0], tables[1].copy(), *tables[2:])
             tables[1][row, 2:] = at.columns()
         with interfaces_by_name(flat):
-            return _core.reduce_joint(w, *tables, row, points[0], points[1], count, flat.beside()), w
+            found = _core.reduce_joint(
+                w, *tables, row, points[0], points[1], count, flat.beside(), 1.0, *beyond(flat, lines)
+            )
+        return found, w
 
     def _evaluate(
         self,

@@ -7,6 +7,8 @@ use crate::kernel::{Choice, Kernel, Segment};
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Spring, Step};
 use crate::overlap::Beside;
+use crate::plane::Plane;
+use crate::request::{ByLine, TERMINAL_ENTRIES};
 use crate::small::{self, Mat};
 use num_complex::Complex64;
 use pulp::Simd;
@@ -25,6 +27,8 @@ pub struct Prepared<const D: usize> {
     pub active: Vec<bool>,
     /// Overlaps.
     pub overlaps: Vec<Beside>,
+    /// Nodes of the terminals.
+    pub terminals: Vec<usize>,
     /// Whether each overlap is passed with its inner, and with its outer beam lying behind.
     ways: Vec<[bool; 2]>,
 }
@@ -55,6 +59,8 @@ pub struct Block<S: Simd, const D: usize> {
     pub points: Vec<Option<Points<S, D>>>,
     /// Overlaps.
     pub overlaps: Vec<Lanes>,
+    /// Nodes of the terminals, and what is beyond each.
+    pub terminals: Vec<(usize, Plane<S, D>)>,
 }
 
 /// Point elements of a node.
@@ -94,8 +100,8 @@ impl Spring {
 }
 
 impl<const D: usize> Prepared<D> {
-    /// Prepares a model.
-    pub fn new(model: &Model) -> Self {
+    /// Prepares a model with its terminals.
+    pub fn new(model: &Model, terminals: &[usize]) -> Self {
         let mut points = vec![(Vec::new(), Vec::new()); model.nodes];
         for (node, inertia) in &model.masses {
             points[*node].0.push(*inertia);
@@ -110,6 +116,7 @@ impl<const D: usize> Prepared<D> {
             branches: Vec::new(),
             active: vec![true; model.segments.len()],
             overlaps: model.overlaps.iter().map(Beside::new).collect(),
+            terminals: terminals.to_vec(),
             ways: vec![[false; 2]; model.overlaps.len()],
         }
     }
@@ -123,15 +130,15 @@ impl<const D: usize> Prepared<D> {
         }
     }
 
-    /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series. `added` is what
-    /// joints have besides their columns, as in a request.
+    /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series. `by_line`
+    /// is what differs from line to line.
     #[inline(always)]
     pub fn block<S: Simd>(
         &self,
         simd: S,
         w: &[Complex64],
         pieces_only: bool,
-        added: &[Complex64],
+        by_line: ByLine,
         into: &mut Block<S, D>,
     ) {
         let line = C::load(simd, w);
@@ -157,15 +164,10 @@ impl<const D: usize> Prepared<D> {
         into.coupled.clear();
         for (row, joint) in self.joints.iter().enumerate() {
             let mut stiffness = joint.stiffness::<S, D>(simd, into.iw);
-            if !added.is_empty() {
+            if !by_line.added.is_empty() {
                 for i in 0..D {
-                    let mut lanes = [Complex64::ZERO; MAX_LANES];
-                    for (lane, value) in
-                        lanes.iter_mut().zip(added[2 * row + i..].iter().step_by(2 * self.joints.len()))
-                    {
-                        *lane = *value;
-                    }
-                    stiffness[i][i] = stiffness[i][i] + C::load(simd, &lanes[..w.len()]);
+                    let more = lanes(simd, by_line.added, 2 * row + i, 2 * self.joints.len());
+                    stiffness[i][i] = stiffness[i][i] + more;
                 }
             }
             into.compliances.push(small::inverse(&stiffness));
@@ -206,7 +208,31 @@ impl<const D: usize> Prepared<D> {
         for (beside, ways) in self.overlaps.iter().zip(&self.ways) {
             into.overlaps.push(Lanes::new(beside, w, into.most, *ways));
         }
+        into.terminals.clear();
+        for (row, node) in self.terminals.iter().enumerate() {
+            let a_line = TERMINAL_ENTRIES * self.terminals.len();
+            let mut receptance = small::zeros(simd);
+            for i in 0..D {
+                for j in 0..D {
+                    let entry = if i == j { i } else { 2 };
+                    receptance[i][j] = lanes(simd, by_line.beyond, TERMINAL_ENTRIES * row + entry, a_line);
+                }
+            }
+            into.terminals.push((*node, Plane::loads(simd, receptance)));
+        }
     }
+}
+
+/// One number of each line of a block, of `a_line` numbers that each has.
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, values: &[Complex64], which: usize, a_line: usize) -> C<S> {
+    let mut lanes = [Complex64::ZERO; MAX_LANES];
+    let mut count = 0;
+    for value in values.get(which..).unwrap_or_default().iter().step_by(a_line).take(MAX_LANES) {
+        lanes[count] = *value;
+        count += 1;
+    }
+    C::load(simd, &lanes[..count])
 }
 
 impl<S: Simd, const D: usize> Block<S, D> {
@@ -225,6 +251,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
             coupled: Vec::new(),
             points: Vec::new(),
             overlaps: Vec::new(),
+            terminals: Vec::new(),
         }
     }
 }

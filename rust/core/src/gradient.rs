@@ -26,6 +26,8 @@ pub(crate) enum Gradient<const D: usize> {
     Ground { node: usize, column: usize, spring: Spring },
     /// A column of an overlap, as factors of what its work is made of, and of that times i w.
     Overlap { row: usize, factors: [Complex64; DERIVATIVES], rates: [f64; 2] },
+    /// An entry of the receptance beyond a terminal.
+    Terminal { row: usize, entry: usize },
 }
 
 /// The factors of a column of an overlap.
@@ -77,6 +79,7 @@ impl<const D: usize> Gradient<D> {
                 let (factors, rates) = overlap_factors(&model.overlaps[row], column);
                 Self::Overlap { row, factors, rates }
             }
+            Table::Terminals => Self::Terminal { row, entry: column },
         }
     }
 
@@ -146,6 +149,9 @@ impl<const D: usize> Gradient<D> {
             }
             Self::Ground { node, column, spring } => {
                 spring_derivative(spring, *column, block.iw, &left.nodes[*node], &right.nodes[*node])
+            }
+            Self::Terminal { row, entry } => {
+                -spring_term(*entry, &left.terminals[*row], &right.terminals[*row])
             }
         }
     }

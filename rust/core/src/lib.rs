@@ -58,6 +58,6 @@ pub use model_search::fit_models;
 pub use natural::{NaturalFrequencies, natural_frequencies};
 pub use observed::{Factor, Modelled, Record, Seen};
 pub use reduction::{JointReduction, reduce_joint};
-pub use request::{Coordinate, Parameter, Request, Response};
+pub use request::{Coordinate, Parameter, Request, Response, Terminals};
 pub use response::{instruction_set, receptance};
 pub use ties::{Rate, Tied};

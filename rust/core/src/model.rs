@@ -35,6 +35,8 @@ pub enum Table {
     Grounds,
     /// Beams side by side.
     Overlaps,
+    /// What is known by its receptance only, beyond a node.
+    Terminals,
 }
 
 /// Columns of the joint table: nodes a, b, then the spring's seven.
@@ -340,10 +342,12 @@ impl Model {
         self.masses.iter().any(|mass| mass.0 == node) || self.grounds.iter().any(|ground| ground.0 == node)
     }
 
-    /// The steps of a sweep from all free ends to `root`, each branch before the node where it joins.
-    pub fn plan(&self, root: usize) -> Vec<Step> {
+    /// The steps of a sweep from all free ends to `root`, each branch before the node where it joins; also `terminals`
+    /// are nodes at which there is a point element.
+    pub fn plan(&self, root: usize, terminals: &[usize]) -> Vec<Step> {
         let neighbours = self.neighbours();
-        let points: Vec<bool> = (0..self.nodes).map(|node| self.has_point(node)).collect();
+        let points: Vec<bool> =
+            (0..self.nodes).map(|node| self.has_point(node) || terminals.contains(&node)).collect();
         let mut steps = Vec::new();
         // (node, node it was reached from, next neighbour, branches taken, step back to the parent)
         let mut stack = vec![(root, usize::MAX, 0, 0, None)];

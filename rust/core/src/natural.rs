@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::gradient::Gradient;
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Step};
-use crate::request::{Parameter, check_parameters, singular};
+use crate::request::{ByLine, Parameter, check_parameters, singular};
 use crate::rigid::rigid_modes;
 use crate::sensitivity::{self, Sensitivity};
 use crate::series;
@@ -60,7 +60,7 @@ pub fn natural_frequencies(
             "the upper limit is {upper} rad/s, expected a positive finite number"
         )));
     }
-    check_parameters(model, parameters)?;
+    check_parameters(model, parameters, 0)?;
     let model = undamped(model);
     for (row, (_, spring)) in model.joints.iter().enumerate() {
         if !spring.statically_regular(model.motion.degrees()) {
@@ -187,7 +187,7 @@ impl<const D: usize> WithSimd for Count<'_, D> {
                 to.re = *from;
             }
             let mut negatives = Negatives { count: [0; MAX_LANES] };
-            self.search.prepared.block(simd, &w[..lines.len()], true, &[], &mut block);
+            self.search.prepared.block(simd, &w[..lines.len()], true, ByLine::default(), &mut block);
             block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
             if let Some(top) = records.last() {
                 let (u, f) = top.plane.basis();
@@ -202,7 +202,7 @@ impl<const D: usize> WithSimd for Count<'_, D> {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
+        let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
         prepared.follow(&plan);
         Self { prepared, plan, nodes: model.nodes }
     }
@@ -294,15 +294,14 @@ impl<const D: usize> Search<D> {
         let simd = Scalar::new();
         let mut block = Block::empty(simd);
         let mut records = Vec::new();
-        self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, &[], &mut block);
+        self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, ByLine::default(), &mut block);
         block.upwards(simd, &self.plan, &[], &mut records, &mut Blind);
         let Some(top) = records.last() else {
             return Vec::new();
         };
         let (_, f) = top.plane.basis();
         let mode = null_vector(&f, &block.weights_of_first());
-        let (joints, segments) = (self.prepared.joints.len(), self.prepared.segments.len());
-        let mut field = Field::empty(simd, self.nodes, joints, segments, self.prepared.overlaps.len());
+        let mut field = Field::empty(simd, self.nodes, &self.prepared);
         let within = Within { segments: true, overlaps: true };
         block.downwards(&self.plan, &records, mode, within, &mut field, 0);
         let mut by_w = 0.0;

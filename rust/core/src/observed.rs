@@ -5,7 +5,7 @@
 
 use crate::frequencies::Frequencies;
 use crate::natural::natural_frequencies;
-use crate::request::{Coordinate, Parameter, Request, check};
+use crate::request::{ByLine, Coordinate, Parameter, Request, check};
 use crate::response::{Job, LINES_PER_TASK};
 use crate::threads::on_threads;
 use crate::ties::{At, Tied};
@@ -120,7 +120,7 @@ impl Modelled<'_> {
                 let range = start..w.len().min(start + LINES_PER_TASK);
                 let mut h = vec![Complex64::ZERO; range.len()];
                 let mut dh = vec![Complex64::ZERO; range.len() * request.parameters.len()];
-                if job.lines(&arch, &shifted[range.clone()], &[], &mut h, &mut dh, &mut []).is_some() {
+                if job.lines(&arch, &shifted[range.clone()], ByLine::default(), &mut h, &mut dh, &mut []).is_some() {
                     return None;
                 }
                 let dh = factors.apply(&w[range.clone()], &mut h, dh);

@@ -38,6 +38,13 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         Self { x: small::zeros(simd), swapped: [never; D] }
     }
 
+    /// The plane of a receptance: u = H f for every f.
+    #[inline(always)]
+    pub fn loads(simd: S, receptance: Mat<S, D>) -> Self {
+        let always = R::splat(simd, 1.0).greater(R::splat(simd, 0.0));
+        Self { x: receptance, swapped: [always; D] }
+    }
+
     /// The plane of given minors (u0 u1, u0 f0, u0 f1, f0 u1, f0 f1) in its best chart.
     #[inline(always)]
     pub fn from_minors(minors: [C<S>; 5], weights: &[f64; D]) -> Self {

@@ -15,7 +15,7 @@ use crate::joint_series::{SERIES_ROWS, joint_series};
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Motion, Spring};
 use crate::outputs::first_of;
-use crate::request::{Coordinate, Request, check};
+use crate::request::{Coordinate, Request, Terminals, check};
 use crate::response::{Job, LINES_PER_TASK};
 use crate::small::{self, Mat};
 use crate::threads::on_threads;
@@ -47,6 +47,7 @@ pub fn reduce_joint(
     lines: &Frequencies,
     response: Coordinate,
     excitation: Coordinate,
+    terminals: Terminals,
     threads: usize,
 ) -> Result<JointReduction> {
     if model.motion != Motion::Bending || joint >= model.joints.len() {
@@ -57,10 +58,12 @@ pub fn reduce_joint(
         excitations: vec![excitation, response],
         responses: vec![response],
         joint: Some(joint),
+        terminals,
         ..Request::default()
     };
     let highest = check(model, lines, &request)?;
     if lines.are_real()
+        && request.terminals.nodes.is_empty()
         && let Some(values) = joint_series(model, joint, highest, response, excitation)
     {
         return Ok(JointReduction { rows: SERIES_ROWS, values });
@@ -79,8 +82,8 @@ fn planes(
     threads: usize,
 ) -> Result<Vec<f64>> {
     let (nodes, spring) = model.joints[joint];
-    let first = Face::new(model, joint, nodes[0]);
-    let second = Face::new(model, joint, nodes[1]);
+    let first = Face::new(model, joint, nodes[0], &request.terminals);
+    let second = Face::new(model, joint, nodes[1], &request.terminals);
     let solve = |whole_branches: bool| {
         let whole = whole_branches.then_some((highest, lines.len()));
         let jobs = [
@@ -104,13 +107,19 @@ struct Face {
 }
 
 impl Face {
-    fn new(model: &Model, joint: usize, node: usize) -> Self {
+    fn new(model: &Model, joint: usize, node: usize, terminals: &Terminals) -> Self {
         let (side, number) = model.side(joint, node);
+        let terminals = terminals.on(&number);
         let node = number[node].unwrap_or(0);
         let points = vec![Coordinate { node, direction: 0 }, Coordinate { node, direction: 1 }];
         Self {
             model: side,
-            request: Request { excitations: points.clone(), responses: points, ..Request::default() },
+            request: Request {
+                excitations: points.clone(),
+                responses: points,
+                terminals,
+                ..Request::default()
+            },
         }
     }
 }
@@ -128,14 +137,16 @@ fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, lines: &Frequencies, threads:
     let at_least = jobs.iter().map(Job::a_task_takes).sum();
     let broken = on_threads(threads, tasks, at_least, |(range, planes)| {
         let mut room = EMPTY;
-        let w = lines.some(range, &mut room);
+        let by_line = |job: usize| jobs[job].by_line(&range, lines.len());
+        let own = [by_line(0), by_line(1), by_line(2)];
+        let w = lines.some(range.clone(), &mut room);
         let zeros = |a_line: usize| vec![Complex64::ZERO; w.len() * a_line];
         let (mut whole, mut force) = (zeros(PAIRS), zeros(SQUARE));
         let mut faces = [zeros(SQUARE), zeros(SQUARE)];
         let broken = [
-            jobs[0].lines(&arch, w, &[], &mut whole, &mut [], &mut force),
-            jobs[1].lines(&arch, w, &[], &mut faces[0], &mut [], &mut []),
-            jobs[2].lines(&arch, w, &[], &mut faces[1], &mut [], &mut []),
+            jobs[0].lines(&arch, w, own[0], &mut whole, &mut [], &mut force),
+            jobs[1].lines(&arch, w, own[1], &mut faces[0], &mut [], &mut []),
+            jobs[2].lines(&arch, w, own[2], &mut faces[1], &mut [], &mut []),
         ];
         arch.dispatch(Combine { spring, w, whole: &whole, force: &force, faces: &faces, planes });
         broken.into_iter().flatten().min()
@@ -361,7 +372,17 @@ mod tests {
         let (model, w) = (draw.model(), lines());
         let tip = Coordinate { node: 0, direction: 0 };
         let rows = |model: &Model, w: &[Complex64], response, excitation| {
-            reduce_joint(model, 0, &Frequencies::complex(w, 1.0), response, excitation, 1).unwrap().rows
+            reduce_joint(
+                model,
+                0,
+                &Frequencies::complex(w, 1.0),
+                response,
+                excitation,
+                Terminals::default(),
+                1,
+            )
+            .unwrap()
+            .rows
         };
         assert_eq!(rows(&model, &w, tip, tip), SERIES_ROWS);
         let slope = Coordinate { node: 0, direction: 1 };

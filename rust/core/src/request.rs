@@ -6,6 +6,7 @@ use crate::kernel::Segment;
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
 use crate::overlap::{self, Beside, Overlap};
 use crate::section::column;
+use core::ops::Range;
 use num_complex::Complex64;
 
 /// A coordinate: a node and the direction of motion or load there.
@@ -42,9 +43,68 @@ pub struct Request {
     /// Complex stiffness that each joint has besides its columns, `(n_freq, n_joints, 2)` for y and theta, as that of
     /// an amplitude may differ from line to line; empty where none has any.
     pub added: Vec<Complex64>,
+    /// What the structure goes on as.
+    pub terminals: Terminals,
+}
+
+/// Nodes at which a structure goes on as something that is known by its receptance only.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Terminals {
+    /// The nodes.
+    pub nodes: Vec<usize>,
+    /// Receptance of what is beyond each of them, `(n_freq, n_terminals, 3)`: y over force, theta over moment, and the
+    /// coupling.
+    pub beyond: Vec<Complex64>,
+}
+
+impl Terminals {
+    /// Those that a part of the model has, whose nodes have new numbers there.
+    pub(crate) fn on(&self, number: &[Option<usize>]) -> Self {
+        let kept = |row: usize| self.nodes.get(row).and_then(|&node| number.get(node).copied().flatten());
+        let rows: Vec<usize> = (0..self.nodes.len()).filter(|&row| kept(row).is_some()).collect();
+        let entries = |line: &[Complex64]| -> Vec<Complex64> {
+            rows.iter()
+                .flat_map(|row| line.iter().skip(TERMINAL_ENTRIES * row).take(TERMINAL_ENTRIES))
+                .copied()
+                .collect()
+        };
+        let beyond = match self.nodes.len() {
+            0 => Vec::new(),
+            count => self.beyond.chunks(TERMINAL_ENTRIES * count).flat_map(entries).collect(),
+        };
+        Self { nodes: rows.into_iter().filter_map(kept).collect(), beyond }
+    }
+}
+
+/// Entries of a terminal's receptance.
+pub(crate) const TERMINAL_ENTRIES: usize = 3;
+
+/// What differs from line to line besides the columns of the elements, on some lines.
+#[derive(Copy, Clone, Default)]
+pub(crate) struct ByLine<'a> {
+    /// As in a request.
+    pub added: &'a [Complex64],
+    /// As in the terminals of a request.
+    pub beyond: &'a [Complex64],
+}
+
+impl<'a> ByLine<'a> {
+    /// The part of some of `count` lines.
+    pub(crate) fn some(self, lines: &Range<usize>, count: usize) -> Self {
+        let part = |values: &'a [Complex64]| {
+            let a_line = values.len() / count.max(1);
+            values.get(lines.start * a_line..lines.end * a_line).unwrap_or_default()
+        };
+        Self { added: part(self.added), beyond: part(self.beyond) }
+    }
 }
 
 impl Request {
+    /// What differs from line to line, on all lines.
+    pub(crate) fn by_line(&self) -> ByLine<'_> {
+        ByLine { added: &self.added, beyond: &self.terminals.beyond }
+    }
+
     /// The directions of response and excitation of each pair, as the pairs of a line are ordered.
     pub(crate) fn directions(&self) -> impl Iterator<Item = [usize; 2]> {
         self.responses.iter().flat_map(|response| {
@@ -68,25 +128,51 @@ pub struct Response {
 pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Result<f64> {
     let highest = lines.highest()?;
     check_request(model, request)?;
-    check_added(model, lines.len(), &request.added)?;
+    let joints = lines.len() * model.joints.len() * 2;
+    let stiffness = ("number of stiffnesses added to joints", "stiffness added to joints");
+    check_numbers(stiffness, &request.added, joints, true)?;
+    check_terminals(model, request)?;
+    let ends = lines.len() * request.terminals.nodes.len() * TERMINAL_ENTRIES;
+    let receptance = ("number of receptances beyond terminals", "receptance beyond terminals");
+    check_numbers(receptance, &request.terminals.beyond, ends, false)?;
     check_waves(model, highest)?;
     check_interfaces(model, lines)?;
     Ok(highest)
 }
 
-fn check_added(model: &Model, lines: usize, added: &[Complex64]) -> Result<()> {
-    let count = lines * model.joints.len() * 2;
-    if !added.is_empty() && added.len() != count {
-        let (what, value) = ("number of stiffnesses added to joints", added.len() as f64);
-        return Err(Error::Index { what, index: 0, value, expected: format!("none or {count}") });
+/// Checks how many numbers are given for the lines, and that they are finite.
+fn check_numbers(
+    (number, what): (&'static str, &'static str),
+    values: &[Complex64],
+    count: usize,
+    or_none: bool,
+) -> Result<()> {
+    if values.len() != count && !(or_none && values.is_empty()) {
+        let expected = if or_none { format!("none or {count}") } else { count.to_string() };
+        return Err(Error::Index { what: number, index: 0, value: values.len() as f64, expected });
     }
-    match added.iter().position(|value| !value.is_finite()) {
+    match values.iter().position(|value| !value.is_finite()) {
         Some(index) => {
-            let (what, value) = ("stiffness added to joints", added[index].re);
+            let value = values[index].re;
             Err(Error::Index { what, index, value, expected: "a finite number".into() })
         }
         None => Ok(()),
     }
+}
+
+fn check_terminals(model: &Model, request: &Request) -> Result<()> {
+    for (index, &node) in request.terminals.nodes.iter().enumerate() {
+        let what = "terminal";
+        if node >= model.nodes {
+            let expected = format!("a node from 0 to {}", model.nodes - 1);
+            return Err(Error::Index { what, index, value: node as f64, expected });
+        }
+        if request.terminals.nodes[..index].contains(&node) {
+            let expected = "a node of its own: another terminal has this one".into();
+            return Err(Error::Index { what, index, value: node as f64, expected });
+        }
+    }
+    Ok(())
 }
 
 /// Most wavelengths in one segment: next to its cut-off it is passed in pieces, which must stay countable.
@@ -130,11 +216,11 @@ fn check_request(model: &Model, request: &Request) -> Result<()> {
             }
         }
     }
-    check_parameters(model, &request.parameters)
+    check_parameters(model, &request.parameters, request.terminals.nodes.len())
 }
 
 /// Checks that the model has the parameters.
-pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
+pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter], terminals: usize) -> Result<()> {
     for (index, parameter) in parameters.iter().enumerate() {
         let (rows, columns) = match parameter.table {
             Table::Segments => (model.segments.len(), column::LENGTH..column::SHEAR_MODEL),
@@ -142,6 +228,7 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Resul
             Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
             Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
             Table::Overlaps => (model.overlaps.len(), overlap::column::LENGTH..overlap::column::POINTS),
+            Table::Terminals => (terminals, 0..TERMINAL_ENTRIES),
         };
         if parameter.row >= rows {
             let expected = format!("a row below {rows}");

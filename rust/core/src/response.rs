@@ -9,7 +9,7 @@ use crate::lane::{C, MAX_LANES};
 use crate::layer_energy::DERIVATIVES;
 use crate::model::{Model, Step};
 use crate::outputs::{chunks, first_broken, first_of};
-use crate::request::{Coordinate, Request, Response, check};
+use crate::request::{ByLine, Coordinate, Request, Response, check};
 use crate::sensitivity;
 use crate::small::Mat;
 use crate::sweep::{Blind, Field, Record, Within};
@@ -88,7 +88,7 @@ impl<'a, const D: usize> Job<'a, D> {
     /// as one series.
     pub(crate) fn new(model: &Model, request: &'a Request, whole: Option<(f64, usize)>) -> Self {
         let mut job = Self {
-            prepared: Prepared::new(model),
+            prepared: Prepared::new(model, &request.terminals.nodes),
             plans: Vec::new(),
             loads: Vec::new(),
             excited: Vec::new(),
@@ -131,6 +131,7 @@ impl<'a, const D: usize> Job<'a, D> {
         let observed = |node: usize| {
             self.request.responses.iter().any(|point| point.node == node)
                 || self.gradients.iter().any(|gradient| gradient.node() == Some(node))
+                || self.request.terminals.nodes.contains(&node)
         };
         let joint = |row: usize| {
             self.request.joint == Some(row)
@@ -172,7 +173,8 @@ impl<'a, const D: usize> Job<'a, D> {
         let plan = match self.plans.iter().position(|plan| plan.0 == coordinate.node) {
             Some(plan) => plan,
             None => {
-                self.plans.push((coordinate.node, model.plan(coordinate.node)));
+                self.plans
+                    .push((coordinate.node, model.plan(coordinate.node, &self.request.terminals.nodes)));
                 self.plans.len() - 1
             }
         };
@@ -200,8 +202,8 @@ impl<'a, const D: usize> Job<'a, D> {
                 return if finite { None } else { first_broken([(h, pairs), (dh, wide), (force, forces)]) };
             }
             let mut room = EMPTY;
-            let added = self.added(&range);
-            self.lines(&arch, lines.some(range, &mut room), added, h, dh, force)
+            let by_line = self.by_line(&range, count);
+            self.lines(&arch, lines.some(range, &mut room), by_line, h, dh, force)
         })?;
         first_of(&broken, lines)?;
         Ok(Response { receptance, derivative, force })
@@ -223,10 +225,9 @@ impl<const D: usize> Job<'_, D> {
         [pairs, pairs * self.gradients.len(), forces]
     }
 
-    /// What joints have besides their columns on the lines of a task.
-    fn added(&self, lines: &Range<usize>) -> &[Complex64] {
-        let a_line = 2 * self.prepared.joints.len();
-        self.request.added.get(lines.start * a_line..lines.end * a_line).unwrap_or_default()
+    /// What differs from line to line on the lines of a task, of `count` lines.
+    pub(crate) fn by_line(&self, lines: &Range<usize>, count: usize) -> ByLine<'_> {
+        self.request.by_line().some(lines, count)
     }
 
     /// Evaluates the lines of one task; the first line that has no finite value, if there is one.
@@ -234,12 +235,12 @@ impl<const D: usize> Job<'_, D> {
         &self,
         arch: &Arch,
         w: &[Complex64],
-        added: &[Complex64],
+        by_line: ByLine,
         h: &mut [Complex64],
         dh: &mut [Complex64],
         force: &mut [Complex64],
     ) -> Option<usize> {
-        arch.dispatch(Lines { job: self, w, added, h: &mut *h, dh: &mut *dh, force: &mut *force });
+        arch.dispatch(Lines { job: self, w, by_line, h: &mut *h, dh: &mut *dh, force: &mut *force });
         let [pairs, wide, forces] = self.a_line();
         first_broken([(h, pairs), (dh, wide), (force, forces)])
     }
@@ -249,7 +250,7 @@ impl<const D: usize> Job<'_, D> {
 struct Lines<'a, const D: usize> {
     job: &'a Job<'a, D>,
     w: &'a [Complex64],
-    added: &'a [Complex64],
+    by_line: ByLine<'a>,
     h: &'a mut [Complex64],
     dh: &'a mut [Complex64],
     force: &'a mut [Complex64],
@@ -260,26 +261,21 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Lines { job, w, added, h, dh, force } = self;
+        let Lines { job, w, by_line, h, dh, force } = self;
         let mut block = Block::empty(simd);
         let mut records: Vec<Record<S, D>> = Vec::new();
-        let (segments, overlaps) = (job.prepared.segments.len(), job.prepared.overlaps.len());
-        let mut fields: Vec<Field<S, D>> = job
-            .loads
-            .iter()
-            .map(|_| Field::empty(simd, job.nodes, job.prepared.joints.len(), segments, overlaps))
-            .collect();
+        let mut fields: Vec<Field<S, D>> =
+            job.loads.iter().map(|_| Field::empty(simd, job.nodes, &job.prepared)).collect();
         let mut sensitivities: Vec<Option<sensitivity::Sensitivity<S, D>>> =
-            (0..segments).map(|_| None).collect();
+            job.prepared.segments.iter().map(|_| None).collect();
         let within = Within { segments: !job.differentiated.is_empty(), overlaps: !job.overlaps.is_empty() };
         let mut next = 0;
         while next < w.len() {
             let start = next;
             let lines = together(&w[start..w.len().min(start + S::F64_LANES)]);
             next += lines.len();
-            let a_line = added.len() / w.len();
-            let added = &added[a_line * start..a_line * next];
-            job.prepared.block(simd, lines, false, added, &mut block);
+            let own = by_line.some(&(start..next), w.len());
+            job.prepared.block(simd, lines, false, own, &mut block);
             for (index, (root, plan)) in job.plans.iter().enumerate() {
                 block.upwards(simd, plan, &job.prepared.branches, &mut records, &mut Blind);
                 let Some(top) = records.last() else { continue };

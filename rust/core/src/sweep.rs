@@ -1,7 +1,7 @@
 //! Sweeps over the graph for a block of frequency lines: planes upwards to the root, states back down.
 
 use crate::beside::States;
-use crate::block::Block;
+use crate::block::{Block, Prepared};
 use crate::branch::Branch;
 use crate::combine::{JointState, Kind, add_beyond, add_diagonal, in_joint, join};
 use crate::kernel::{Kernel, oriented};
@@ -46,6 +46,8 @@ pub struct Field<S: Simd, const D: usize> {
     pub states: Vec<Vec<State<S, D>>>,
     /// States within each overlap; empty if not asked for.
     pub overlaps: Vec<States>,
+    /// Loads on what is beyond each terminal.
+    pub terminals: Vec<[C<S>; D]>,
 }
 
 /// Which states are wanted on the way back.
@@ -82,13 +84,16 @@ impl<S: Simd, const D: usize> Observer<S, D> for Blind {
 
 impl<S: Simd, const D: usize> Field<S, D> {
     /// A field to be filled.
-    pub fn empty(simd: S, nodes: usize, joints: usize, segments: usize, overlaps: usize) -> Self {
+    pub fn empty(simd: S, nodes: usize, prepared: &Prepared<D>) -> Self {
         let zero = [C::zero(simd); D];
+        let (joints, segments) = (prepared.joints.len(), prepared.segments.len());
+        let overlaps = prepared.overlaps.len();
         Self {
             nodes: vec![zero; nodes],
             joints: vec![JointState { force: zero, gap: zero }; joints],
             states: (0..segments).map(|_| Vec::new()).collect(),
             overlaps: vec![States::new(); overlaps],
+            terminals: vec![zero; prepared.terminals.len()],
         }
     }
 }
@@ -168,6 +173,10 @@ impl<S: Simd, const D: usize> Block<S, D> {
                             back = small::mul(&back, &step);
                         }
                         records.push(Record { plane, back, other: zero, weights });
+                    }
+                    if let Some((_, beyond)) = self.terminals.iter().find(|one| one.0 == node) {
+                        let plane = records.last().map_or(plane, |record| record.plane);
+                        records.push(join(beyond, &plane, &weights));
                     }
                 }
                 Step::Branch { index } => {
@@ -326,6 +335,11 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     field.nodes[far] = records[at].plane.state(&independent).0;
                 }
                 Step::Point { node } => {
+                    if let Some(row) = self.terminals.iter().position(|one| one.0 == node) {
+                        field.terminals[row] = small::apply(&records[at].other, &independent);
+                        independent = small::apply(&records[at].back, &independent);
+                        at -= 1;
+                    }
                     if self.points[node].is_some() {
                         independent = small::apply(&records[at].back, &independent);
                         at -= 1;

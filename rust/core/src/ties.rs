@@ -190,6 +190,7 @@ fn columns(table: Table) -> usize {
         Table::Masses => MASS_COLUMNS,
         Table::Grounds => GROUND_COLUMNS,
         Table::Overlaps => overlap::column::COUNT,
+        Table::Terminals => 0,
     }
 }
 

@@ -1,26 +1,41 @@
 //! The functions of the extension.
 
-use crate::arrays::{Lines, contiguous, coordinates, model, parameters};
+use crate::arrays::{Lines, contiguous, coordinates, indices, model, parameters};
 use crate::errors::CoreError;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use receptance_core::{Request, receptance as core_receptance};
+use receptance_core::{Request, Terminals, receptance as core_receptance};
 
 /// An internal error instead of a panic where a shape does not fit.
 pub(crate) fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
     result.map_err(|error| PyRuntimeError::new_err(format!("internal error: {error}")))
 }
 
+/// The values of an array, none where there is none.
+fn numbers(name: &str, array: Option<&PyReadonlyArray1<'_, Complex64>>) -> PyResult<Vec<Complex64>> {
+    array.map_or(Ok(Vec::new()), |array| Ok(contiguous(name, array.as_slice())?.to_vec()))
+}
+
+/// Nodes of terminals, and what is beyond them.
+fn terminals(
+    nodes: Option<&PyReadonlyArray1<'_, f64>>,
+    beyond: Option<&PyReadonlyArray1<'_, Complex64>>,
+) -> PyResult<Terminals> {
+    let nodes = nodes.map_or(Ok(Vec::new()), |nodes| indices("terminals", nodes))?;
+    Ok(Terminals { nodes, beyond: numbers("beyond", beyond)? })
+}
+
 /// Receptance (n_freq, n_responses, n_excitations) and its derivative (..., n_parameters).
 ///
 /// The lines times `scale` are angular frequencies in rad/s. `added`, flat of (n_freq, n_joints, 2), is complex
-/// stiffness besides that of the columns.
+/// stiffness besides that of the columns; `beyond`, flat of (n_freq, n_terminals, 3), the receptance of what is beyond
+/// the nodes in `terminals`.
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, excitations, responses,
-                    parameters, threads, overlaps=None, scale=1.0, added=None))]
+                    parameters, threads, overlaps=None, scale=1.0, added=None, terminals=None, beyond=None))]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn receptance<'py>(
     py: Python<'py>,
@@ -37,6 +52,8 @@ pub fn receptance<'py>(
     overlaps: Option<PyReadonlyArray2<'py, f64>>,
     scale: f64,
     added: Option<PyReadonlyArray1<'py, Complex64>>,
+    terminals: Option<PyReadonlyArray1<'py, f64>>,
+    beyond: Option<PyReadonlyArray1<'py, Complex64>>,
 ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
     let lines = angular_frequency.frequencies(scale)?;
     let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
@@ -45,10 +62,8 @@ pub fn receptance<'py>(
         responses: coordinates("responses", &responses)?,
         parameters: self::parameters(&parameters)?,
         joint: None,
-        added: match &added {
-            Some(added) => contiguous("added", added.as_slice())?.to_vec(),
-            None => Vec::new(),
-        },
+        added: numbers("added", added.as_ref())?,
+        terminals: self::terminals(terminals.as_ref(), beyond.as_ref())?,
     };
     let result = py.detach(|| core_receptance(&model, &lines, &request, threads)).map_err(CoreError::from)?;
     let (n, p) = (lines.len(), request.parameters.len());
@@ -91,10 +106,10 @@ pub fn instruction_set() -> String {
 }
 
 /// Reduction of a model to one joint, for `joint_normal_matrix`: real planes (16, n_freq), or where they serve
-/// power series in w^2, (29, n_terms). `scale` as in `receptance`.
+/// power series in w^2, (29, n_terms). `scale`, `terminals` and `beyond` as in `receptance`.
 #[pyfunction]
 #[pyo3(signature = (angular_frequency, segments, joints, masses, grounds, joint, response, excitation, threads,
-                    overlaps=None, scale=1.0))]
+                    overlaps=None, scale=1.0, terminals=None, beyond=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn reduce_joint<'py>(
     py: Python<'py>,
@@ -109,6 +124,8 @@ pub fn reduce_joint<'py>(
     threads: usize,
     overlaps: Option<PyReadonlyArray2<'py, f64>>,
     scale: f64,
+    terminals: Option<PyReadonlyArray1<'py, f64>>,
+    beyond: Option<PyReadonlyArray1<'py, Complex64>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let lines = angular_frequency.frequencies(scale)?;
     let model = model(0, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
@@ -120,8 +137,9 @@ pub fn reduce_joint<'py>(
         }
     };
     let (response, excitation) = (one("response", &response)?, one("excitation", &excitation)?);
+    let ends = self::terminals(terminals.as_ref(), beyond.as_ref())?;
     let found = py
-        .detach(|| receptance_core::reduce_joint(&model, joint, &lines, response, excitation, threads))
+        .detach(|| receptance_core::reduce_joint(&model, joint, &lines, response, excitation, ends, threads))
         .map_err(CoreError::from)?;
     let shape = (found.rows, found.values.len() / found.rows);
     Ok(shaped(Array2::from_shape_vec(shape, found.values))?.into_pyarray(py))

@@ -1,0 +1,249 @@
+"""Parts known by their receptances at one plane: as the end of an assembly, against the beams that they stand for."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import (
+    CARBIDE,
+    FRF,
+    STEEL,
+    Assembly,
+    Coordinate,
+    GroundSpring,
+    MeasuredFRF,
+    MeasuredPart,
+    MicroslipJoint,
+    ModalPart,
+    Mode,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    Unknown,
+    identify,
+)
+
+LOSSY = replace(STEEL, loss_factor=0.002)
+TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
+HOLDER = Part([Segment(length=0.129, outer_diameter=0.045, material=LOSSY)], name="holder")
+JOINT = PointJoint(k_y=6.3e8, k_theta=1e5, c_y=300.0, c_theta=0.1, name="joint")
+TAPER = PointJoint(k_y=2e9, k_theta=3e6, loss_factor=0.01, name="taper")
+SHAFT = Part([Segment(length=0.3, outer_diameter=0.07, material=LOSSY)], name="shaft")
+BEARINGS = [
+    GroundSpring(k_y=2e8, c_y=1000.0, part="shaft", position=0.05, name="front"),
+    GroundSpring(k_y=2e8, c_y=800.0, k_theta=1e5, part="shaft", position=0.25, name="rear"),
+]
+LINES = np.geomspace(20.0, 8000.0, 400)
+PLANE = [Coordinate("shaft", 0.0, "y"), Coordinate("shaft", 0.0, "theta")]
+PLACES = [Coordinate(), Coordinate("tool", 0.0, "theta"), Coordinate("holder", 0.05), Coordinate("holder", "end")]
+MODES = [
+    Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1),
+    Mode(frequency_hz=1700.0, damping_ratio=0.02, y=0.3, theta=-4.0),
+]
+MODAL = ModalPart(modes=MODES, residual_y=2e-9, residual_theta=2e-7, residual_ytheta=1e-8, name="spindle")
+
+
+def table(lines: np.ndarray = LINES, decay_rate: float = 0.0) -> MeasuredPart:
+    """Return the shaft as it would be measured."""
+    shaft = Assembly([SHAFT], BEARINGS)
+    matrix = shaft.receptance(lines - 1j * decay_rate / (2.0 * np.pi), response=PLANE, excitation=PLANE)
+    return MeasuredPart(frequency_hz=lines, matrix=matrix, decay_rate=decay_rate, name="spindle")
+
+
+@pytest.mark.parametrize("decay_rate", [0.0, 20.0])
+@pytest.mark.parametrize("between", [(TAPER,), ()])
+def test_a_shaft_known_by_its_receptances_is_the_shaft(decay_rate: float, between: tuple[PointJoint, ...]) -> None:
+    whole = Assembly([TOOL, JOINT, HOLDER, *between, SHAFT], BEARINGS)
+    ended = Assembly([TOOL, JOINT, HOLDER, *between, table(decay_rate=decay_rate)])
+    lines = LINES - 1j * decay_rate / (2.0 * np.pi)
+    addresses = ["joint.k_theta", "tool.segment[0].length", "holder.segment[0].outer_diameter"]
+    h, slope = whole.derivatives(lines, addresses, response=PLACES, excitation=PLACES)
+    found, own = ended.derivatives(lines, addresses, response=PLACES, excitation=PLACES)
+    np.testing.assert_allclose(found, h, rtol=1e-11)
+    np.testing.assert_allclose(own, slope, rtol=1e-9)
+    for threads in (1, 2):
+        again = ended.receptance(lines, response=PLACES, excitation=PLACES, threads=threads)
+        assert np.array_equal(again, found)
+
+
+def test_a_ground_spring_is_a_terminal() -> None:
+    spring: dict[str, Any] = {"k_y": 2e8, "k_theta": 5e5, "k_ytheta": 3e6, "c_y": 800.0, "c_theta": 2.0}
+    matrix = np.linalg.inv(PointJoint(**spring).stiffness(LINES))
+    ended = Assembly([TOOL, JOINT, HOLDER, MeasuredPart(frequency_hz=LINES, matrix=matrix)])
+    held = Assembly([TOOL, JOINT, HOLDER], [GroundSpring(**spring, part="holder", position="end")])
+    h = held.receptance(LINES, response=PLACES, excitation=PLACES)
+    np.testing.assert_allclose(ended.receptance(LINES, response=PLACES, excitation=PLACES), h, rtol=1e-11)
+
+
+def test_a_point_mass_may_sit_at_the_plane() -> None:
+    # At the root of the sweep, and behind a joint in micro-slip, whose derivatives go another way.
+    slipping = MicroslipJoint(k_y=6.3e8, k_theta=1e5, c_y=9.0, slip_theta=0.1, level=1.0, name="joint")
+    mass = PointMass(mass=0.3, inertia=1e-4, part="holder", position="end", name="ring")
+    addresses = ["joint.slip_theta", "ring.mass", "spindle.residual_y", "spindle.mode[0].theta"]
+    ended = Assembly([TOOL, slipping, HOLDER, MODAL], [mass])
+    h, slope = ended.derivatives(LINES, addresses, response=PLACES, excitation=PLACES)
+    np.testing.assert_allclose(h, h.transpose(0, 2, 1), rtol=1e-9)
+    np.testing.assert_allclose(slope, differences(ended, addresses), rtol=2e-5, atol=2e-7 * np.abs(slope).max())
+
+
+def differences(assembly: Assembly, addresses: list[str]) -> np.ndarray:
+    """Return central differences."""
+    columns = []
+    for address in addresses:
+        value = assembly.get(address)
+        step = 1e-5 * abs(value) if value else 1e-13
+        ends = [
+            assembly.replace({address: value + side * step}).receptance(LINES, response=PLACES, excitation=PLACES)
+            for side in (1.0, -1.0)
+        ]
+        columns.append((ends[0] - ends[1]) / (2.0 * step))
+    return np.stack(columns, axis=-1)
+
+
+def test_modes_have_derivatives() -> None:
+    ended = Assembly([TOOL, JOINT, HOLDER, TAPER, MODAL])
+    addresses = [address for address in ended.parameters if address.startswith("spindle.")]
+    assert addresses[:4] == [f"spindle.mode[0].{name}" for name in ("frequency_hz", "damping_ratio", "y", "theta")]
+    assert addresses[-3:] == ["spindle.residual_y", "spindle.residual_theta", "spindle.residual_ytheta"]
+    assert ended.get("spindle.mode[1].theta") == -4.0
+    _, slope = ended.derivatives(LINES, addresses, response=PLACES, excitation=PLACES)
+    expected = differences(ended, addresses)
+    size = np.abs(slope).max(axis=0)
+    assert np.max(np.abs(slope - expected).max(axis=0) / size) < 1e-6
+
+
+def test_a_residual_is_the_derivative_by_the_table() -> None:
+    """Also one line alone: dH is the same linear function of what changes in the table, line by line."""
+    measured = table()
+    ended = Assembly([TOOL, JOINT, HOLDER, TAPER, measured])
+    names = [f"spindle.residual_{entry}" for entry in ("y", "theta", "ytheta")]
+    h, slope = ended.derivatives(LINES, names)
+    rng = np.random.default_rng(3)
+    change = 1e-6 * rng.normal(size=(LINES.size, 3)) * np.array([1e-9, 1e-7, 1e-8])
+    matrix = measured.matrix.copy()
+    for column, (i, j) in enumerate([(0, 0), (1, 1), (0, 1)]):
+        matrix[:, i, j] += change[:, column]
+        matrix[:, j, i] = matrix[:, i, j]
+    moved = Assembly([TOOL, JOINT, HOLDER, TAPER, replace(measured, matrix=matrix)]).receptance(LINES)
+    expected = np.einsum("nm,nm->n", slope, change)
+    np.testing.assert_allclose(moved - h, expected, rtol=1e-2, atol=1e-12 * np.abs(h).max())
+
+
+def test_modes_are_identified() -> None:
+    lines = np.linspace(200.0, 3000.0, 500)
+    true = Assembly([TOOL, JOINT, HOLDER, TAPER, MODAL])
+    seen = [
+        MeasuredFRF(assembly=true, frequency_hz=lines, receptance=true.receptance(lines, response=p), response=p)
+        for p in (Coordinate(), Coordinate("holder", 0.0))
+    ]
+    unknowns = [
+        Unknown(address="spindle.mode[0].frequency_hz", lower=500.0, upper=900.0, start=700.0),
+        Unknown(address="spindle.mode[0].damping_ratio", lower=0.005, upper=0.2, start=0.05),
+        Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=2e5),
+    ]
+    found = identify(seen, unknowns, starts=2, seed=1)
+    assert found.values["spindle.mode[0].frequency_hz"] == pytest.approx(650.0, rel=1e-6)
+    assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
+    alone = identify(seen, unknowns[2:], starts=1)
+    assert alone.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
+
+
+def test_between_its_lines_a_table_is_interpolated_where_that_is_right() -> None:
+    fine = np.arange(100.0, 3000.0, 2.0)
+    between = fine[:-1] + 0.7
+    spindle = table(fine)
+    np.testing.assert_allclose(spindle.receptance(between), table(between).matrix, rtol=3e-3)
+    assert np.array_equal(spindle.receptance(fine), spindle.matrix)
+    with pytest.raises(ValueError, match=r"'spindle': interpolation to \d+ Hz would be about .* % off"):
+        table(np.arange(100.0, 3000.0, 100.0)).receptance(np.arange(150.0, 2900.0, 100.0))
+    gap = (fine < 500.0) | (fine > 520.0)
+    with pytest.raises(ValueError, match="is not known between 498 and 522 Hz, where the line at 511 Hz is"):
+        table(fine[gap]).receptance([300.5, 511.0])
+
+
+@pytest.mark.parametrize("spindle", [table(), replace(MODAL, band_hz=(20.0, 8000.0))])
+def test_nothing_is_extrapolated(spindle: MeasuredPart | ModalPart) -> None:
+    ended = Assembly([TOOL, JOINT, HOLDER, spindle])
+    with pytest.raises(ValueError, match=r"'spindle' is known from 20 to 8000 Hz, and the line at 9000 Hz is outside"):
+        ended.receptance([100.0, 9000.0])
+    with pytest.raises(ValueError, match="10 Hz is outside"):
+        ended.receptance([10.0, 50.0])
+
+
+def test_a_table_belongs_to_its_window() -> None:
+    with pytest.raises(ValueError, match="measured with a decay rate of 20 1/s, and is asked for with 0 1/s"):
+        Assembly([TOOL, table(decay_rate=20.0)]).receptance(LINES)
+
+
+def test_from_a_file_s_frf() -> None:
+    spindle = table()
+    frf = FRF(
+        frequency_hz=LINES,
+        values=spindle.matrix,
+        responses=["y", "theta"],
+        excitations=["y", "theta"],
+    )
+    np.testing.assert_allclose(MeasuredPart.from_frf(frf.to("accelerance"), name="spindle").matrix, spindle.matrix)
+    with pytest.raises(ValueError, match="the responses y and the excitations y, theta, expected y, theta"):
+        MeasuredPart.from_frf(frf.select(responses=0))
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (
+            lambda: Assembly([TOOL, MODAL, HOLDER]),
+            ValueError,
+            r"chain\[1\] is a ModalPart, which is known at one plane",
+        ),
+        (lambda: Assembly([MODAL]), ValueError, "must begin and end with a Part, or end with a MeasuredPart or"),
+        (lambda: Assembly([TOOL, MODAL], motion="axial"), ValueError, "which there is for bending only"),
+        (lambda: Assembly([TOOL, MODAL]).natural_frequencies(1e3), ValueError, "take the peaks of a receptance"),
+        (lambda: Assembly([TOOL, MODAL]).get("spindle.mode[2].y"), ValueError, "there is no parameter"),
+        (lambda: ModalPart(modes=[]), ValueError, "there are no modes"),
+        (lambda: ModalPart(modes=[1.0]), TypeError, r"modes\[0\] is 1.0, expected a Mode"),
+        (lambda: ModalPart(modes=MODES, band_hz=(100.0, 50.0)), ValueError, "expected an ascending pair"),
+        (lambda: Mode(frequency_hz=-1.0, damping_ratio=0.0, y=1.0, theta=0.0), ValueError, "frequency_hz is -1"),
+        (
+            lambda: ModalPart(modes=[replace(MODES[0], damping_ratio=0.0)]).receptance([650.0]),
+            ValueError,
+            "650 Hz meets a mode without damping exactly",
+        ),
+        (
+            lambda: MeasuredPart(frequency_hz=LINES, matrix=np.ones((4, 2, 2))),
+            ValueError,
+            r"matrix has shape \(4, 2, 2\), expected \(400, 2, 2\)",
+        ),
+        (
+            lambda: MeasuredPart(frequency_hz=[1.0], matrix=[[[1.0, 2.0], [3.0, 4.0]]]),
+            ValueError,
+            r"y/M is 2\+0j and theta/F 3\+0j, expected the same \(reciprocity\)",
+        ),
+        (
+            lambda: MeasuredPart(frequency_hz=[1.0], matrix=[[[1.0, np.nan], [0.0, 4.0]]]),
+            ValueError,
+            r"matrix\[0, 0, 1\] is",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said(make: Any, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        make()
+
+
+def test_terminals_are_values() -> None:
+    for spindle in (table(), MODAL):
+        assert pickle.loads(pickle.dumps(spindle)) == spindle
+        assert replace(spindle, residual_y=1e-9) != spindle
+        assembly = Assembly([TOOL, spindle])
+        assert assembly.replace({"spindle.residual_y": 1e-9}).get("spindle.residual_y") == 1e-9
+        assert assembly == Assembly([TOOL, pickle.loads(pickle.dumps(spindle))])
+        assert "Part" in repr(spindle)
+    many = Assembly([TOOL, MODAL]).replace({"spindle.mode[0].y": 0.5, "spindle.mode[1].frequency_hz": 1800.0})
+    assert [m.frequency_hz for m in many.elements["spindle"].modes] == [650.0, 1800.0]  # type: ignore[union-attr]
