@@ -120,7 +120,10 @@ impl Modelled<'_> {
                 let range = start..w.len().min(start + LINES_PER_TASK);
                 let mut h = vec![Complex64::ZERO; range.len()];
                 let mut dh = vec![Complex64::ZERO; range.len() * request.parameters.len()];
-                if job.lines(&arch, &shifted[range.clone()], ByLine::default(), &mut h, &mut dh, &mut []).is_some() {
+                if job
+                    .lines(&arch, &shifted[range.clone()], ByLine::default(), &mut h, &mut dh, &mut [])
+                    .is_some()
+                {
                     return None;
                 }
                 let dh = factors.apply(&w[range.clone()], &mut h, dh);
