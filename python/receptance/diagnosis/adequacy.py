@@ -11,7 +11,7 @@ from receptance.diagnosis.fitting import Fit
 from receptance.identification.floor import Floor
 from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["GATE", "Adequacy", "Place", "judge"]
+__all__ = ["GATE", "Adequacy", "Place", "Strain", "judge"]
 
 GATE = 1.25
 """Misfit up to which noise models are believed to be no better themselves."""
@@ -19,6 +19,10 @@ _RARE = 1e-3
 """Chance of a misfit that noise alone is allowed to have."""
 _BLOCK = 8
 """Lines that are added up, where a misfit that is no noise shows itself."""
+_SEEN = 0.05
+"""Share of a prior's variance that data must have taken away, for the prior to be compared with what they say."""
+_FARTHEST = 3
+"""So many strained errors are told."""
 _BAND = 24
 """Bands of each receptance in which the worst misfit is looked for."""
 
@@ -31,6 +35,36 @@ class Place:
     low_hz: float
     high_hz: float
     misfit: float
+
+
+@dataclass(frozen=True)
+class Strain:
+    """How far the fit had to pull tolerances and scatter of clampings from what was stated.
+
+    A fit can hide in them what the model lacks, so that no line shows it. To be expected is that an error z, whose
+    prior is standard normal and whose variance the data leave at v, ends within a few sqrt(1 - v) of zero.
+
+    Attributes
+    ----------
+    worst : tuple of (str, float)
+        The errors that are farthest off, in these standard deviations, the farthest first.
+    limit : float
+        Of the largest one among so many.
+    together : float
+        Sum of squares of all that the data see, as a multiple of its expectation.
+    together_limit : float
+        Its limit.
+    """
+
+    worst: tuple[tuple[str, float], ...] = ()
+    limit: float = np.inf
+    together: float = 1.0
+    together_limit: float = np.inf
+
+    @property
+    def passed(self) -> bool:
+        """Whether ordinary errors do that."""
+        return self.together <= self.together_limit and all(abs(size) <= self.limit for _, size in self.worst)
 
 
 @dataclass(frozen=True)
@@ -50,6 +84,8 @@ class Adequacy:
         Its limit.
     worst : tuple of Place
         Where the misfit is largest, one of each observation, the worst first.
+    strain : Strain
+        What the fit made of tolerances and scatter.
     """
 
     misfit: float
@@ -57,11 +93,26 @@ class Adequacy:
     smooth: float
     smooth_limit: float
     worst: tuple[Place, ...]
+    strain: Strain = Strain()
 
     @property
     def passed(self) -> bool:
-        """Whether noise and floor explain what is left."""
-        return self.misfit <= self.limit and self.smooth <= self.smooth_limit
+        """Whether noise and floor explain what is left, with tolerances that nobody would doubt."""
+        return self.misfit <= self.limit and self.smooth <= self.smooth_limit and self.strain.passed
+
+    @property
+    def why_not(self) -> str:
+        """What is too large, for people; empty where nothing is."""
+        if self.misfit > self.limit or self.smooth > self.smooth_limit:
+            place = self.worst[0]
+            return (
+                f"leaves {self.misfit:.2f} times what noise and floor explain, most of it in {place.label} from "
+                f"{place.low_hz:.0f} to {place.high_hz:.0f} Hz"
+            )
+        if not self.strain.passed:
+            far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
+            return f"fits only with tolerances that nobody would believe, in standard deviations: {far}"
+        return ""
 
 
 def judge(fit: Fit) -> Adequacy:
@@ -86,6 +137,41 @@ def judge(fit: Fit) -> Adequacy:
         smooth=float(np.mean(smooth)) if smooth.size else 1.0,
         smooth_limit=max(GATE, _quantile(float(smooth.size))) if smooth.size else GATE,
         worst=tuple(sorted(worst, key=lambda place: -place.misfit)),
+        strain=_strain(fit),
+    )
+
+
+def _strain(fit: Fit) -> Strain:
+    """Return how far errors ended from zero, each beside what its prior and the data allow.
+
+    With residuals r = J x and their rows P of the priors, those of an adequate model have the covariance
+    I - P (J^T J)^-1 P^T: the prior's own less what a prior keeps to itself where the data say nothing.
+    """
+    from scipy.special import ndtri  # the light part of scipy.stats
+
+    names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
+    if not names:
+        return Strain()
+    off, slopes = fit.residual[-len(names) :], fit.jacobian
+    scale = np.linalg.norm(slopes, axis=0)
+    scaled = slopes / np.where(scale > 0.0, scale, 1.0)
+    rows = scaled[-len(names) :]
+    expected = np.eye(len(names)) - rows @ np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) @ rows.T
+    own = np.diag(expected)
+    seen = own > _SEEN
+    if not seen.any():
+        return Strain()
+    sizes = np.where(seen, off / np.sqrt(np.where(seen, own, 1.0)), 0.0)
+    values, vectors = np.linalg.eigh(expected)
+    kept = values > _SEEN
+    parts = vectors[:, kept].T @ off
+    count = int(np.count_nonzero(kept))
+    order = np.argsort(-np.abs(sizes))[:_FARTHEST]
+    return Strain(
+        worst=tuple((names[i], float(sizes[i])) for i in order if seen[i]),
+        limit=float(-ndtri(0.5 * _RARE / np.count_nonzero(seen))),
+        together=float(np.sum(parts**2 / values[kept])) / max(count, 1),
+        together_limit=_quantile(float(max(count, 1))),
     )
 
 

@@ -126,12 +126,19 @@ class Parameter:
 class Variant:
     """One way in which a cause can act: its name, and the model that has it.
 
-    `fresh` says that the data have changed so much that the fit begins anew.
+    `fresh` says that the data have changed so much that the fit begins anew; `limited` has those parameters of the
+    cause that have other plausible ranges in this way of acting.
     """
 
     name: str
     model: Model
     fresh: bool = False
+    limited: tuple[Parameter, ...] = ()
+
+    def of(self, cause: Cause) -> Cause:
+        """Return the cause with the plausible ranges of this way of acting."""
+        own = {one.name: one for one in self.limited}
+        return replace(cause, parameters=tuple(own.get(one.name, one) for one in cause.parameters)) if own else cause
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import Explanation, Selection, select
+from receptance.diagnosis.usable import usable
 from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
@@ -116,12 +117,12 @@ def diagnose(
     if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
         raise ValueError(f"most is {most!r}, expected a whole number of at least 1")
     _checks.thread_count(threads)
-    model = Model(observed, wanted, errors)
+    model, left_out = usable(Model(observed, wanted, errors))
     selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
     gain = None
     if held_out:
         gain = folded(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
-    return _verdict(selection, seed, most, gain)
+    return _verdict(selection, seed, most, gain, left_out)
 
 
 def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
@@ -140,9 +141,9 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
     return found
 
 
-def _verdict(selection: Selection, seed: int, most: int, gain: Gain | None) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, gain: Gain | None, left_out: Sequence[str]) -> Verdict:
     judgement = conclude(selection)
-    notes = [*judgement.notes, *_on_data(selection)]
+    notes = [*judgement.notes, *_on_data(selection), *left_out]
     fitted: dict[Explanation, Identification] = {}
 
     def identified(one: Explanation) -> Identification:

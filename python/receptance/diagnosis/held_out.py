@@ -109,19 +109,8 @@ def gain_of(pairs: Sequence[tuple[float, float]], metric: str, folds: Sequence[d
 
 def without(model: Model, configurations: Sequence[str]) -> Model:
     """Return the model without some configurations, and without the unknowns and errors that only these have."""
-    kept = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration not in configurations)
-    places = [place_of(o, i) for i, o in enumerate(kept)]
-
-    def there(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
-        own = [p for p in places if p.among(configurations, labels)]
-        return all(any(p.covered(address) for p in own) for address in addresses)
-
-    return replace(
-        model,
-        observations=kept,
-        unknowns=tuple(u for u in model.unknowns if there(u.reached, u.configurations)),
-        tolerances=tuple(t for t in model.tolerances if there(tuple(t.moves), t.configurations, t.labels)),
-    )
+    kept = (o for i, o in enumerate(model.observations) if place_of(o, i).configuration not in configurations)
+    return model.of(tuple(kept))
 
 
 def _metric(observations: Sequence[Observation]) -> str:

@@ -38,10 +38,7 @@ def conclude(selection: Selection) -> Judgement:
         return _nothing(selection)
     passing = [one for one in selection.explanations if one.adequacy.passed]
     if not passing:
-        notes.append(
-            f"the best explanation, {_called(best)}, leaves {best.adequacy.misfit:.2f} times what noise and floor "
-            "explain, so it is none"
-        )
+        notes.append(f"the best explanation, {_called(best)}, {best.adequacy.why_not}, so it is none")
         return Judgement("unexplained", (), (), tuple(notes))
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
     near = [one for one in near if not any(_only_adds(one, other) for other in near)]
@@ -81,11 +78,7 @@ def _nothing(selection: Selection) -> Judgement:
         return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
     if adequacy.passed:
         return Judgement("adequate", (), (), ())
-    place = adequacy.worst[0]
-    note = (
-        f"the base model leaves {adequacy.misfit:.2f} times what noise and floor explain, most of it in {place.label} "
-        f"from {place.low_hz:.0f} to {place.high_hz:.0f} Hz, and no cause helps"
-    )
+    note = f"the base model {adequacy.why_not}, and no cause helps"
     return Judgement("unexplained", (), (), (note,))
 
 

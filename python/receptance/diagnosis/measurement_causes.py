@@ -97,8 +97,11 @@ def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for share in _ROPES:
         part, position = _at(lengths, share)
         spring = GroundSpring(part=part, position=position, name="cause_rope")
-        unknown = p["stiffness"].unknown("cause_rope.k_y")
-        yield Variant(f"at {100 * share:.0f} % of the holder", model.attached(spring).plus(unknown))
+        title = f"at {100 * share:.0f} % of the holder"
+        hung = model.attached(spring).plus(p["stiffness"].unknown("cause_rope.k_y"))
+        yield Variant(title, hung)
+        # A rope loses energy; where that shows, something else would be made up for it.
+        yield Variant(f"{title}, with a loss", hung.plus(p["damping"].unknown("cause_rope.c_y")))
 
 
 def _length(model: Model, part: str) -> float:
@@ -177,7 +180,10 @@ MEASUREMENT_CAUSES = (
     Cause(
         id="suspension",
         group="measurement",
-        parameters=(Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),),
+        parameters=(
+            Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),
+            Parameter(name="damping", unit="N s/m", lower=0.0, upper=1e5, typical=1.0, plausible=(0.0, 1e3)),
+        ),
         change=_suspension,
         meaning="the suspension is not soft enough to count as free",
         remedy="hang it softer, or put the suspension's stiffness into the model",

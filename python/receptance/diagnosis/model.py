@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -100,6 +100,21 @@ class Model:
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""
         return replace(self, observations=tuple(change(one) for one in self.observations))
+
+    def of(self, observations: Sequence[Observation]) -> Model:
+        """Return the model of some of its observations, without the unknowns and errors that only the others have."""
+        places = [place_of(one, i) for i, one in enumerate(observations)]
+
+        def there(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
+            own = [p for p in places if p.among(configurations, labels)]
+            return all(any(p.covered(address) for p in own) for address in addresses)
+
+        return replace(
+            self,
+            observations=tuple(observations),
+            unknowns=tuple(u for u in self.unknowns if there(u.reached, u.configurations)),
+            tolerances=tuple(t for t in self.tolerances if there(tuple(t.moves), t.configurations, t.labels)),
+        )
 
     def rebuilt(self, build: Callable[[Assembly], Assembly]) -> Model:
         """Return the model with every assembly changed."""

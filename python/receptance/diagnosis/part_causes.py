@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -95,9 +96,8 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     parts = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
     first = f"{tip}.segment[0]"
     if any(len(part.segments) > 1 for part in parts):  # type: ignore[union-attr]
-        yield Variant(
-            "first section", model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True))
-        )
+        changed = model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True))
+        yield Variant("first section", changed, limited=(_up_to_full(p["log_diameter"], parts),))
         return
     shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
     divided, _ = model.split(tip, _SPLIT)
@@ -106,6 +106,13 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     length = replace(length, lower=min(length.lower, 0.1 * upper), upper=upper, start=0.5 * upper)
     diameter = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
     yield Variant("from the tip", divided.plus(diameter, length))
+
+
+def _up_to_full(diameter: Parameter, parts: Sequence[Any]) -> Parameter:
+    """Return the plausible range of a first section: an effective diameter can be too small, up to the full circle."""
+    low, high = diameter.plausible or (diameter.lower, diameter.upper)
+    room = min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
+    return replace(diameter, upper=max(diameter.upper, high + room), plausible=(low, high + max(room, 0.0)))
 
 
 def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

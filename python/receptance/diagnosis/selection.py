@@ -156,7 +156,7 @@ def select(
     found = directions(base, variants)
     penalty = math.log(max(base.independent, 2.0))
     selection = Selection(base, penalty, chance(found, penalty, seed=seed), found, undecidable)
-    selection.singles = _fitted(selection, (), base, _chosen(found), seed, threads, say)
+    selection.singles = _fitted(selection, (), base, _chosen(found, penalty), seed, threads, say)
     selection = _rebased(selection, threads)
     roots = selection.singles
     for _ in range(1, most):
@@ -231,7 +231,7 @@ def _variants(model: Model, causes: Sequence[Cause], fit: Fit) -> tuple[list[tup
         except UndecidableError as error:
             undecidable[cause.id] = str(error)
             continue
-        found += [(cause, variant) for variant in own if not variant.fresh or _far_off(fit)]
+        found += [(variant.of(cause), variant) for variant in own if not variant.fresh or _far_off(fit)]
     return found, undecidable
 
 
@@ -246,18 +246,22 @@ def _far_off(fit: Fit) -> bool:
     return bool(off) and max(off) > _FRESH_FROM
 
 
-def _chosen(found: Sequence[Direction]) -> list[Direction]:
-    """Return the variants that are fitted: the most promising ones of each cause."""
+def _chosen(found: Sequence[Direction], penalty: float) -> list[Direction]:
+    """Return the variants that are fitted: of each cause those that promise most evidence."""
+
+    def promised(one: Direction) -> float:
+        return one.score - penalty * one.count
+
     by_cause: dict[str, list[Direction]] = {}
     for one in found:
         by_cause.setdefault(one.cause.id, []).append(one)
     chosen = []
     for own in by_cause.values():
-        ranked = sorted(own, key=lambda one: -one.score)
+        ranked = sorted(own, key=lambda one: -promised(one))
         # What has no number of its own promises nothing to first order, and is fitted in any case.
         chosen += [one for one in ranked if not one.names]
         chosen += [one for one in ranked if one.names][:_WAYS]
-    return sorted(chosen, key=lambda one: -one.score)
+    return sorted(chosen, key=lambda one: -promised(one))
 
 
 def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
@@ -382,7 +386,7 @@ def _added(
             one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)
         ]
         open_ = open_ or bool(promising)
-        ranked = _chosen(promising)
+        ranked = _chosen(promising, selection.penalty)
         own: list[Direction] = []
         for direction in ranked:
             if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):

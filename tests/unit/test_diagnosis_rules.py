@@ -1,0 +1,125 @@
+"""What decides a diagnosis beside the fits: usable lines, strained tolerances, plausible ranges, losses of a rope."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Assembly, GroundSpring, MeasuredFRF, Part, PointJoint, Segment
+from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis.adequacy import judge
+from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.usable import usable
+from receptance.identification import Law, Tolerance
+from receptance.identification.observations import altered
+
+LINES = np.linspace(200.0, 5000.0, 200)
+JOINT = [
+    Law(address="joint.k_y", lower=1e6, upper=1e11, individual=0.01),
+    Law(address="joint.k_theta", lower=1e2, upper=1e8, individual=0.01),
+    Law(address="joint.c_y", lower=1e-1, upper=1e6, individual=0.03),
+    Law(address="joint.c_theta", lower=1e-4, upper=1e3, individual=0.03),
+]
+TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
+
+
+def assembled(overhang: float, *points: GroundSpring, flutes: float = 0.012, k_theta: float = 1e5) -> Assembly:
+    segments = [
+        Segment(length=0.02, outer_diameter=flutes, material=CARBIDE),
+        Segment(length=overhang - 0.02, outer_diameter=0.012, material=CARBIDE),
+    ]
+    tool = Part(segments if flutes != 0.012 else [replace(segments[1], length=overhang)], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, PointJoint(k_y=6e8, k_theta=k_theta, c_y=300.0, c_theta=1.0, name="joint"), holder], points)
+
+
+def measured(described: Assembly, true: Assembly, label: str, seed: int) -> MeasuredFRF:
+    rng = np.random.default_rng(seed)
+    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+    return MeasuredFRF(
+        assembly=described,
+        frequency_hz=LINES,
+        receptance=true.receptance(LINES) * np.exp(noise),
+        standard_deviation=0.01,
+        label=label,
+    )
+
+
+def noisy(one: MeasuredFRF, lines: slice) -> MeasuredFRF:
+    spread = one.standard_deviation.copy()
+    spread[lines] = 0.3
+    values = one.receptance.copy()
+    values[lines] *= np.exp(2.5)
+    return altered(one, standard_deviation=spread, receptance=values)
+
+
+OVERHANGS = (0.05, 0.07, 0.09)
+
+
+def test_lines_whose_logarithm_is_not_normal_are_left_out_aloud() -> None:
+    # Ten lines that are off by eight standard deviations: whoever believed them would call the model inadequate.
+    data = [noisy(measured(assembled(x), assembled(x), f"{x}", i), slice(60, 70)) for i, x in enumerate(OVERHANGS)]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["missing_mode", "calibration_gain"], most=1)
+    assert verdict.verdict == "adequate"
+    assert any("30 of 600 lines are left out" in note for note in verdict.notes)
+    assert all(one.frequency_hz.size == 190 for one in verdict.selection.base.model.observations)
+
+
+def test_a_record_without_coherence_is_left_out_with_what_only_it_has() -> None:
+    data = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+    data[1] = noisy(data[1], slice(5, None))
+    own = Tolerance(name="overhang", moves={"tool.segment[0].length": 5e-5}, configurations="0.07")
+    model, notes = usable(Model(tuple(data), tuple(JOINT), (*TOLERANCES, own)))
+    assert [one.label for one in model.observations] == ["0.05", "0.09"]
+    assert model.tolerances == tuple(TOLERANCES)
+    assert any("0.07 (5 of 200)" in note for note in notes)
+    with pytest.raises(ValueError, match="coherence is too low"):
+        usable(Model((data[1],), tuple(JOINT)))
+
+
+def test_clampings_that_scatter_more_than_stated_are_no_adequate_model() -> None:
+    # Joints that differ by 5 % where 1 % was stated: the lines fit, the clampings are what is strained.
+    stiff = (1.05e5, 0.95e5, 1.05e5, 0.95e5)
+    places = zip((0.05, 0.065, 0.08, 0.09), stiff, strict=True)
+    data = [measured(assembled(x), assembled(x, k_theta=k), f"{x}", i) for i, (x, k) in enumerate(places)]
+    adequacy = judge(fit_base(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))))
+    assert adequacy.misfit < adequacy.limit
+    assert not adequacy.strain.passed
+    assert not adequacy.passed
+    assert adequacy.strain.worst[0][0].startswith("joint.k_theta @")
+    assert "joint.k_theta @" in adequacy.why_not
+    quiet = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+    assert judge(fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES)))).passed
+
+
+def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> None:
+    def plausible(flutes: float) -> tuple[float, float]:
+        data = [measured(assembled(x, flutes=flutes), assembled(x), f"{x}", 0) for x in OVERHANGS]
+        cause = CATALOGUE["fluted_part"]
+        (variant,) = cause.variants(Model(tuple(data), tuple(JOINT)))
+        return variant.of(cause).parameter_of("fluted_part.log_diameter").plausible
+
+    assert plausible(0.012) == CATALOGUE["fluted_part"].parameters[0].plausible
+    assert plausible(0.0105)[1] == pytest.approx(0.02 + np.log(0.012 / 0.0105))
+    data = [measured(assembled(x, flutes=0.0105), assembled(x, flutes=0.011), f"{x}", 0) for x in OVERHANGS]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["fluted_part", "calibration_gain"], most=1)
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["fluted_part"])
+
+
+def test_a_rope_that_loses_energy_needs_no_second_cause() -> None:
+    rope = GroundSpring(k_y=4e5, c_y=60.0, part="holder", position="end", name="rope")
+    lines = np.geomspace(60.0, 5000.0, LINES.size)
+    data = [
+        altered(measured(assembled(x), assembled(x), f"{x}", i), frequency_hz=lines) for i, x in enumerate(OVERHANGS)
+    ]
+    noise = np.random.default_rng(3).normal(size=(3, 2, LINES.size)) * 0.01
+    data = [
+        altered(one, receptance=assembled(x, rope).receptance(lines) * np.exp(n[0] + 1j * n[1]))
+        for one, x, n in zip(data, OVERHANGS, noise, strict=True)
+    ]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["suspension", "missing_mode", "holder_inertia"])
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["suspension"])
+    low, high = verdict.causes[0].parameters["suspension.damping"][1:]
+    assert low < 60.0 < high
