@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.diagnosis.model import Model
 from receptance.identification.observations import MeasuredFRF, altered
@@ -15,6 +17,8 @@ __all__ = ["NOISIEST", "usable"]
 NOISIEST = 0.12
 """Standard deviation of the logarithm up to which a line counts: above it the logarithm is not normal, has long tails,
 and heavily damped modes and other inventions fit them."""
+_SHARED = 0.1
+"""Share of its lines that a record may lose so that all records of its configuration keep the same ones."""
 _FEWEST = 16
 """A receptance with fewer lines left says nothing."""
 
@@ -31,11 +35,10 @@ def usable(model: Model) -> tuple[Model, tuple[str, ...]]:
     dropped: list[str] = []
     kept: list[Observation] = []
     lost = total = 0
-    for index, one in enumerate(model.observations):
-        if not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
+    for index, (one, good) in enumerate(zip(model.observations, _good(model), strict=True)):
+        if not isinstance(one, MeasuredFRF) or good is None:
             kept.append(one)
             continue
-        good = one.standard_deviation <= NOISIEST
         count = int(np.count_nonzero(good))
         total += good.size
         lost += good.size - count
@@ -46,8 +49,9 @@ def usable(model: Model) -> tuple[Model, tuple[str, ...]]:
         kept.append(one if good.all() else _with(one, good))
     if lost:
         notes.append(
-            f"{lost} of {total} lines are left out: their standard deviation is above {NOISIEST:g} of the "
-            "logarithm, which is then no longer normal (antiresonances, or a coherence that is too low)"
+            f"{lost} of {total} lines are left out: the standard deviation of their logarithm, or of the same line in "
+            f"another record of the configuration, is above {NOISIEST:g}, and it is then no longer normal "
+            "(antiresonances, or a coherence that is too low)"
         )
     if dropped:
         missing = (
@@ -60,7 +64,30 @@ def usable(model: Model) -> tuple[Model, tuple[str, ...]]:
     return (model.of(tuple(kept)) if dropped else replace(model, observations=tuple(kept))), tuple(notes)
 
 
-def _with(one: MeasuredFRF, good: np.ndarray) -> MeasuredFRF:
+def _good(model: Model) -> list[NDArray[np.bool_] | None]:
+    """Return the lines of each observation that count, None where there are no lines.
+
+    Records of one configuration keep the same ones where that costs little: one evaluation then serves all of them.
+    """
+    own: list[NDArray[np.bool_] | None] = []
+    groups: dict[Any, list[int]] = {}
+    for index, one in enumerate(model.observations):
+        own.append(None)
+        if isinstance(one, MeasuredFRF) and one.standard_deviation is not None:
+            own[index] = one.standard_deviation <= NOISIEST
+            key = (place_of(one, index).configuration, one.frequency_hz.tobytes())
+            groups.setdefault(key, []).append(index)
+    result = list(own)
+    for indices in groups.values():
+        masks = [mask for i in indices if (mask := own[i]) is not None]
+        common = np.logical_and.reduce(masks)
+        if np.mean(~common) <= _SHARED:
+            for i in indices:
+                result[i] = common
+    return result
+
+
+def _with(one: MeasuredFRF, good: NDArray[np.bool_]) -> MeasuredFRF:
     spread, force = one.standard_deviation, one.force
     return altered(
         one,
