@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from receptance.diagnosis.causes import changed
-from receptance.diagnosis.model import Model
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance.diagnosis.averaging import Ensemble, Target, extension
+from receptance.identification.observations import MeasuredFrequencies
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from receptance.assembly import Assembly
     from receptance.diagnosis.adequacy import Adequacy
     from receptance.diagnosis.selection import Explanation, Selection
+    from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
 
 __all__ = ["Answer", "Candidate", "Gain", "NextMeasurement", "Verdict"]
@@ -139,14 +140,25 @@ class Verdict:
     explanation: Explanation | None = field(default=None, repr=False)
 
     def extend(
-        self, assembly: Assembly, *, configuration: str = "", conditions: Mapping[str, float] | None = None
+        self,
+        assembly: Assembly,
+        *,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
+        tolerances: Sequence[Tolerance] | None = None,
     ) -> Assembly:
         """Return an assembly with what was found, identified values and the causes that belong to the structure.
 
         What belongs to the measurement, a sensor's mass say, is left out: it is not there when the machine works.
         """
-        extended, model = self._extension(assembly, configuration, conditions)
-        return extended.apply(model.observations[0].assembly, configuration=configuration, conditions=conditions)
+        target = Target(assembly, configuration, conditions, tolerances)
+        extended, model = extension(self.selection.base.model, self.explanation, self.extended or self.base, target)
+        return extended.apply(
+            model.observations[0].assembly,
+            configuration=configuration,
+            conditions=conditions,
+            tolerances=None if tolerances is None else model.tolerances,
+        )
 
     def predict_natural_frequencies(
         self,
@@ -155,6 +167,7 @@ class Verdict:
         *,
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
+        tolerances: Sequence[Tolerance] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequencies of an assembly through the extended model (the base where there is none).
 
@@ -164,32 +177,24 @@ class Verdict:
             As the base model describes it.
         upper_hz : float
             Limit in Hz.
-        configuration, conditions : optional
-            As in `Identification.apply`.
+        configuration, conditions, tolerances : optional
+            As in `Identification.apply`; an error that the fit does not know is standard normal.
 
         Returns
         -------
         frequency_hz, standard_error_hz : ndarray
-            `(n_modes,)` each.
+            `(n_modes,)` each. The errors have in them what the other fitted models would make of it, with their
+            probabilities; they are infinite where nothing explains the data.
         """
-        extended, model = self._extension(assembly, configuration, conditions)
-        return extended.predict_natural_frequencies(
-            model.observations[0].assembly, upper_hz, configuration=configuration, conditions=conditions
+        target = Target(assembly, configuration, conditions, tolerances)
+        found, errors = self._ensemble.natural_frequencies(
+            self.explanation, self.extended or self.base, target, upper_hz
         )
+        return found, np.full_like(errors, np.inf) if self.verdict == "unexplained" else errors
 
-    def _extension(
-        self, assembly: Assembly, configuration: str, conditions: Mapping[str, float] | None
-    ) -> tuple[Identification, Model]:
-        base = self.selection.base.model
-        model = replace(base, observations=(_stand_in(base, assembly, configuration, conditions),), tolerances=())
-        if self.extended is None or self.explanation is None:
-            return self.base, model
-        nulls: dict[str, float] = {}
-        for cause, name in self.explanation.steps:
-            model = changed(cause, name, model)
-            if cause.group == "measurement":
-                nulls |= {n: cause.parameter_of(n).null for n in self.explanation.sizes(cause)}
-        return replace(self.extended, values={**self.extended.values, **nulls}), model
+    @cached_property
+    def _ensemble(self) -> Ensemble:
+        return Ensemble(self.selection, int(self.settings["seed"]))
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return calculated less measured natural frequencies in percent, before and after, mode by mode."""
@@ -233,14 +238,3 @@ class Verdict:
     def __repr__(self) -> str:
         names = ", ".join(one.id for one in self.causes)
         return f"Verdict({self.verdict}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"
-
-
-def _stand_in(
-    base: Model, assembly: Assembly, configuration: str, conditions: Mapping[str, float] | None
-) -> MeasuredFRF | MeasuredFrequencies:
-    """Return an observation of another assembly, measured like the first one of the base."""
-    fields = {"configuration": configuration, "label": configuration, "conditions": dict(conditions or {})}
-    for one in base.observations:
-        if isinstance(one, MeasuredFRF):
-            return altered(one, assembly=assembly, **fields)
-    return altered(base.observations[0], assembly=assembly, **fields)

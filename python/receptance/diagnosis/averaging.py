@@ -1,0 +1,139 @@
+"""What the fitted models together say of another assembly: one prediction, and how far the others would move it.
+
+An adequate model is not a proven one. A cause that these data hardly show has no evidence here and may still move
+another overhang, or a mode above the band; an interval from the fit of one model alone leaves that out. Each fitted
+model therefore counts with its probability, exp(evidence / 2) times what it had beforehand: one half for the base, the
+other half shared by the causes, and for two of them the product (Hoeting, Madigan, Raftery and Volinsky 1999, Bayesian
+model averaging). The prediction is that of the reported model; the variance is the mean over all models of their own
+variance and of the square of how far they are from it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.diagnosis.causes import changed
+from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.model import Model
+from receptance.errors import ReceptanceError
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.diagnosis.selection import Explanation, Selection
+    from receptance.identification.laws import Tolerance
+    from receptance.identification.result import Identification
+
+__all__ = ["Ensemble", "Target", "extension"]
+
+_RARE = 0.01
+"""A model that is less probable than this moves nothing."""
+_BEYOND = 1.1
+"""Modes of the other models are looked for up to this many times the limit."""
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """An assembly as the base model describes it, and what it is."""
+
+    assembly: Assembly
+    configuration: str = ""
+    conditions: Mapping[str, float] | None = None
+    tolerances: Sequence[Tolerance] | None = None
+
+
+def extension(
+    base: Model, explanation: Explanation | None, found: Identification, target: Target
+) -> tuple[Identification, Model]:
+    """Return an identification and another assembly as a model, both without what belongs to the measurement."""
+    model = replace(base, observations=(_stand_in(base, target),), tolerances=tuple(target.tolerances or ()))
+    nulls: dict[str, float] = {}
+    for cause, name in explanation.steps if explanation is not None else ():
+        model = changed(cause, name, model)
+        if explanation is not None and cause.group == "measurement":
+            nulls |= {n: cause.parameter_of(n).null for n in explanation.sizes(cause)}
+    return (replace(found, values={**found.values, **nulls}) if nulls else found), model
+
+
+def _stand_in(base: Model, target: Target) -> MeasuredFRF | MeasuredFrequencies:
+    """Return an observation of another assembly, measured like the first one of the base."""
+    name = target.configuration
+    fields = {"configuration": name, "label": name, "conditions": dict(target.conditions or {})}
+    for one in base.observations:
+        if isinstance(one, MeasuredFRF):
+            return altered(one, assembly=target.assembly, **fields)
+    return altered(base.observations[0], assembly=target.assembly, **fields)
+
+
+class Ensemble:
+    """The fitted models of a selection with their probabilities."""
+
+    def __init__(self, selection: Selection, seed: int = 0) -> None:
+        self._selection = selection
+        self._seed = seed
+        self._found: dict[int, Identification] = {}
+
+    @cached_property
+    def members(self) -> list[tuple[Explanation | None, float]]:
+        """Models and their probabilities, the base as None; those that hardly count are left out."""
+        explanations = [one for one in self._selection.explanations if not one.implausible]
+        count = max(len({cause for one in explanations for cause in one.ids}), 1)
+        logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
+        weights = np.exp(np.array(logs) - max(logs))
+        weights /= weights.sum()
+        kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > _RARE]
+        total = sum(w for _, w in kept)
+        return [(one, w / total) for one, w in kept]
+
+    def natural_frequencies(
+        self, reported: Explanation | None, found: Identification, target: Target, upper_hz: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return natural frequencies by the reported model, and standard deviations by all of them."""
+        middle, own = self._predicted(reported, found, target, upper_hz)
+        variance = np.zeros(middle.size)
+        left = 1.0
+        for one, weight in self.members:
+            if one is reported or not middle.size:
+                continue
+            try:
+                other, spread = self._predicted(one, self._identified(one), target, _BEYOND * upper_hz)
+            except (ReceptanceError, ValueError):
+                continue  # it says nothing of this assembly
+            if not other.size:
+                continue
+            nearest = np.abs(other[None, :] - middle[:, None]).argmin(axis=1)
+            variance += weight * (spread[nearest] ** 2 + (other[nearest] - middle) ** 2)
+            left -= weight
+        return middle, np.sqrt(variance + max(left, 0.0) * own**2)
+
+    def _predicted(
+        self, one: Explanation | None, found: Identification, target: Target, upper_hz: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        extended, model = extension(self._selection.base.model, one, found, target)
+        return extended.predict_natural_frequencies(
+            model.observations[0].assembly,
+            upper_hz,
+            configuration=target.configuration,
+            conditions=target.conditions,
+            tolerances=None if target.tolerances is None else model.tolerances,
+        )
+
+    def _identified(self, one: Explanation | None) -> Identification:
+        key = id(one)
+        if key not in self._found:
+            fit = self._selection.base if one is None else one.fit
+            promised = one is not None and self._selection.base.chi_square - fit.chi_square < one.gain - _SAME
+            if promised:
+                # It was not worth a fit while causes were looked for.
+                fit = refit(fit.model, fit.values, threads=fit.task.threads)
+            self._found[key] = fit.identification(self._seed)
+        return self._found[key]
