@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, GroundSpring, MeasuredFRF, Part, PointJoint, Segment
+from receptance import CARBIDE, STEEL, Assembly, GroundSpring, MeasuredFRF, Part, PointJoint, PointMass, Segment
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.fitting import fit_base
@@ -25,7 +25,9 @@ JOINT = [
 TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
 
 
-def assembled(overhang: float, *points: GroundSpring, flutes: float = 0.012, k_theta: float = 1e5) -> Assembly:
+def assembled(
+    overhang: float, *points: GroundSpring | PointMass, flutes: float = 0.012, k_theta: float = 1e5
+) -> Assembly:
     segments = [
         Segment(length=0.02, outer_diameter=flutes, material=CARBIDE),
         Segment(length=overhang - 0.02, outer_diameter=0.012, material=CARBIDE),
@@ -123,3 +125,24 @@ def test_a_rope_that_loses_energy_needs_no_second_cause() -> None:
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["suspension"])
     low, high = verdict.causes[0].parameters["suspension.damping"][1:]
     assert low < 60.0 < high
+
+
+@pytest.mark.slow
+def test_three_effects_at_once_are_found_one_at_a_time() -> None:
+    sensor = PointMass(mass=2e-3)
+    chain = 1.04 * np.exp(-2j * np.pi * LINES * 6e-6)
+    data = []
+    for i, x in enumerate(OVERHANGS):
+        one = measured(assembled(x), assembled(x, sensor), f"{x}", i)
+        data.append(altered(one, receptance=one.receptance * chain))
+    ids = ["sensor_mass", "calibration_gain", "time_delay", "tool_density", "exponential_window", "joint_cross_term"]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=ids, most=3)
+    assert verdict.verdict == "named"
+    assert sorted(one.id for one in verdict.causes) == ["calibration_gain", "sensor_mass", "time_delay"]
+    true = {"sensor_mass.mass": 2e-3, "calibration_gain.log_gain": np.log(1.04), "time_delay.delay": 6e-6}
+    for one in verdict.causes:
+        ((name, (_, low, high)),) = one.parameters.items()
+        reach = 0.6 * (high - low)
+        assert low - reach < true[name] < high + reach
+    # Two at most cannot do it, and nothing is made up for the third one.
+    assert diagnose(data, JOINT, tolerances=TOLERANCES, causes=ids, most=2).verdict != "named"
