@@ -94,7 +94,7 @@ def _direction(
     score = float(-rest @ (slopes @ solution))
     if lone and not _allowed(cause, seen_names[0], float(solution[0])):
         solution, score = np.zeros(1), 0.0
-    step = {name: starts[name] + float(d) for name, d in zip(seen_names, solution, strict=True)}
+    step = _step(cause, starts, dict(zip(seen_names, map(float, solution), strict=True)))
     return Direction(cause, variant, names, len(names), slopes, lone, score, step)
 
 
@@ -117,6 +117,22 @@ def _slopes(fit: Fit, variant: Variant) -> tuple[NDArray[np.float64], dict[str, 
     ones = np.ones(len(fresh))
     rows = [part.evaluate(values, ones)[1] for part in alone.problem().residuals[: len(placed)]]
     return np.concatenate(rows), {one.name: float(one.start or 0.0) for one in fresh}
+
+
+def _step(cause: Cause, starts: dict[str, float], solution: dict[str, float]) -> dict[str, float]:
+    """Return where a solution to first order leads.
+
+    What is secondary has slopes in proportion to the dose at which they were taken, and moves so much less as the
+    cause has become larger than that.
+    """
+    main = [name for name in solution if not cause.parameter_of(name).secondary]
+    step = {name: starts[name] + solution[name] for name in solution}
+    if len(main) != 1:
+        return step
+    dose, there = starts[main[0]], step[main[0]]
+    for name in set(solution) - set(main):
+        step[name] = starts[name] + (solution[name] * dose / there if there else 0.0)
+    return step
 
 
 def _allowed(cause: Cause, name: str, step: float) -> bool:
