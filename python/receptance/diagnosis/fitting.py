@@ -20,6 +20,7 @@ from receptance.identification.fit import identify
 from receptance.identification.minimise import minimise
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.result import Identification, Start
+from receptance.identification.task import place_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,6 +80,15 @@ class Fit:
     def residual(self) -> NDArray[np.float64]:
         """All residuals, priors last."""
         return self.problem.residual(self.x).copy()
+
+    @cached_property
+    def by_configuration(self) -> dict[str, float]:
+        """Sum of squares of the lines of each configuration, priors left out."""
+        sums = dict.fromkeys(self.model.configurations, 0.0)
+        parts = np.split(self.residual, np.cumsum([part.size for part in self.problem.residuals])[:-1])
+        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=False)):
+            sums[place_of(one, index).configuration] += float(part @ part)
+        return sums
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
