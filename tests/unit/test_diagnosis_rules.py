@@ -7,8 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, GroundSpring, MeasuredFRF, Part, PointJoint, Segment
-from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    GroundSpring,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    PointMass,
+    Section,
+    Segment,
+    SpreadJoint,
+)
+from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.usable import usable
@@ -25,7 +37,9 @@ JOINT = [
 TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
 
 
-def assembled(overhang: float, *points: GroundSpring, flutes: float = 0.012, k_theta: float = 1e5) -> Assembly:
+def assembled(
+    overhang: float, *points: GroundSpring | PointMass, flutes: float = 0.012, k_theta: float = 1e5
+) -> Assembly:
     segments = [
         Segment(length=0.02, outer_diameter=flutes, material=CARBIDE),
         Segment(length=overhang - 0.02, outer_diameter=0.012, material=CARBIDE),
@@ -123,3 +137,76 @@ def test_a_rope_that_loses_energy_needs_no_second_cause() -> None:
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["suspension"])
     low, high = verdict.causes[0].parameters["suspension.damping"][1:]
     assert low < 60.0 < high
+
+
+@pytest.mark.slow
+def test_three_effects_at_once_are_found_one_at_a_time() -> None:
+    sensor = PointMass(mass=2e-3)
+    chain = 1.04 * np.exp(-2j * np.pi * LINES * 6e-6)
+    data = []
+    for i, x in enumerate(OVERHANGS):
+        one = measured(assembled(x), assembled(x, sensor), f"{x}", i)
+        data.append(altered(one, receptance=one.receptance * chain))
+    ids = ["sensor_mass", "calibration_gain", "time_delay", "tool_density", "exponential_window", "joint_cross_term"]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=ids, most=3)
+    assert verdict.verdict == "named"
+    assert sorted(one.id for one in verdict.causes) == ["calibration_gain", "sensor_mass", "time_delay"]
+    true = {"sensor_mass.mass": 2e-3, "calibration_gain.log_gain": np.log(1.04), "time_delay.delay": 6e-6}
+    for one in verdict.causes:
+        ((name, (_, low, high)),) = one.parameters.items()
+        reach = 0.6 * (high - low)
+        assert low - reach < true[name] < high + reach
+    # Two at most cannot do it, and nothing is made up for the third one.
+    assert diagnose(data, JOINT, tolerances=TOLERANCES, causes=ids, most=2).verdict != "named"
+
+
+def test_what_shows_on_one_tool_alone_is_a_suspicion() -> None:
+    def answer(mass: float) -> Verdict:
+        # A body on the holder's end that rings near a mode of one of the tools.
+        link = PointJoint(
+            k_y=mass * (2 * np.pi * 2110.0) ** 2, k_theta=1e6, c_y=400.0 * mass, c_theta=1e-3, name="link"
+        )
+        body = replace(STEEL, density=mass / (np.pi / 4 * 0.02**2 * 0.005), youngs_modulus=1e13)
+        stub = Part([Segment(length=0.005, outer_diameter=0.02, material=body)], name="body")
+        true = {x: Assembly([*assembled(x).elements.values(), link, stub]) for x in OVERHANGS}
+        data = [measured(assembled(x), true[x], f"{x}", i) for i, x in enumerate(OVERHANGS)]
+        return diagnose(data, JOINT, tolerances=TOLERANCES, causes=[mode], most=1)
+
+    whole = CATALOGUE["missing_mode"]
+    # One of its frequencies is enough here.
+    mode = replace(whole, change=lambda p, model: [v for v in whole.variants(model) if 2000 < hertz(v.name) < 2180])
+    assert answer(3e-3).verdict == "named"
+    alone = answer(4e-4)
+    assert alone.verdict == "suspected"
+    assert any("shows in 0.07 alone" in note for note in alone.notes)
+
+
+def hertz(name: str) -> float:
+    return float(name.split()[1])
+
+
+def test_a_material_is_the_same_within_the_holder() -> None:
+    section = {"length": 0.03, "outer_diameter": 0.045, "material": STEEL}
+    tool = Part([Segment(length=0.07, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    rest = Segment(length=0.1, outer_diameter=0.045, material=STEEL)
+    filled = Part([Segment(**section, inner_diameter=0.012, core=CARBIDE), rest], name="holder")
+    point = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+    shank = Section(outer_diameter=0.012, material=CARBIDE)
+    sleeve = Section(outer_diameter=0.045, inner_diameter=0.012, material=STEEL)
+    layer = SpreadJoint(
+        length=0.03, shank=shank, sleeve=sleeve, k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"
+    )
+    for assembly, within in (
+        (Assembly([tool, point, filled]), "holder.segment[*].core"),
+        (Assembly([tool, layer, Part([rest], name="holder")]), "joint.shank"),
+    ):
+        model = Model((measured(assembly, assembly, "", 0),), tuple(JOINT))
+        for cause, field in (
+            ("tool_modulus", "youngs_modulus"),
+            ("tool_density", "density"),
+            ("shear_neglected", "poisson_ratio"),
+        ):
+            (variant,) = CATALOGUE[cause].variants(model)
+            assert f"{within}.{field}" in variant.model.unknowns[-1].moves
+    (variant,) = CATALOGUE["holder_modulus"].variants(model)
+    assert set(variant.model.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}

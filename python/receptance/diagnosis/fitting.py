@@ -93,6 +93,15 @@ class Fit:
         return self.problem.residual(self.x).copy()
 
     @cached_property
+    def by_configuration(self) -> dict[str, float]:
+        """Sum of squares of the lines of each configuration, priors left out."""
+        sums = dict.fromkeys(self.model.configurations, 0.0)
+        parts = np.split(self.residual, np.cumsum([part.size for part in self.problem.residuals])[:-1])
+        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=False)):
+            sums[place_of(one, index).configuration] += float(part @ part)
+        return sums
+
+    @cached_property
     def jacobian(self) -> NDArray[np.float64]:
         """Their derivatives with respect to the fitted variables."""
         return self.problem.jacobian(self.x).copy()

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.selection import MARGIN, Explanation, Selection
 from receptance.diagnosis.verdict import Answer
 
 __all__ = ["Judgement", "conclude"]
+
+_LONELY = 0.97
+"""Share of the improvement from which one configuration has it alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,8 @@ def conclude(selection: Selection) -> Judgement:
     2. Only what passes the gate itself may explain; nothing does: unexplained.
     3. All within the margin of the best evidence are reported, without what only adds to another one of them.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
-    5. One left: named; suspected near the limit of detection, or where the data cannot convict. Several: ambiguous.
+    5. One left: named; suspected near the limit of detection, or where the data cannot convict: there is but one
+       configuration, or a cause that all should show is seen in one of them. Several: ambiguous.
        Beside a fit that has not ended nothing is named.
     """
     notes: list[str] = []
@@ -67,7 +72,27 @@ def conclude(selection: Selection) -> Judgement:
             "one configuration cannot tell the joint from the parts: measure another overhang; until then it is "
             "a suspicion"
         )
-    return Judgement("suspected" if weak or alone else "named", tuple(left), (), tuple(notes))
+    lonely = None if alone else _lonely(base, left[0])
+    if lonely:
+        notes.append(
+            f"{_called(left[0])} shows in {lonely} alone: what sits on that tool or in that clamping may be it; "
+            "until another configuration shows it, it is a suspicion"
+        )
+    return Judgement("suspected" if weak or alone or lonely else "named", tuple(left), (), tuple(notes))
+
+
+def _lonely(base: Fit, one: Explanation) -> str | None:
+    """Return the only configuration whose lines an explanation improves, where it says something of all of them."""
+    local = any(" @ " in name for cause, _ in one.steps for name in one.sizes(cause))
+    if local or any(cause.group == "measurement" for cause, _ in one.steps):
+        return None
+    before, after = base.by_configuration, one.fit.by_configuration
+    gains = {name: max(before[name] - after[name], 0.0) for name in before}
+    total, most = sum(gains.values()), max(gains, key=lambda name: gains[name])
+    # Where tolerances had given way to it, the lines do not show it at all.
+    if total <= 0.5 * one.gain or gains[most] < _LONELY * total:
+        return None
+    return most
 
 
 def _nothing(selection: Selection) -> Judgement:

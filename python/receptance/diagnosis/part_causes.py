@@ -39,12 +39,18 @@ def _parts(model: Model, side: str) -> tuple[str, ...]:
     return found
 
 
+def _everywhere(model: Model, side: str, field: str) -> list[str]:
+    """Return the addresses of a number of a material: in the parts, within the holder, beside a spread joint."""
+    addresses = [f"{name}.segment[*].{field}" for name in _parts(model, side)]
+    if side == "tool":
+        holders = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.holder)
+        addresses += [f"{name}.segment[*].core.{field}" for name in holders]
+    addresses += [f"{name}.{'shank' if side == 'tool' else 'sleeve'}.{field}" for name in model.joints]
+    return [a for a in dict.fromkeys(addresses) if any(covered(a, one.assembly) for one in model.observations)]
+
+
 def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
-    moves = {f"{name}.segment[*].{field}": 1.0 for name in _parts(model, side)}
-    if side == "tool" and field != "outer_diameter":
-        # A core within the holder is the tool's shank.
-        cores = (f"{name}.segment[*].core.{field}" for anatomy in model.anatomies for name in anatomy.holder)
-        moves |= {a: 1.0 for a in cores if any(covered(a, one.assembly) for one in model.observations)}
+    moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
     if any(model.has(address) for address in moves):
         raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
     return model.plus(p.move(moves, relative=True))
@@ -178,8 +184,9 @@ def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         if address.endswith(".poisson_ratio")
     }
     highest, lowest = max(addresses.values()), min(addresses.values())
-    parts = dict.fromkeys(name for side in ("tool", "holder") for a in model.anatomies for name in getattr(a, side))
-    ratio = p["poisson_ratio"].move({f"{name}.segment[*].poisson_ratio": 1.0 for name in parts})
+    sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]
+    moved = [address for side in sides for address in _everywhere(model, side, "poisson_ratio")]
+    ratio = p["poisson_ratio"].move(dict.fromkeys(moved, 1.0))
     lower, upper = max(ratio.lower, -0.98 - lowest), min(ratio.upper, 0.499 - highest)
     if lower >= 0.0 or upper <= 0.0:
         raise UndecidableError("Poisson's ratio is at its limit")

@@ -97,7 +97,7 @@ def _direction(
     score = float(-rest @ (slopes @ solution))
     if lone and not _allowed(cause, seen_names[0], float(solution[0])):
         solution, score = np.zeros(1), 0.0
-    step = {name: starts[name] + float(d) for name, d in zip(seen_names, solution, strict=True)}
+    step = _step(cause, starts, dict(zip(seen_names, map(float, solution), strict=True)))
     return Direction(cause, variant, names, len(names), slopes, lone, score, step)
 
 
@@ -114,6 +114,22 @@ def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray
     rows = problem.slopes(x, fresh) / task.variables.slopes(values)[fresh]
     data = sum(part.size for part in problem.residuals[: len(task.observed)])
     return rows[:data], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
+
+
+def _step(cause: Cause, starts: dict[str, float], solution: dict[str, float]) -> dict[str, float]:
+    """Return where a solution to first order leads.
+
+    What is secondary has slopes in proportion to the dose at which they were taken, and moves so much less as the
+    cause has become larger than that.
+    """
+    main = [name for name in solution if not cause.parameter_of(name).secondary]
+    step = {name: starts[name] + solution[name] for name in solution}
+    if len(main) != 1:
+        return step
+    dose, there = starts[main[0]], step[main[0]]
+    for name in set(solution) - set(main):
+        step[name] = starts[name] + (solution[name] * dose / there if there else 0.0)
+    return step
 
 
 def _allowed(cause: Cause, name: str, step: float) -> bool:

@@ -267,6 +267,8 @@ def _chosen(found: Sequence[Direction], penalty: float) -> list[Direction]:
 def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     """Return where fits of a cause begin: at its null, where its direction points, and at larger sizes.
 
+    What only says where and how it acts begins as given too: to first order it is known but vaguely.
+
     What has no number of its own changes the joint instead: its stiffnesses begin at several times what they were.
     """
     values = fit.values
@@ -279,6 +281,7 @@ def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     starts = [null]
     if direction.step:
         starts.append({**null, **direction.step})
+        starts.append({name: null[name] if one.secondary else starts[-1][name] for name, one in parameters.items()})
     for times in (_LARGE, -_LARGE):
         large = {
             name: one.typical
