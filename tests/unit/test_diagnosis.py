@@ -7,7 +7,18 @@ import json
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    MeasuredFrequencies,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    Unknown,
+)
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
@@ -67,6 +78,25 @@ def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
     np.testing.assert_allclose(found, assembled(0.06).natural_frequencies(6000.0), rtol=2e-3)
     assert json.loads(json.dumps(verdict.to_dict(), allow_nan=False))["verdict"] == "named"
     assert "calibration_gain" in verdict.summary()
+
+
+def test_causes_of_the_chain_are_of_the_frfs_alone_beside_natural_frequencies() -> None:
+    frequencies = [
+        MeasuredFrequencies(
+            assembly=assembled(x),
+            frequency_hz=assembled(x).natural_frequencies(6000.0),
+            standard_deviation_hz=2.0,
+            label=f"{x}",
+        )
+        for x in (0.06, 0.08)
+    ]
+    chain = ["calibration_gain", "time_delay", "exponential_window", "hammer_offset", "wrong_quantity", "sensor_mass"]
+    for seen in (observed(factor=1.05, overhangs=(0.07,)), observed(factor=1.05)):
+        verdict = diagnose([*seen, *frequencies], JOINT, tolerances=TOLERANCES, causes=chain, most=1)
+        assert [one.id for one in verdict.causes] == ["calibration_gain"]
+        (value, low, high), *_ = verdict.causes[0].parameters.values()
+        assert low < np.log(1.05) < high
+        assert any("by the FRFs alone" in note for note in verdict.notes)
 
 
 def test_one_configuration_convicts_no_part() -> None:

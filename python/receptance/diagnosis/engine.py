@@ -216,10 +216,11 @@ def _on_data(selection: Selection) -> list[str]:
         )
     if len(model.configurations) == 1:
         notes.append("there is one configuration: measure another overhang to tell the joint from the parts")
-    if not any(isinstance(one, MeasuredFrequencies) for one in model.observations):
-        return notes
-    if all(isinstance(one, MeasuredFrequencies) for one in model.observations):
+    listed = [isinstance(one, MeasuredFrequencies) for one in model.observations]
+    if all(listed):
         notes.append("there are natural frequencies alone: they say nothing of damping, gain, delay and hits")
+    elif any(listed):
+        notes.append("gain, delay, window and hits are judged by the FRFs alone: natural frequencies do not have them")
     return notes
 
 

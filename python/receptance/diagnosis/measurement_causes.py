@@ -13,7 +13,7 @@ from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Vari
 from receptance.diagnosis.model import Model, with_points
 from receptance.identification.factors import DECAY_RATES, DELAY, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
-from receptance.identification.task import Observation
+from receptance.identification.task import Observation, place_of
 from receptance.joints import GroundSpring, PointMass
 
 __all__ = ["MEASUREMENT_CAUSES"]
@@ -30,8 +30,11 @@ def _receptances(model: Model) -> None:
 
 
 def _each(model: Model) -> tuple[str | None, ...]:
-    """Return all configurations together, then each alone."""
-    return (None, *model.configurations) if len(model.configurations) > 1 else (None,)
+    """Return all configurations together, then each alone that was measured with FRFs: only these have a chain."""
+    own = dict.fromkeys(
+        place_of(one, i).configuration for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)
+    )
+    return (None, *own) if len(own) > 1 else (None,)
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
