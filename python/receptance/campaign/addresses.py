@@ -35,10 +35,26 @@ _MATERIAL = {
     "poisson_ratio": "a Poisson's ratio",
     "loss_factor": "a loss factor",
 }
+_OBSERVATION = {
+    "log_gain": "a logarithm",
+    "delay": "a time of either sign",
+    "decay_rate": "a rate of decay",
+    "decay_rate_of_velocity": "a rate of decay",
+    "decay_rate_of_displacement": "a rate of decay",
+}
+"""What stands between a structure and the record, see `receptance.identification.factors`."""
 FIELDS: dict[str, Kind] = {
     field: KINDS[name]
     for field, name in (
-        {**_SPRING, **_SLIP, **_SEGMENT, **_MATERIAL, "mass": "a mass", "inertia": "a moment of inertia"}.items()
+        {
+            **_SPRING,
+            **_SLIP,
+            **_SEGMENT,
+            **_MATERIAL,
+            **_OBSERVATION,
+            "mass": "a mass",
+            "inertia": "a moment of inertia",
+        }.items()
     )
 }
 _INSIDE = r"(?:segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."

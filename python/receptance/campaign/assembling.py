@@ -9,10 +9,12 @@ from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.campaign.addresses import parse_position, value_at
 from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.campaign.unknown_building import addresses_of
 from receptance.campaign.workshop import expected
 from receptance.coordinates import Coordinate
+from receptance.identification.factors import FACTORS
 from receptance.identification.unknowns import covered
-from receptance.joints import PointMass
+from receptance.joints import GroundSpring, PointMass
 
 if TYPE_CHECKING:
     from receptance.campaign.building import Built
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from receptance.campaign.models import AssemblyTable, CoordinateTable
     from receptance.campaign.workshop import Workshop
 
-__all__ = ["build_assemblies", "check_unknowns", "no_address", "place", "with_sensor"]
+__all__ = ["build_assemblies", "carrying", "check_unknowns", "no_address", "place", "with_sensor"]
 
 
 def build_assemblies(table: CampaignTable, built: Built, workshop: Workshop) -> None:
@@ -58,7 +60,7 @@ def _changed(path: Path, assembly: Assembly, table: AssemblyTable, built: Built,
         own = covered(address, assembly)
         if not own:
             problems.add(here, no_address(address, assembly))
-        elif any(own & covered(unknown, assembly) for unknown in built.unknowns):
+        elif any(own & covered(a, assembly) for unknown in built.unknowns.values() for a in addresses_of(unknown)):
             problems.add(here, "is set here and is among the unknowns, expected one of the two")
     if problems.at((*path, "set")):
         return None
@@ -66,24 +68,27 @@ def _changed(path: Path, assembly: Assembly, table: AssemblyTable, built: Built,
     return workshop.make((*path, "set"), assembly.replace, given) if given else assembly
 
 
-def check_unknowns(built: Built, workshop: Workshop) -> None:
+def check_unknowns(table: CampaignTable, built: Built, workshop: Workshop) -> None:
     """Every unknown must be a parameter of some assembly, and no parameter may have two."""
     if len(built.assemblies) < len(workshop.named["assemblies"]) or not built.assemblies:
         return  # an assembly with a mistake may be the one that has it
+    measured = {*built.sensors, *(name for one in table.measurements.values() for name in one.attachments)}
     claimed: dict[tuple[str, str], str] = {}
-    for address in built.unknowns:
-        if address.split(".", 1)[0] in built.sensors:
-            continue
-        found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
-        if not found:
-            first = next(iter(built.assemblies.values()))
-            workshop.problems.add(("unknowns", address), no_address(address, first, "is a parameter of no assembly"))
-        for key in found:
-            if key in claimed:
-                text = f'moves {key[1]}, which the unknown "{claimed[key]}" moves too, expected one of the two'
-                workshop.problems.add(("unknowns", address), text)
-                break
-            claimed[key] = address
+    for title, unknown in built.unknowns.items():
+        owned = addresses_of(unknown)
+        for address in unknown.reached:
+            if address.split(".", 1)[0] in measured or address in FACTORS:
+                continue
+            found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
+            if not found:
+                first = next(iter(built.assemblies.values()))
+                workshop.problems.add(("unknowns", title), no_address(address, first, "is a parameter of no assembly"))
+            for key in found if address in owned else ():
+                if key in claimed:
+                    text = f'moves {key[1]}, which the unknown "{claimed[key]}" moves too, expected one of the two'
+                    workshop.problems.add(("unknowns", title), text)
+                    break
+                claimed[key] = title
 
 
 def place(path: Path, table: CoordinateTable, assembly: Assembly, workshop: Workshop) -> Coordinate | None:
@@ -109,8 +114,12 @@ def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) ->
     """Return the assembly with the mass of a sensor at a coordinate."""
     if sensor is None:
         return assembly
-    mass = replace(sensor, part=at.part, position=at.position)
-    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), mass])
+    return carrying(assembly, replace(sensor, part=at.part, position=at.position))
+
+
+def carrying(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
+    """Return the assembly with more attached to it."""
+    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points])
 
 
 def no_address(address: str, assembly: Assembly, what: str = "is no parameter of this assembly") -> str:

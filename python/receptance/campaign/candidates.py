@@ -40,7 +40,7 @@ def build_candidate(
 ) -> Candidate | None:
     """Return a candidate, or None after its mistakes are added.
 
-    `effects` are the errors of assemblies and of sensors by their names, `of_assemblies` the conditions of these.
+    `effects` are the errors of assemblies and of what sits on them beside by their names, `of_assemblies` the conditions of these.
     """
     table, path = campaign.candidates[name], ("candidates", name)
     make = workshop.make

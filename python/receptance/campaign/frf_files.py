@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance.campaign.deviations import parse_share
 from receptance.identification import MeasuredFRF
+from receptance.identification.observations import altered
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
 
-__all__ = ["deviation_share", "observe", "placed", "read", "weighed"]
+__all__ = ["deviation_share", "integrated", "observe", "placed", "read", "weighed"]
 
 _SHARE = 'a standard deviation of the FRF in percent, such as "2 %"'
 
@@ -152,4 +153,12 @@ def observe(
             chosen |= inside
         frf = frf.with_(usable=chosen)
     force = table.force if table.kind == "frf" else None
-    return MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)
+    found = MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)
+    return integrated(found, table.integrate)
+
+
+def integrated(one: MeasuredFRF, times: int) -> MeasuredFRF:
+    """Return an FRF whose motion is integrated in addition, or differentiated where `times` is negative."""
+    if not times:
+        return one
+    return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** times)

@@ -13,8 +13,9 @@ from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, tolerances_of
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
+from receptance.identification.factors import FACTORS
 from receptance.identification.spread import quantile
-from receptance.identification.unknowns import covered
+from receptance.identification.task import place_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -186,6 +187,11 @@ def identify_campaign(
         raise CampaignError.about(campaign.file, text)
     unknowns, left_out = observed_unknowns(campaign, seen)
     settings = campaign.table.settings
+    fitted = settings.tolerances == "fit"
+    effects = [{} if fitted else measured.effects for measured in seen.values()]
+    if any(effects) and any(unknown.address in FACTORS for unknown in unknowns):
+        text = 'what stands between structure and record is unknown (`observation.`), expected `tolerances = "fit"`'
+        raise CampaignError.about(campaign.file, text)
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
     say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {settings.starts} starts")
@@ -200,14 +206,12 @@ def identify_campaign(
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
             threads=threads,
-            tolerances=tolerances_of_measurements(seen) if settings.tolerances == "fit" else (),
+            tolerances=tolerances_of_measurements(seen) if fitted else (),
             strategy=settings.strategy,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    fitted = settings.tolerances == "fit"
     say("propagating the tolerances")
-    effects = [{} if fitted else measured.effects for measured in seen.values()]
     propagation = Propagation(fit, observations, effects, width)
     notes = [
         *campaign.notes,
@@ -256,10 +260,11 @@ def _on_damping(fit: Identification) -> list[str]:
 
 def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
     """Return the unknowns that some fitted measurement's assembly has, and what to say of the others."""
-    assemblies = [measured.observation.assembly for measured in seen.values()]
+    places = [place_of(measured.observation, index) for index, measured in enumerate(seen.values())]
     kept, notes = [], []
     for unknown in campaign.unknowns:
-        if any(covered(unknown.address, assembly) for assembly in assemblies):
+        own = [place for place in places if place.among(unknown.configurations)]
+        if any(place.covered(address) for place in own for address in unknown.reached):
             kept.append(unknown)
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")

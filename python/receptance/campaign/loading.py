@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from receptance.assembly import Assembly
-from receptance.campaign.assembling import build_assemblies, check_unknowns, place, with_sensor
+from receptance.campaign.assembling import build_assemblies, carrying, check_unknowns, place, with_sensor
 from receptance.campaign.building import Built, build_elements
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.candidates import build_candidate
@@ -22,7 +22,7 @@ from receptance.campaign.measurement_models import CampaignTable
 from receptance.campaign.observations import Measurement, build_measurement
 from receptance.campaign.problems import CampaignError, Problem, Problems, translate
 from receptance.campaign.references import check_references
-from receptance.campaign.tolerances import Effects, assembly_effects, sensor_effects
+from receptance.campaign.tolerances import Effects, assembly_effects, effects_beside
 from receptance.campaign.workshop import Workshop
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
@@ -87,17 +87,17 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
     problems = Problems(lines)
     table, workshop, built = _described(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
-    of_sensors = {name: sensor_effects(name, table, built) for name in built.sensors}
+    beside = {name: effects_beside(name, table, built) for name in (*built.sensors, *built.attachments)}
     conditions = _conditions(table, workshop)
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         if progress is not None:
             progress(f"reading {name}")
-        measured = build_measurement(name, table, built, (effects, of_sensors), file.parent, workshop, conditions)
+        measured = build_measurement(name, table, built, (effects, beside), file.parent, workshop, conditions)
         if measured is not None:
             measurements[name] = measured
     possible = {
-        name: build_candidate(name, table, built, (effects, of_sensors), workshop, conditions)
+        name: build_candidate(name, table, built, (effects, beside), workshop, conditions)
         for name in table.candidates
     }
     places = _places(table, built, workshop)
@@ -134,7 +134,8 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
         at = place(("measurements", name, "response"), measurement.response, assembly, workshop)
         if at is not None:
             sensor = None if measurement.sensor is None else built.sensors[measurement.sensor]
-            found[name] = (with_sensor(assembly, sensor, at), at)
+            points = [built.attachments[one] for one in measurement.attachments]
+            found[name] = (with_sensor(carrying(assembly, *points), sensor, at), at)
     if problems.found:
         raise CampaignError("the campaign", problems.found)
     return found
@@ -149,7 +150,7 @@ def _described(
     check_references(data, folder, workshop)
     built = build_elements(table, workshop)
     build_assemblies(table, built, workshop)
-    check_unknowns(built, workshop)
+    check_unknowns(table, built, workshop)
     return table, workshop, built
 
 

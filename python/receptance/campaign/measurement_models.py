@@ -54,6 +54,8 @@ class _Measured(Table):
     """name of the sensor that sat at the response coordinate; none for a laser"""
     conditions: dict[str, Written] = Field(default={})
     """numbers with units that describe the measurement: a force level, a temperature"""
+    attachments: list[str] = Field(default=[])
+    """names of masses and ground springs that were on it only while it was measured: a second sensor, a suspension"""
     level: Annotated[str | float | None, OneOf(str, int, float, what='a number, or a force such as "50 N"')] = None
     """level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"""
 
@@ -78,6 +80,9 @@ class _Response(_Measured):
     """bands of frequency that count, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
     floor: str | None = None
     """what no noise model covers, as a standard deviation added in squares on every line, such as `"0.3 %"`"""
+    integrate: Annotated[int, Field(ge=-2, le=2)] = 0
+    """how often the motion is integrated in addition, where a file holds another quantity than it says: 1 where it
+    holds velocities and says displacements, -1 the other way round"""
 
 
 class FRFTable(_Response):
@@ -206,10 +211,25 @@ class UnknownTable(Table):
     """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
     prior: PriorTable | None = None
     """what is known of it beforehand; the measurements then need standard deviations"""
+    name: str = ""
+    """what results call it; by default its address"""
+    assemblies: list[str] | None = None
+    """only measurements of these assemblies have it; by default all"""
+    multiple: float | None = None
+    """the parameter is so many times the unknown, which then has plain numbers in SI units"""
+    also: dict[str, float] = Field(default={})
+    """further parameters by address, and how many times the unknown they are"""
+    moves: dict[str, float] = Field(default={})
+    """parameters by address that it moves, whatever else they are made of: v becomes v + n u, with the unknown u and
+    the number n given here; it stands under a name of its own then, and has plain numbers in SI units"""
+    relative: bool = False
+    """with `moves`: v becomes v exp(n u)"""
     power_of: str | None = None
-    """name of a condition, or an address: the parameter is a power of it across assemblies"""
+    """name of a condition, or an address: the parameter is a power of it across assemblies, or, with `moves`, n is
+    multiplied by the logarithm of that condition over its reference"""
     reference: Written | None = None
-    """value of that condition at which the parameter has the value that is identified, such as `"135 N m"`"""
+    """value of that condition at which the parameter has the value that is identified, such as `"135 N m"`, or at
+    which nothing moves"""
     exponent: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
     """bounds of the exponent, by default `[-4, 4]`"""
     free: bool = False

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from receptance.campaign.assembling import place, with_sensor
+from receptance.campaign.assembling import carrying, place, with_sensor
 from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.frequencies import deviations_of, frequencies_of
 from receptance.campaign.levels import at_level
@@ -91,6 +91,13 @@ class _Reader:
         sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
         if assembly is None or (self.table.sensor is not None and sensor is None):
             return None
+        if self.table.attachments:
+            if not self.built.attachments.keys() >= set(self.table.attachments):
+                return None
+            points = [self.built.attachments[name] for name in self.table.attachments]
+            assembly = self.workshop.make((*self.path, "attachments"), carrying, assembly, *points)
+            if assembly is None:
+                return None
         at = place((*self.path, "response"), self.table.response, assembly, self.workshop)
         if self.table.kind != "natural frequencies":
             excited = place((*self.path, "excitation"), self.table.excitation, assembly, self.workshop)
@@ -179,7 +186,7 @@ def build_measurement(
 ) -> Measurement | None:
     """Return a measurement with its data read, or None after its mistakes are added.
 
-    `effects` are the errors of assemblies and of sensors by their names, `of_assemblies` the conditions of these.
+    `effects` are the errors of assemblies and of what sits on them beside by their names, `of_assemblies` the conditions of these.
     """
     table = campaign.measurements[name]
     before = len(workshop.notes)
@@ -194,8 +201,8 @@ def build_measurement(
     described = {key: one.value for key, one in {**of_assemblies.get(table.assembly, {}), **known}.items()}
     observation = observation.configured(table.assembly, described)
     own = dict(effects[0].get(table.assembly, {}))
-    if table.sensor is not None:
-        for error, moved in effects[1].get(table.sensor, {}).items():
+    for beside in (table.sensor or "", *table.attachments):
+        for error, moved in effects[1].get(beside, {}).items():
             own[error] = {**own.get(error, {}), **moved}
     return Measurement(
         name=name,

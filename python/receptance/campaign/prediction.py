@@ -13,8 +13,12 @@ from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, Where, tolerances_of
 from receptance.identification import MeasuredFRF
+from receptance.identification.factors import FACTORS
+from receptance.identification.mapping import Addresses
 from receptance.identification.peaks import match_peaks
+from receptance.identification.residuals import FRFResidual, SteppedPlace
 from receptance.identification.spread import quantile
+from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -138,7 +142,7 @@ def predict_campaign(
         at = Where(seen.configuration, seen.conditions)
         assembly = _applied(identified, seen.assembly, name, notes, measured.effects, at)
         if isinstance(measured.observation, MeasuredFRF):
-            frfs.append(_held_out_frf(name, measured, assembly, propagation, at))
+            frfs.append(_held_out_frf(name, measured, assembly, propagation, at, identified))
         else:
             frequencies.append(_held_out_frequencies(name, measured, assembly, propagation, at))
     for name, assembly in unmeasured.items():
@@ -177,7 +181,7 @@ def _applied(
     if identified is None:
         return assembly
     fit = identified.fit
-    wanted = {unknown.address for unknown in fit.task.parameters.wanted}
+    wanted = {address for unknown in fit.task.parameters.wanted for address in unknown.reached}
     tolerances = tolerances_of(effects)
     if any(covered(address, assembly) for address in wanted):
         try:
@@ -188,7 +192,8 @@ def _applied(
             raise CampaignError.about(identified.campaign.file, f"{name} cannot be predicted: {error}") from None
     else:
         notes.append(f"{name}: none of the identified parameters is in it")
-    rest = [u.address for u in identified.campaign.unknowns if u.address not in wanted and covered(u.address, assembly)]
+    asked = [address for unknown in identified.campaign.unknowns for address in unknown.reached]
+    rest = [address for address in asked if address not in wanted and covered(address, assembly)]
     if rest:
         notes.append(
             f"{name}: {', '.join(rest)} {'was' if len(rest) == 1 else 'were'} not identified and stays at its start"
@@ -214,13 +219,21 @@ def _held_out_frequencies(
 
 
 def _held_out_frf(
-    name: str, measured: Measurement, assembly: Assembly, propagation: Propagation, at: Where
+    name: str,
+    measured: Measurement,
+    assembly: Assembly,
+    propagation: Propagation,
+    at: Where,
+    identified: CampaignIdentification | None,
 ) -> PredictedFRF:
     seen = measured.observation
     assert isinstance(seen, MeasuredFRF)
+    response, excitation = (SteppedPlace(seen.assembly, one).on(assembly) for one in (seen.response, seen.excitation))
     found, real, imaginary = propagation.receptance(
-        assembly, seen.frequency_hz, seen.response, seen.excitation, measured.effects, at, seen.force
+        assembly, seen.frequency_hz, response, excitation, measured.effects, at, seen.force
     )
+    if identified is not None and any(unknown.address in FACTORS for unknown in identified.fit.task.parameters.wanted):
+        found = _recorded(seen, identified, measured.effects)
     peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
     deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
     return PredictedFRF(
@@ -236,6 +249,17 @@ def _held_out_frf(
         measured_deviation=seen.standard_deviation,
         peaks=tuple(peak.with_deviation(one) for peak, one in zip(peaks, deviations, strict=True)),
     )
+
+
+def _recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
+    """Return the predicted FRF as the chain would record it that the fit has found: with its gain, delay and window."""
+    fit, fresh = identified.fit, list[str]()
+    placed = fit.task.parameters.at(place_of(seen, 0), tolerances_of(effects), fresh)
+    values = np.append(np.array(list(fit.values.values())), np.zeros(len(fresh)))
+    residual = FRFResidual(seen, Addresses(placed.addresses), "logarithm", None, None).value(placed.values(values))
+    real, imaginary = residual.reshape(2, -1)
+    found: NDArray[np.complex128] = seen.receptance * np.exp(-real - 1j * imaginary)
+    return found
 
 
 def _peak_deviations(

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from receptance.campaign.addresses import value_at
 from receptance.campaign.deviations import parse_share
-from receptance.campaign.quantities import shown
+from receptance.campaign.quantities import Kind, parse, shown
 from receptance.identification.priors import Prior
 
 if TYPE_CHECKING:
@@ -16,16 +15,16 @@ if TYPE_CHECKING:
 __all__ = ["prior_of"]
 
 
-def prior_of(address: str, table: PriorTable, logarithmic: bool) -> Prior:
+def prior_of(kind: Kind, table: PriorTable, logarithmic: bool) -> Prior:
     """Return a prior on the scale of the fit; a mistake in it is a ValueError that says what was expected."""
-    mean = value_at(address, table.value)
-    return Prior(mean=mean, standard_deviation=_spread(address, table.spread, mean, logarithmic))
+    mean = parse(table.value, kind)
+    return Prior(mean=mean, standard_deviation=_spread(kind, table.spread, mean, logarithmic))
 
 
-def _spread(address: str, written: str | float, mean: float, logarithmic: bool) -> float:
+def _spread(kind: Kind, written: str | float, mean: float, logarithmic: bool) -> float:
     expected = 'a standard deviation such as "30 %", or a quantity of the parameter\'s kind'
     if not isinstance(written, str):
-        return value_at(address, written) / (abs(mean) if logarithmic else 1.0)
+        return parse(written, kind) / (abs(mean) if logarithmic else 1.0)
     if written.startswith("factor"):
         try:
             factor = float(written.removeprefix("factor"))
@@ -38,4 +37,4 @@ def _spread(address: str, written: str | float, mean: float, logarithmic: bool) 
     if written.rstrip().endswith(("%", "percent")):
         share = parse_share(written, expected)
         return share if logarithmic else share * abs(mean)
-    return value_at(address, written) / (abs(mean) if logarithmic else 1.0)
+    return parse(written, kind) / (abs(mean) if logarithmic else 1.0)

@@ -74,6 +74,8 @@ KINDS = {
         Kind("a frequency", "Hz", "2.5 kHz"),
         Kind("a frequency or zero", "Hz", "500 Hz", "zero or more"),
         Kind("a rate of decay", "1/s", "20 1/s", "zero or more"),
+        Kind("a time of either sign", "s", "5e-6 s", "any"),
+        Kind("a logarithm", "", "0.03", "any"),
         Kind("a force", "N", "20 N"),
         Kind("a time", "s", "2 ms"),
         Kind("a time or zero", "s", "2 ms", "zero or more"),

@@ -16,6 +16,7 @@ from receptance.campaign.deviations import parse_deviation
 from receptance.campaign.levels import parse_level
 from receptance.campaign.suggestions import did_you_mean
 from receptance.campaign.workshop import OWNERS, Workshop, expected
+from receptance.identification.factors import FACTORS
 
 if TYPE_CHECKING:
     from receptance.campaign.lines import Path
@@ -77,6 +78,9 @@ def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | 
     _known((*path, "sensor"), table, "sensor", workshop, "sensors")
     _check_places(path, table, workshop)
     _check_conditions(path, table, workshop)
+    for index, name in enumerate(_list(table.get("attachments"))):
+        if isinstance(name, str):
+            workshop.known((*path, "attachments", index), name, "attachments")
     if folder is None:
         return
     _check_level(path, table, workshop)
@@ -102,16 +106,30 @@ def _check_file(path: Path, name: str, folder: FilePath, workshop: Workshop) -> 
 
 def _check_unknown(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
     address = str(path[-1])
-    if workshop.make(path, kind_of, address) is None:
+    for index, name in enumerate(_list(table.get("assemblies"))):
+        if isinstance(name, str):
+            workshop.known((*path, "assemblies", index), name, "assemblies")
+    moves = _dict(table.get("moves"))
+    for key in ("also", "moves"):
+        for other in _dict(table.get(key)):
+            _check_address((*path, key, other), other, workshop)
+    if moves or not _check_address(path, address, workshop) or table.get("multiple") is not None:
         return
-    owner = address.split(".", 1)[0]
-    known = [name for section in OWNERS for name in workshop.named[section]]
-    if owner not in known and not workshop.blind(*OWNERS):
-        text = f'begins with "{owner}", which is not a part, joint, attachment or sensor of this file'
-        workshop.problems.add(path, text + expected(owner, known))
     for key in ("lower", "upper", "start"):
         if isinstance(table.get(key), (str, int, float)):
             workshop.make((*path, key), value_at, address, table[key])
+
+
+def _check_address(path: Path, address: str, workshop: Workshop) -> bool:
+    """Return whether an address has the form of one; add a mistake where its owner is unknown."""
+    if workshop.make(path, kind_of, address) is None:
+        return False
+    owner = address.split(".", 1)[0]
+    known = [name for section in OWNERS for name in workshop.named[section]]
+    if owner not in known and address not in FACTORS and not workshop.blind(*OWNERS):
+        text = f'begins with "{owner}", which is not a part, joint, attachment or sensor of this file'
+        workshop.problems.add(path, text + expected(owner, known))
+    return True
 
 
 def _check_level(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:

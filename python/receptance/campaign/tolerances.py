@@ -13,6 +13,7 @@ from receptance.campaign.addresses import kind_of
 from receptance.campaign.assembling import no_address
 from receptance.campaign.deviations import Deviation, parse_deviation
 from receptance.campaign.problems import path_text
+from receptance.campaign.unknown_building import addresses_of
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.workshop import Workshop
 
-__all__ = ["Effects", "assembly_effects", "sensor_effects"]
+__all__ = ["Effects", "assembly_effects", "effects_beside"]
 
 Effects = dict[str, dict[str, float]]
 """By error, then by address: the standard deviation in SI units that the error gives the parameter."""
@@ -40,7 +41,8 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop:
     assembly = built.assemblies[name]
     table = campaign.assemblies[name]
     here: Path = ("assemblies", name)
-    taken = {own for address in built.unknowns for own in covered(address, assembly)}
+    named = [address for unknown in built.unknowns.values() for address in addresses_of(unknown)]
+    taken = {own for address in named for own in covered(address, assembly)}
     own_sets = {own for address in table.set for own in covered(address, assembly)}
     effects: Effects = {}
 
@@ -67,12 +69,15 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop:
     return effects
 
 
-def sensor_effects(name: str, campaign: CampaignTable, built: Built) -> Effects:
-    """Return the errors of a sensor's mass and inertia."""
+def effects_beside(name: str, campaign: CampaignTable, built: Built) -> Effects:
+    """Return the errors of a sensor, or of what else sat on an assembly only while it was measured."""
     effects: Effects = {}
-    for address, path, deviation in _fields(("sensors", name), name, campaign.sensors[name].tolerance):
+    section = "sensors" if name in built.sensors else "attachments"
+    spread = getattr(campaign, section)[name].tolerance
+    point = (built.sensors if name in built.sensors else built.attachments)[name]
+    for address, path, deviation in _fields((section, name), name, spread):
         if address not in built.unknowns:
-            value = float(getattr(built.sensors[name], address.split(".", 1)[1]))
+            value = float(getattr(point, address.split(".", 1)[1]))
             effects.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
     return effects
 
