@@ -71,7 +71,12 @@ def test_a_delay_of_one_assembly_alone(tmp_path: Path) -> None:
 def test_moves_and_multiples(tmp_path: Path) -> None:
     both = """
 "tool E" = { lower = -0.2, upper = 0.2, start = 0.0, moves = { "tool.segment[*].youngs_modulus" = 1 }, relative = true }
-"holder.segment[0].length" = { lower = 0.01, upper = 0.03, start = 0.018, multiple = 2.0, also = { "holder.segment[1].length" = 4.5 } }
+[unknowns."holder.segment[0].length"]
+lower = 0.01
+upper = 0.03
+start = 0.018
+multiple = 2.0
+also = { "holder.segment[1].length" = 4.5 }
 """
     found = campaign_of(tmp_path, both).identify()
     assert found.fit.values["tool E"] == pytest.approx(0.0, abs=1e-4)
@@ -80,7 +85,13 @@ def test_moves_and_multiples(tmp_path: Path) -> None:
 
 def test_a_power_of_a_condition_moves_several(tmp_path: Path) -> None:
     moved = """
-"softer" = { lower = -4, upper = 4, moves = { "joint.k_y" = 1, "joint.k_theta" = 1 }, relative = true, power_of = "tool.segment[0].length", reference = "75 mm" }
+[unknowns.softer]
+lower = -4
+upper = 4
+moves = { "joint.k_y" = 1, "joint.k_theta" = 1 }
+relative = true
+power_of = "tool.segment[0].length"
+reference = "75 mm"
 """
     found = campaign_of(tmp_path, moved).identify()
     assert found.fit.values["softer"] == pytest.approx(0.0, abs=1e-3)
@@ -110,14 +121,14 @@ def test_another_quantity_than_the_file_says(tmp_path: Path) -> None:
         ('"observation.log_gian" = { lower = -1.0, upper = 1.0 }', 'did you mean "log_gain"'),
         ('"x" = { lower = -1, upper = 1, moves = { "tol.segment[*].density" = 1 } }', 'begins with "tol"'),
         ('"x" = { lower = -1, upper = 1, moves = { "tool.segment[7].density" = 1 } }', "is a parameter of no assembly"),
-        ('"x" = { lower = "1 mm", upper = 1, moves = { "tool.segment[*].density" = 1 } }', 'is "1 mm", expected a number'),
+        ('"x" = { lower = "1 mm", upper = 1, moves = { "tool.segment[*].density" = 1 } }', 'is "1 mm", expected'),
         ('"x" = { lower = -1, upper = 1, free = true, moves = { "joint.k_y" = 1 } }', "is given with `moves`"),
         ('"joint.k_ytheta" = { lower = "-1 N/rad", upper = "1 N/rad", relative = true }', "nothing that it `moves`"),
         ('"observation.delay" = { lower = "-1 ms", upper = "1 ms", assemblies = ["shrt"] }', 'did you mean "short"'),
     ],
 )  # fmt: skip
 def test_mistakes_are_told(tmp_path: Path, unknown: str, said: str) -> None:
-    with pytest.raises(CampaignError, match=".*") as error:
+    with pytest.raises(CampaignError) as error:
         campaign_of(tmp_path, f"{unknown}\n")
     assert said in str(error.value)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from campaign_text import TEXT, changed, write
-from receptance.cli import main
+from command_line import call
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -21,15 +21,6 @@ PNG = b"\x89PNG\r\n\x1a\n"
 @pytest.fixture(autouse=True)
 def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert isinstance(end.value.code, int)
-    return end.value.code
 
 
 def left() -> set[str]:

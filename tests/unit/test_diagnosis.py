@@ -94,7 +94,7 @@ def test_causes_of_the_chain_are_of_the_frfs_alone_beside_natural_frequencies() 
     for seen in (observed(factor=1.05, overhangs=(0.07,)), observed(factor=1.05)):
         verdict = diagnose([*seen, *frequencies], JOINT, tolerances=TOLERANCES, causes=chain, most=1)
         assert [one.id for one in verdict.causes] == ["calibration_gain"]
-        (value, low, high), *_ = verdict.causes[0].parameters.values()
+        (_, low, high), *_ = verdict.causes[0].parameters.values()
         assert low < np.log(1.05) < high
         assert any("by the FRFs alone" in note for note in verdict.notes)
 

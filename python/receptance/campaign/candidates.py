@@ -40,7 +40,8 @@ def build_candidate(
 ) -> Candidate | None:
     """Return a candidate, or None after its mistakes are added.
 
-    `effects` are the errors of assemblies and of what sits on them beside by their names, `of_assemblies` the conditions of these.
+    `effects` are the errors of assemblies, and of what sits on them only while measured, by their names;
+    `of_assemblies` are the conditions of assemblies.
     """
     table, path = campaign.candidates[name], ("candidates", name)
     make = workshop.make

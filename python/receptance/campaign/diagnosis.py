@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from receptance._files import write_whole
 from receptance.campaign.identification import observed_unknowns, tolerances_of_measurements
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 
 if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
+    from receptance.campaign.observations import Measurement
     from receptance.diagnosis import Cause, Verdict
+    from receptance.diagnosis.model import Model
 
-__all__ = ["CampaignDiagnosis", "diagnose_campaign"]
+__all__ = ["CampaignDiagnosis", "campaign_model", "diagnose_campaign"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +59,38 @@ class CampaignDiagnosis:
         )
         return found
 
+    def extended_text(self, folder: str | Path) -> str:
+        """Return the extended model as the text of a campaign file that is to stand in a folder.
+
+        `identify` and `predict` take it like any other campaign; the unknowns begin where the diagnosis ended. Data
+        files are named from that folder.
+
+        Raises
+        ------
+        ValueError
+            There is no extended model, or it has something that a campaign file cannot say.
+        """
+        from receptance.campaign.extended import extended_text
+
+        return extended_text(self, Path(folder))
+
+    def write_extended(self, path: str | Path) -> Path:
+        """Write the extended model as a campaign file, whole or not at all; see `extended_text`."""
+        target = Path(path)
+        write_whole({target: self.extended_text(target.parent).encode("utf-8")})
+        return target
+
     def __repr__(self) -> str:
         return f"CampaignDiagnosis({self.campaign.title!r}, {self.verdict!r})"
+
+
+def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[Model, list[str]]:
+    """Return measurements of a campaign as the model that is diagnosed, and what to say of unknowns left out."""
+    from receptance.diagnosis.model import Model
+
+    unknowns, left_out = observed_unknowns(campaign, seen)
+    observations = tuple(one.observation for one in seen.values())
+    return Model(observations, tuple(unknowns), tuple(tolerances_of_measurements(seen))), left_out
 
 
 def diagnose_campaign(
@@ -86,13 +120,13 @@ def diagnose_campaign(
         seen, kept_back = dict(campaign.measurements), {}
     if not seen:
         raise CampaignError.about(campaign.file, "there is nothing to diagnose, expected measurements to identify from")
-    unknowns, left_out = observed_unknowns(campaign, seen)
+    model, left_out = campaign_model(campaign, seen)
     settings = campaign.table.settings
     try:
         verdict = diagnose(
-            [one.observation for one in seen.values()],
-            unknowns,
-            tolerances=tolerances_of_measurements(seen),
+            model.observations,
+            model.unknowns,
+            tolerances=model.tolerances,
             causes=causes,
             seed=settings.seed,
             threads=threads,

@@ -28,7 +28,7 @@ from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.identification import MeasuredFRF
 
-__all__ = ["load", "measured_structures"]
+__all__ = ["load", "loaded", "measured_structures"]
 
 FILE = "campaign.toml"
 """What a campaign file is called where only its folder is given."""
@@ -84,7 +84,19 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
     """
     file = _file(FilePath(path))
     data, lines = _read(file)
-    problems = Problems(lines)
+    return loaded(file, data, lines, called=path, progress=progress)
+
+
+def loaded(
+    file: FilePath,
+    data: dict[str, Any],
+    lines: dict[Path, int] | None = None,
+    *,
+    called: str | FilePath | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Campaign:
+    """Return the campaign of what a file holds, or would hold if it were written."""
+    problems = Problems(lines or {})
     table, workshop, built = _described(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
     beside = {name: effects_beside(name, table, built) for name in (*built.sensors, *built.attachments)}
@@ -97,15 +109,14 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
         if measured is not None:
             measurements[name] = measured
     possible = {
-        name: build_candidate(name, table, built, (effects, beside), workshop, conditions)
-        for name in table.candidates
+        name: build_candidate(name, table, built, (effects, beside), workshop, conditions) for name in table.candidates
     }
     places = _places(table, built, workshop)
     _check_weights(measurements, table, problems)
     if problems.found:
-        raise CampaignError(path, problems.found)
+        raise CampaignError(called or file, problems.found)
     for warning in dict.fromkeys(workshop.warnings):
-        warnings.warn(warning, ReceptanceWarning, stacklevel=2)
+        warnings.warn(warning, ReceptanceWarning, stacklevel=3)
     return Campaign(
         file=file,
         table=table,

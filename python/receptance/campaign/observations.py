@@ -186,7 +186,8 @@ def build_measurement(
 ) -> Measurement | None:
     """Return a measurement with its data read, or None after its mistakes are added.
 
-    `effects` are the errors of assemblies and of what sits on them beside by their names, `of_assemblies` the conditions of these.
+    `effects` are the errors of assemblies, and of what sits on them only while measured, by their names;
+    `of_assemblies` are the conditions of assemblies.
     """
     table = campaign.measurements[name]
     before = len(workshop.notes)

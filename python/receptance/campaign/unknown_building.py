@@ -61,7 +61,7 @@ def build_unknown(address: str, table: UnknownTable, campaign: CampaignTable, wo
         if fields["prior"] is None:
             return None
     if table.moves:
-        return _move(path, table, fields, workshop)
+        return _move(path, table, {**fields, "name": table.name or address}, workshop)
     fields |= {"multiple": 1.0 if table.multiple is None else table.multiple, "also": table.also}
     if table.relative:
         workshop.problems.add((*path, "relative"), "is given, but nothing that it `moves`")

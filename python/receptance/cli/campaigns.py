@@ -15,6 +15,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
+    from receptance.campaign.diagnosis import CampaignDiagnosis
 
 __all__ = ["diagnose", "example", "identify", "predict", "schema", "transfer"]
 
@@ -160,12 +161,16 @@ def diagnose(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE.html", help="Write the report as one HTML file.")
     ] = None,
+    extended: Annotated[
+        Path | None,
+        typer.Option("--extended", metavar="FILE.toml", help="Write the extended model as a campaign of its own."),
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with 3 where the verdict is anything but adequate.")
     ] = False,
 ) -> None:
     """Say whether the model is adequate for what was measured, and what it lacks if not."""
-    targets = Targets(json_file, None, report)
+    targets = Targets(json_file, None, report, extended)
     from receptance.campaign import CampaignError
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
@@ -178,7 +183,8 @@ def diagnose(
 
         return diagnosis_html(found.verdict, title=read.title)
 
-    targets.write(found.as_dict(), report=page)
+    text, why_not = _extended(found, extended)
+    targets.write(found.as_dict(), report=page, extended=text)
     console = output()
     console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
     console.print(Text(found.verdict.summary()), soft_wrap=True)
@@ -187,8 +193,22 @@ def diagnose(
         if note not in said:
             console.print(Text(f"note: {note}"), soft_wrap=True)
     targets.name(console)
+    if why_not:
+        console.print(f"{extended} was not written: {why_not}", soft_wrap=True)
     if strict and found.verdict.verdict != "adequate":
         raise typer.Exit(ANSWER_IS_NO)
+
+
+def _extended(found: CampaignDiagnosis, target: Path | None) -> tuple[str | None, str]:
+    """Return the text of the extended campaign, or why there is none."""
+    if target is None:
+        return None, ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        try:
+            return found.extended_text(target.parent), ""
+        except ValueError as error:
+            return None, str(error)
 
 
 def _loaded(path: Path, targets: Targets) -> Campaign:

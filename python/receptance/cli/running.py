@@ -55,31 +55,41 @@ class Targets:
     beside: Path | None = None
     """A second figure that was written beside the one asked for."""
 
-    def __init__(self, json_file: Path | None, plot: Path | None, report: Path | None = None) -> None:
+    def __init__(
+        self, json_file: Path | None, plot: Path | None, report: Path | None = None, extended: Path | None = None
+    ) -> None:
         self.json_file, self.plot = json_file, plot
-        self.report = report
-        if json_file is not None and plot is not None and json_file.resolve() == plot.resolve():
-            raise InputError(f"--json and --plot both name {plot}; give two files")
-        if report is not None and json_file is not None and json_file.resolve() == report.resolve():
-            raise InputError(f"--json and --report both name {report}; give two files")
+        self.report, self.extended = report, extended
+        given: dict[Path, str] = {}
+        for option, path in self._asked:
+            if path.resolve() in given:
+                raise InputError(f"{given[path.resolve()]} and {option} both name {path}; give two files")
+            given[path.resolve()] = option
         if report is not None and report.suffix.lower() not in (".html", ".htm"):
             raise InputError(f"cannot write {report}: a report is one HTML file, expected an ending .html")
-        for path in (json_file, plot, report):
-            if path is not None:
-                with input_errors():
-                    check_target(path)
+        if extended is not None and extended.suffix.lower() != ".toml":
+            raise InputError(f"cannot write {extended}: a campaign is a TOML file, expected an ending .toml")
+        for _, path in self._asked:
+            with input_errors():
+                check_target(path)
         self.kind = "" if plot is None else _image_kind(plot)
+
+    @property
+    def _asked(self) -> list[tuple[str, Path]]:
+        """Options and their files."""
+        every = (
+            ("--json", self.json_file),
+            ("--plot", self.plot),
+            ("--report", self.report),
+            ("--extended", self.extended),
+        )
+        return [(option, path) for option, path in every if path is not None]
 
     def keep_off(self, path: Path, what: str) -> None:
         """Refuse to write over a file that is read."""
-        second = None if self.plot is None else _beside(self.plot, PROFILES)
-        for option, target in (
-            ("--json", self.json_file),
-            ("--plot", self.plot),
-            ("--plot", second),
-            ("--report", self.report),
-        ):
-            if target is not None and target.resolve() == path.resolve():
+        second = [] if self.plot is None else [("--plot", _beside(self.plot, PROFILES))]
+        for option, target in (*self._asked, *second):
+            if target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
     def write(
@@ -88,13 +98,18 @@ class Targets:
         draw: Callable[[], Figure] | None = None,
         profiles: Callable[[], Figure] | None = None,
         report: Callable[[], str] | None = None,
+        extended: str | None = None,
     ) -> None:
         """Write what was asked for, all of it or nothing; profiles as a figure of their own beside the other."""
+        if extended is None:
+            self.extended = None
         contents: dict[Path, bytes] = {}
         if self.json_file is not None:
             contents[self.json_file] = (json.dumps(results, indent=2, allow_nan=False) + "\n").encode()
         if self.report is not None and report is not None:
             contents[self.report] = report().encode()
+        if self.extended is not None and extended is not None:
+            contents[self.extended] = extended.encode()
         if self.plot is not None and draw is not None:
             from receptance.plot import as_image
 
@@ -111,6 +126,8 @@ class Targets:
             console.print(f"Results: {self.json_file}", soft_wrap=True)
         if self.report is not None:
             console.print(f"Report: {self.report}", soft_wrap=True)
+        if self.extended is not None:
+            console.print(f"Extended campaign: {self.extended}", soft_wrap=True)
         if self.plot is not None:
             console.print(f"Figure: {self.plot}", soft_wrap=True)
         if self.beside is not None:

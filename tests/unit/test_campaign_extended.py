@@ -1,0 +1,174 @@
+"""The extended model as a campaign file: identified and predicted as it is, with the same values and misfit."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from campaign_text import TEXT, load
+from receptance import FRF, campaign
+from receptance.campaign.diagnosis import CampaignDiagnosis, campaign_model
+from receptance.diagnosis import CATALOGUE, Cause, Variant
+from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.selection import Explanation
+from receptance.identification.observations import altered
+from receptance.io import write
+
+LINES = np.linspace(300.0, 6000.0, 400)
+JOINT = {"joint.k_y": 5e8, "joint.k_theta": 1e5, "joint.c_y": 200.0, "joint.c_theta": 0.5}
+HEAD = TEXT.partition("[measurements.short]")[0]
+OTHER = '[assemblies.other]\nchain = ["tool", "joint", "holder"]\nset = { "tool.segment[0].length" = "75 mm" }\n'
+MEASURED = """
+[measurements.{name}]
+kind = "frf"
+assembly = "{name}"
+role = "{role}"
+file = "data/{name}.csv"
+standard_deviation = "1 %"
+conditions = {{ force = "{force} N", plane = {plane} }}
+{more}
+"""
+UNKNOWNS = """
+[unknowns]
+"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m", start = "5e8 N/m" }
+"joint.k_theta" = { lower = "1e3 N m/rad", upper = "1e7 N m/rad", start = "1e5 N m/rad" }
+"joint.c_y" = { lower = "1 N s/m", upper = "1e5 N s/m", start = "200 N s/m" }
+"joint.c_theta" = { lower = "1e-3 N m s/rad", upper = "1e2 N m s/rad", start = "0.5 N m s/rad" }
+"""
+
+
+def written(folder: Path, more: str = "", **changes: float) -> campaign.Campaign:
+    """FRFs of three overhangs with 1 % of noise; the last one is held out, a fourth was not measured."""
+    head = HEAD + OTHER
+    plain = load(folder, f"{head}{UNKNOWNS}")
+    (folder / "data").mkdir(exist_ok=True)
+    rng = np.random.default_rng(8)
+    for name, assembly in plain.assemblies.items():
+        values = assembly.replace({**JOINT, **changes}).receptance(LINES)
+        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        write(folder / "data" / f"{name}.csv", FRF(frequency_hz=LINES, values=values * np.exp(noise)))
+    rows = (("short", "identify", 20, 1), ("long", "identify", 40, 2), ("longest", "hold out", 20, 1))
+    measured = "".join(
+        MEASURED.format(name=name, role=role, force=force, plane=plane, more=more) for name, role, force, plane in rows
+    )
+    return load(folder, f"{head}{measured}{UNKNOWNS}")
+
+
+def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> CampaignDiagnosis:
+    """A diagnosis that ended at causes where they are small, without the work of one."""
+    model, _ = campaign_model(read, read.to_identify)
+    base = _at_start(model)
+    for cause, variant in steps:
+        model = next(v.model for v in CATALOGUE[cause].variants(model) if v.name == variant)
+    fit = _at_start(model)
+    explanation = Explanation(tuple((CATALOGUE[c], v) for c, v in steps), fit, 100.0, 100.0)
+    verdict: Any = SimpleNamespace(
+        verdict="named",
+        explanation=explanation,
+        extended=fit,
+        ambiguous_between=(),
+        selection=SimpleNamespace(base=base),
+    )
+    return CampaignDiagnosis(
+        campaign=read, verdict=verdict, measurements=tuple(read.to_identify), notes=(), versions={}
+    )
+
+
+def _at_start(model: Model) -> Fit:
+    task = model.task()
+    problem = task.problem()
+    values = {}
+    for unknown in task.variables.unknowns:
+        small = 1e-4 * (unknown.upper - unknown.lower) if unknown.scale == "linear" else 0.0
+        values[unknown.name] = min(max(float(unknown.start or 0.0) + small, unknown.lower), unknown.upper)
+    x = task.variables.from_values(np.array(list(values.values())))
+    residual = problem.residual(x)
+    assert np.isfinite(residual).all(), problem.reason
+    return Fit(model, task, problem, x, float(residual @ residual), True)
+
+
+def variants() -> list[Any]:
+    """Every way of every cause that acts on a small campaign; the first of each in every test run."""
+    with tempfile.TemporaryDirectory() as folder:
+        read = written(Path(folder))
+        model, _ = campaign_model(read, read.to_identify)
+        found = []
+        for cause in (one for one in CATALOGUE.values() if one.id != "flexible_body"):
+            for number, variant in enumerate(cause.variants(model)[:8]):
+                marks = [pytest.mark.slow] if number else []
+                found.append(pytest.param((cause.id, variant.name), id=f"{cause.id}-{variant.name}", marks=marks))
+    return found
+
+
+@pytest.mark.parametrize("step", variants())
+def test_every_cause_can_be_written(tmp_path: Path, step: tuple[str, str]) -> None:
+    """`write_extended` reads what it is about to write, and refuses what is not the model that was diagnosed."""
+    path = as_if_found(written(tmp_path), step).write_extended(tmp_path / "extended.toml")
+    again = campaign.load(path)
+    assert set(again.measurements) == {"short", "long", "longest"}
+    if CATALOGUE[step[0]].group == "measurement":
+        assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
+
+
+def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
+    sensed = written(tmp_path, 'sensor = "accelerometer"')
+    steps = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]
+    again = campaign.load(as_if_found(sensed, *steps).write_extended(tmp_path / "extended.toml"))
+    observed = again.measurements["longest"].observation.assembly
+    assert set(observed.attachments) == {"accelerometer", "cause_sensor"}
+    assert len(again.assemblies["other"].elements["tool"].segments) == 2
+    # The error of the diameter is one error, whatever pieces the blank was cut into.
+    (moved,) = [
+        own for name, own in again.effects["other"].items() if name.endswith("outer_diameter") and "tool" in name
+    ]
+    assert set(moved) == {"tool.segment[0].outer_diameter", "tool.segment[1].outer_diameter"}
+
+
+def test_what_a_campaign_cannot_say_is_refused(tmp_path: Path) -> None:
+    """A cause of one's own may do anything; what comes out must be the model that was diagnosed, or nothing."""
+
+    def change(p: Any, model: Model) -> Any:
+        yield Variant("all", model.map(lambda one: altered(one, receptance=1.1 * one.receptance)))
+
+    odd = Cause(id="odd", group="measurement", parameters=(), change=change, meaning="odd", remedy="none")
+    read = written(tmp_path)
+    found = as_if_found(read)
+    model = odd.variants(found.verdict.explanation.fit.model)[0].model
+    found.verdict.explanation = Explanation(((odd, "all"),), _at_start(model), 100.0, 100.0)
+    with pytest.raises(ValueError, match="a campaign cannot say"):
+        found.write_extended(tmp_path / "extended.toml")
+    assert not (tmp_path / "extended.toml").exists()
+
+
+def test_diagnose_write_identify_predict(tmp_path: Path) -> None:
+    """The round trip: the same values, the same misfit, and held-out data nearer than before."""
+    read = written(tmp_path, **{"tool.segment[0].density": 1.06 * 14500.0})
+    found = read.diagnose(["tool_density", "calibration_gain", "sensor_mass"])
+    assert [one.id for one in found.verdict.causes] == ["tool_density"]
+    (tmp_path / "elsewhere").mkdir()
+    path = found.write_extended(tmp_path / "elsewhere" / "extended.toml")
+    again = campaign.load(path)
+    identified = again.identify()
+    fit = found.verdict.explanation.fit
+    assert set(identified.fit.values) == set(fit.values)
+    for name, value in fit.values.items():
+        assert identified.fit.values[name] == pytest.approx(value, rel=1e-4, abs=2e-3), name
+    errors = [identified.fit.values[name] for name in identified.fit.errors]
+    chi_square = sum(float(r @ r) for r in identified.fit.residuals) + float(np.square(errors).sum())
+    assert chi_square == pytest.approx(fit.chi_square, rel=1e-5)
+    after, before = again.predict(identified), read.predict()
+    assert after.rms_percent < 0.3 * before.rms_percent
+    assert {one.name for one in after.frequencies} == {one.name for one in before.frequencies}
+
+
+def test_without_an_extension_there_is_no_file(tmp_path: Path) -> None:
+    found = as_if_found(written(tmp_path))
+    found.verdict.explanation = None
+    with pytest.raises(ValueError, match="no extended model"):
+        found.extended_text(tmp_path)

@@ -1,0 +1,99 @@
+"""The command `diagnose`, as a person runs it: a short answer, a report, JSON, and the extended campaign."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from campaign_text import TEXT, write
+from command_line import call
+from receptance import FRF, campaign, io
+
+LINES = np.linspace(300.0, 6000.0, 300)
+HEAD = TEXT.partition("[measurements.short]")[0]
+MEASURED = """
+[measurements.{name}]
+kind = "frf"
+assembly = "{name}"
+role = "{role}"
+file = "{name}.csv"
+standard_deviation = "1 %"
+"""
+UNKNOWNS = """
+[settings]
+profiles = false
+
+[unknowns]
+"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }
+"joint.k_theta" = { lower = "1e3 N m/rad", upper = "1e7 N m/rad" }
+"joint.c_y" = { lower = "1 N s/m", upper = "1e5 N s/m" }
+"joint.c_theta" = { lower = "1e-3 N m s/rad", upper = "1e2 N m s/rad" }
+"""
+JOINT = {"joint.k_y": 5e8, "joint.k_theta": 1e5, "joint.c_y": 200.0, "joint.c_theta": 0.5}
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def simulated(factor: float) -> None:
+    """Three overhangs with one per cent of noise, and a gain that nobody knows of."""
+    rng = np.random.default_rng(8)
+    folder = Path("rods")
+    folder.mkdir()
+    plain = campaign.load(write(folder, f"{HEAD}{UNKNOWNS}"))
+    for name, assembly in plain.assemblies.items():
+        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        values = factor * assembly.replace(JOINT).receptance(LINES) * np.exp(noise)
+        io.write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=values))
+    roles = {"short": "identify", "long": "identify", "longest": "hold out"}
+    write(folder, HEAD + "".join(MEASURED.format(name=name, role=role) for name, role in roles.items()) + UNKNOWNS)
+
+
+def test_it_names_a_gain_and_writes_the_extended_campaign(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulated(1.06)
+    asked = ("--cause", "calibration_gain", "--cause", "sensor_mass", "--cause", "time_delay")
+    files = ("--json", "v.json", "--report", "v.html", "--extended", "extended.toml")
+    assert call(monkeypatch, "diagnose", "rods", *asked, *files) == 0
+    said = capsys.readouterr().out
+    assert "calibration_gain" in said
+    assert "Extended campaign: extended.toml" in said
+    found = json.loads(Path("v.json").read_text())
+    assert found["verdict"] == "named"
+    assert Path("v.html").read_text().startswith("<!DOCTYPE html>")
+    assert call(monkeypatch, "identify", "extended.toml", "--json", "i.json") == 0
+    gain = json.loads(Path("i.json").read_text())["parameters"]["calibration_gain.log_gain"]
+    assert gain["value"] == pytest.approx(found["extended"]["calibration_gain.log_gain"], rel=1e-3)
+    assert gain["value"] == pytest.approx(np.log(1.06), abs=3e-3)
+
+
+def test_nothing_to_extend_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    simulated(1.0)
+    assert call(monkeypatch, "diagnose", "rods", "--cause", "calibration_gain", "--extended", "e.toml") == 0
+    assert (
+        "e.toml was not written: there is no extended model, because the verdict is adequate" in capsys.readouterr().out
+    )
+    assert not Path("e.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--report", "x.pdf"), "expected an ending .html"),
+        (("--extended", "x.json"), "expected an ending .toml"),
+        (("--extended", "rods/campaign.toml"), "which is the campaign file"),
+        (("--json", "x.html", "--report", "x.html"), "--json and --report both name x.html"),
+    ],
+)
+def test_mistakes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], said: str
+) -> None:
+    simulated(1.0)
+    assert call(monkeypatch, "diagnose", "rods", *options) == 2
+    assert said in capsys.readouterr().err
