@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
     from receptance.campaign.transfer import CampaignTransfer
-    from receptance.diagnosis import Cause
+    from receptance.diagnosis import Cause, Metric
 
 __all__ = ["Campaign"]
 
@@ -238,6 +238,7 @@ class Campaign:
         self,
         causes: Iterable[Cause | str] | None = None,
         *,
+        metrics: Mapping[str, Metric] | None = None,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> CampaignDiagnosis:
@@ -250,6 +251,8 @@ class Campaign:
         ----------
         causes : sequence of Cause and str, optional
             Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
+        metrics : mapping of str to callable, optional
+            As in `receptance.diagnosis.diagnose`, on what is held out.
         threads, progress
             As in `identify`.
 
@@ -260,7 +263,7 @@ class Campaign:
         """
         from receptance.campaign.diagnosis import diagnose_campaign
 
-        return diagnose_campaign(self, causes=causes, threads=threads, progress=progress)
+        return diagnose_campaign(self, causes=causes, metrics=metrics, threads=threads, progress=progress)
 
     def __repr__(self) -> str:
         counts = [

@@ -15,7 +15,7 @@ from receptance.campaign.problems import CampaignError
 if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.observations import Measurement
-    from receptance.diagnosis import Cause, Verdict
+    from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
 
 __all__ = ["CampaignDiagnosis", "campaign_model", "diagnose_campaign"]
@@ -97,6 +97,7 @@ def diagnose_campaign(
     campaign: Campaign,
     *,
     causes: Iterable[Cause | str] | None = None,
+    metrics: Mapping[str, Metric] | None = None,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CampaignDiagnosis:
@@ -131,18 +132,20 @@ def diagnose_campaign(
             seed=settings.seed,
             threads=threads,
             held_out=not kept_back,
+            metrics=metrics,
             progress=progress,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
     if kept_back:
-        gain = improvement(
+        gains = improvement(
             verdict.selection,
             verdict.explanation,
             [one.observation for one in kept_back.values()],
             tolerances_of_measurements(kept_back),
+            metrics,
         )
-        verdict = replace(verdict, gain=gain)
+        verdict = replace(verdict, gains=gains)
     notes += [*left_out, *verdict.notes]
     return CampaignDiagnosis(
         campaign=campaign,

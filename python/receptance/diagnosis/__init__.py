@@ -3,6 +3,7 @@
 from receptance.diagnosis.catalogue import CATALOGUE
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.engine import diagnose
+from receptance.diagnosis.held_out import HeldOut, Metric
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.verdict import Candidate, Gain, NextMeasurement, Verdict
 
@@ -11,6 +12,8 @@ __all__ = [
     "Candidate",
     "Cause",
     "Gain",
+    "HeldOut",
+    "Metric",
     "Model",
     "NextMeasurement",
     "Parameter",

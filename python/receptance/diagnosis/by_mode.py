@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from receptance.identification.task import Observation
 
-__all__ = ["Curve", "ModeResidual", "curves", "residuals_by_mode"]
+__all__ = ["Curve", "ModeResidual", "curve_of", "curves", "modes_of", "residuals_by_mode"]
 
 _SAME_MODE = 0.06
 """Peaks further apart than this, relatively, are different modes."""
@@ -60,7 +60,7 @@ class ModeResidual:
     label, configuration : str
         The observation's.
     mode : int
-        Its number among the modes in the band, from 1.
+        Its number: of the elastic modes where natural frequencies were measured, else among the peaks in the band.
     measured_hz : float
         The measured natural frequency.
     frequency_percent, damping_percent : float
@@ -82,17 +82,20 @@ class ModeResidual:
 def curves(fit: Fit) -> list[Curve]:
     """Return every observation as measured and as fitted, from the residuals of the fit."""
     parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
-    return [_curve(one, part) for one, part in zip(fit.model.observations, parts, strict=False)]
+    return [curve_of(one, part) for one, part in zip(fit.model.observations, parts, strict=False)]
 
 
-def _curve(one: Observation, residual: NDArray[np.float64]) -> Curve:
+def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
+    """Return an observation as measured and as modelled, from its residual in standard deviations."""
     label, configuration = one.label or one.configuration, one.configuration or one.label
     if isinstance(one, MeasuredFrequencies):
         # Calculated minus measured.
-        modelled = one.frequency_hz + residual * np.asarray(one.standard_deviation_hz)
+        unit = one.frequency_hz if one.standard_deviation_hz is None else one.standard_deviation_hz
+        modelled = one.frequency_hz + residual * unit
         return Curve(label, configuration, one.frequency_hz, one.frequency_hz, modelled, residual[None])
     pair = residual.reshape(2, -1)
-    modelled = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * np.asarray(one.standard_deviation))
+    spread = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
+    modelled = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * spread)
     return Curve(label, configuration, one.frequency_hz.real, one.receptance, modelled, pair)
 
 
@@ -104,18 +107,23 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
     """
     found: list[ModeResidual] = []
     for one, curve in zip(fit.model.observations, curves(fit), strict=True):
-        found += _at_peaks(one, curve) if isinstance(one, MeasuredFRF) else _at_frequencies(curve)
+        found += modes_of(one, curve)
     return tuple(found)
 
 
-def _at_frequencies(curve: Curve) -> list[ModeResidual]:
+def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
+    """Return what is left at each mode of one observation."""
+    return _at_peaks(one, curve) if isinstance(one, MeasuredFRF) else _at_frequencies(one, curve)
+
+
+def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual]:
     measured, modelled = curve.measured.real, curve.modelled.real
     nothing = float("nan")
     return [
         ModeResidual(
-            curve.label, curve.configuration, i + 1, float(f), float(100.0 * (f - g) / f), nothing, nothing, nothing
+            curve.label, curve.configuration, mode, float(f), float(100.0 * (f - g) / f), nothing, nothing, nothing
         )
-        for i, (f, g) in enumerate(zip(measured, modelled, strict=True))
+        for mode, f, g in zip(one.modes, measured, modelled, strict=True)
     ]
 
 
@@ -128,7 +136,7 @@ def _at_peaks(one: MeasuredFRF, curve: Curve) -> list[ModeResidual]:
             frequency_hz=curve.frequency_hz,
             values=curve.measured,
             decay_rate=decay,
-            log_variance=np.square(np.broadcast_to(np.asarray(one.standard_deviation), curve.frequency_hz.shape)),
+            log_variance=None if one.standard_deviation is None else np.square(one.standard_deviation),
         )
         modelled = FRF(frequency_hz=curve.frequency_hz, values=curve.modelled, decay_rate=decay)
         theirs = _modes(modelled)

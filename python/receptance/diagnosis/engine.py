@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import listed
 from receptance.diagnosis.causes import Cause
-from receptance.diagnosis.held_out import folded
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
@@ -40,6 +40,7 @@ def diagnose(
     threads: int | None = None,
     held_out: bool = False,
     most: int = 2,
+    metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Verdict:
     """Say whether a model is adequate for what was measured, and which cause explains it if not.
@@ -64,6 +65,9 @@ def diagnose(
         repeated without them.
     most : int, optional
         How many causes may act together.
+    metrics : mapping of str to callable, optional
+        With `held_out`: errors of a prediction that matter to you, by name. Each gets a
+        `receptance.diagnosis.HeldOut` and returns a number, smaller where the prediction is better.
     progress : callable, optional
         Is told what is being done.
 
@@ -115,13 +119,25 @@ def diagnose(
     observed = _observed(observations)
     if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
         raise ValueError(f"most is {most!r}, expected a whole number of at least 1")
+    own = _metrics(metrics)
     _checks.thread_count(threads)
     model = Model(observed, wanted, errors)
     selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
-    gain = None
+    gains: tuple[Gain, ...] = ()
     if held_out:
-        gain = folded(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
-    return _verdict(selection, seed, most, gain)
+        options: dict[str, Any] = {"metrics": own, "progress": progress}
+        gains = folded(model, listed(causes), seed=seed, threads=threads, most=most, **options)
+    return _verdict(selection, seed, most, gains)
+
+
+def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
+    given = dict(metrics or {})
+    for name, metric in given.items():
+        if not isinstance(name, str) or not callable(metric):
+            raise TypeError(f"metrics has {name!r}: {metric!r}, expected a name and a function")
+        if name in (FREQUENCIES, SPECTRAL, SCORE):
+            raise ValueError(f"the metric {name!r} is there already, expected another name")
+    return given
 
 
 def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
@@ -140,7 +156,7 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
     return found
 
 
-def _verdict(selection: Selection, seed: int, most: int, gain: Gain | None) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, gains: tuple[Gain, ...]) -> Verdict:
     judgement = conclude(selection)
     notes = [*judgement.notes, *_on_data(selection)]
     fitted: dict[Explanation, Identification] = {}
@@ -166,7 +182,7 @@ def _verdict(selection: Selection, seed: int, most: int, gain: Gain | None) -> V
         threshold=selection.threshold,
         base=selection.base.identification(seed),
         extended=None if best is None else identified(best),
-        gain=gain,
+        gains=gains,
         next_measurement=advise(selection, judgement),
         undecidable=selection.undecidable,
         notes=tuple(notes),

@@ -3,32 +3,72 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from receptance.diagnosis.causes import Cause, changed
+from receptance.diagnosis.by_mode import curve_of, modes_of
+from receptance.diagnosis.causes import Cause
 from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.selection import Explanation, Selection, select
 from receptance.diagnosis.verdict import Gain
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
-from receptance.identification.mapping import Addresses, MappedResidual
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, InfeasibleError, Unit
+from receptance.identification.residuals import InfeasibleError
 from receptance.identification.task import Observation, place_of
 
-__all__ = ["folded", "improvement", "score"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
+    from receptance.assembly import Assembly
+
+__all__ = ["FREQUENCIES", "SCORE", "SPECTRAL", "HeldOut", "Metric", "folded", "improvement"]
+
+FREQUENCIES = "natural frequencies, rms error in percent"
+SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"
+SCORE = "predictive log score in nats"
 _FOLDS = 4
 """Folds at most: each repeats the whole selection."""
-_STEPS = 8
-"""Steps in which a held-out configuration's own errors are found."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """An observation that the fit never saw, and what was predicted of it: what a metric of one's own is given.
+
+    Attributes
+    ----------
+    observation : MeasuredFRF or MeasuredFrequencies
+        What was measured.
+    assembly : Assembly
+        The predicted structure as it was measured, a sensor's mass included.
+    receptance : ndarray or None
+        `(n,)` predicted on the lines of a MeasuredFRF, as the chain would record it; None of natural frequencies.
+    """
+
+    observation: Observation
+    assembly: Assembly
+    receptance: NDArray[np.complex128] | None
+
+
+Metric = Callable[[HeldOut], float]
+"""An error of a prediction: smaller is better. Not a number where it says nothing of that observation."""
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """One configuration that was held out, and each metric before and after."""
+
+    configuration: str
+    verdict: str
+    causes: tuple[str, ...]
+    before: Mapping[str, float]
+    after: Mapping[str, float]
 
 
 def folded(
@@ -38,73 +78,166 @@ def folded(
     seed: int,
     threads: int | None,
     most: int,
+    metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Gain | None:
+) -> tuple[Gain, ...]:
     """Leave out one configuration after the other, with the whole selection repeated without it.
 
     Where there are many, every few of them are left out together.
     """
     names = model.configurations
     if len(names) < 2:
-        return None
+        return ()
     count = min(len(names), _FOLDS)
-    pairs: list[tuple[float, float]] = []
-    folds: list[dict[str, Any]] = []
+    folds: list[_Fold] = []
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
         out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration in group)
-        left = without(model, group)
         if progress is not None:
             progress(f"held out: {name}")
         try:
-            selection = select(left, causes, seed=seed, threads=threads, most=most)
+            selection = select(without(model, group), causes, seed=seed, threads=threads, most=most)
         except (ValueError, ReceptanceError) as error:
-            folds.append({"configuration": name, "why_not": str(error)})
+            folds.append(_Fold(name, f"not fitted: {error}", (), {}, {}))
             continue
         judgement = conclude(selection)
         best = judgement.reported[0] if judgement.reported else None
-        before = score(selection.base, selection, None, out, model.tolerances)
-        after = before if best is None else score(best.fit, selection, best, out, model.tolerances)
-        pairs.append((before, after))
-        ids = [] if best is None else sorted(best.ids)
-        folds.append(
-            {"configuration": name, "verdict": judgement.answer, "causes": ids, "before": before, "after": after}
-        )
-    return gain_of(pairs, _metric(model.observations), folds)
+        folds.append(_fold(name, judgement.answer, selection, best, out, model.tolerances, metrics))
+    return _gains(folds, model.observations, metrics)
 
 
 def improvement(
-    selection: Selection, best: Explanation | None, observations: Sequence[Observation], tolerances: Sequence[Tolerance]
-) -> Gain | None:
+    selection: Selection,
+    best: Explanation | None,
+    observations: Sequence[Observation],
+    tolerances: Sequence[Tolerance],
+    metrics: Mapping[str, Metric] | None = None,
+) -> tuple[Gain, ...]:
     """Return what the explanation improves on observations that no fit has seen."""
-    pairs = []
-    for one in observations:
-        before = score(selection.base, selection, None, (one,), tolerances)
-        pairs.append((before, before if best is None else score(best.fit, selection, best, (one,), tolerances)))
-    return gain_of(pairs, _metric(observations), [])
+    groups: dict[str, list[Observation]] = {}
+    for index, one in enumerate(observations):
+        groups.setdefault(place_of(one, index).configuration, []).append(one)
+    answer = conclude(selection).answer
+    folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
+    return _gains(folds, observations, metrics)
 
 
-def gain_of(pairs: Sequence[tuple[float, float]], metric: str, folds: Sequence[dict[str, Any]]) -> Gain | None:
-    """Return root mean squares before and after, and the 95 % interval of their difference over the folds."""
-    from receptance.identification.spread import quantile
+def _fold(
+    name: str,
+    answer: str,
+    selection: Selection,
+    best: Explanation | None,
+    observations: Sequence[Observation],
+    tolerances: Sequence[Tolerance],
+    metrics: Mapping[str, Metric] | None,
+) -> _Fold:
+    base = replace(selection.base.model, observations=tuple(observations), tolerances=tuple(tolerances))
+    before = measured_by(selection.base, base, metrics)
+    after = before if best is None else measured_by(best.fit, with_causes(base, best.steps), metrics)
+    return _Fold(name, answer, () if best is None else tuple(sorted(best.ids)), before, after)
 
-    table = np.array([pair for pair in pairs if np.isfinite(pair).all()])
-    if not table.size:
+
+def measured_by(fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None) -> dict[str, float]:
+    """Return each metric of a prediction of observations, as `model` has them with the causes of the fit.
+
+    Their own errors, which nothing else could tell, are fitted to them with their tolerances, before and after alike.
+    """
+    foresight = Foresight(fit, model)
+    try:
+        residuals, assemblies = foresight.predicted, foresight.assemblies
+        score = foresight.log_score
+    except InfeasibleError:
+        return {}
+    if not residuals:
+        return {}
+    errors: list[float] = []
+    distances: list[float] = []
+    own: dict[str, list[float]] = {name: [] for name in metrics or {}}
+    for one, residual, assembly in zip(model.observations, residuals, assemblies, strict=True):
+        curve = curve_of(one, residual)
+        errors += [mode.frequency_percent for mode in modes_of(one, curve) if np.isfinite(mode.frequency_percent)]
+        receptance = None
+        if isinstance(one, MeasuredFRF):
+            receptance = np.asarray(curve.modelled, dtype=np.complex128)
+            distances += np.square(np.abs(np.log(one.receptance / receptance))).tolist()
+        for name, metric in (metrics or {}).items():
+            own[name].append(float(metric(HeldOut(one, assembly, receptance))))
+    known = all(_weighed(one) for one in model.observations)
+    found = {FREQUENCIES: _rms(errors), SPECTRAL: math.sqrt(float(np.mean(distances))) if distances else math.nan}
+    found[SCORE] = score if known else math.nan
+    return {**found, **{name: _mean(values) for name, values in own.items()}}
+
+
+def _weighed(one: Observation) -> bool:
+    return (one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz) is not None
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else math.nan
+
+
+def _mean(values: Sequence[float]) -> float:
+    finite = [value for value in values if math.isfinite(value)]
+    return float(np.mean(finite)) if finite else math.nan
+
+
+def _gains(
+    folds: Sequence[_Fold], observations: Sequence[Observation], metrics: Mapping[str, Metric] | None
+) -> tuple[Gain, ...]:
+    """Return the improvement in every metric, that of what was measured most first."""
+    frfs = any(isinstance(one, MeasuredFRF) for one in observations)
+    own = [SPECTRAL, FREQUENCIES, SCORE] if frfs else [FREQUENCIES, SCORE]
+    found = [gain_of(name, folds) for name in (*own, *(metrics or ()))]
+    return tuple(one for one in found if one is not None)
+
+
+def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
+    """Return a metric before and after, and the 95 % interval of the improvement by the jackknife over the folds."""
+    there = [one for one in folds if math.isfinite(one.before.get(metric, math.nan))]
+    there = [one for one in there if math.isfinite(one.after.get(metric, math.nan))]
+    if not there:
         return None
-    before, after = np.sqrt(np.mean(table**2, axis=0))
-    steps = table[:, 0] - table[:, 1]
-    middle = float(np.mean(steps))
-    if len(steps) > 1:
-        reach = quantile(0.95, len(steps) - 1) * float(np.std(steps, ddof=1)) / math.sqrt(len(steps))
-    else:
-        reach = math.inf if steps[0] else 0.0
+    table = np.array([(one.before[metric], one.after[metric]) for one in there])
+    sign = -1.0 if metric == SCORE else 1.0
+
+    def ends(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        squares = metric in (FREQUENCIES, SPECTRAL)
+        result: NDArray[np.float64] = np.sqrt(np.mean(rows**2, axis=0)) if squares else np.mean(rows, axis=0)
+        return result
+
+    before, after = ends(table)
     return Gain(
         metric=metric,
         held_out_before=float(before),
         held_out_after=float(after),
-        interval=(middle - reach, middle + reach),
-        folds=tuple(folds),
+        interval=_interval(table, lambda rows: sign * float(np.subtract(*ends(rows)))),
+        folds=tuple(
+            {
+                "configuration": one.configuration,
+                "verdict": one.verdict,
+                "causes": list(one.causes),
+                "before": one.before.get(metric, math.nan),
+                "after": one.after.get(metric, math.nan),
+            }
+            for one in folds
+        ),
     )
+
+
+def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]], float]) -> tuple[float, float]:
+    """Return the 95 % interval of a number made of the folds; open where one fold says nothing of scatter."""
+    from receptance.identification.spread import quantile
+
+    count = len(table)
+    if not np.any(table[:, 0] != table[:, 1]):
+        return 0.0, 0.0
+    if count == 1:
+        return -math.inf, math.inf
+    left = [value(np.delete(table, i, axis=0)) for i in range(count)]
+    pseudo = count * value(table) - (count - 1) * np.array(left)
+    reach = quantile(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
+    middle = float(np.mean(pseudo))
+    return middle - reach, middle + reach
 
 
 def without(model: Model, configurations: Sequence[str]) -> Model:
@@ -122,64 +255,3 @@ def without(model: Model, configurations: Sequence[str]) -> Model:
         unknowns=tuple(u for u in model.unknowns if there(u.reached, u.configurations)),
         tolerances=tuple(t for t in model.tolerances if there(tuple(t.moves), t.configurations, t.labels)),
     )
-
-
-def _metric(observations: Sequence[Observation]) -> str:
-    if all(isinstance(one, MeasuredFRF) for one in observations):
-        return "log-spectral distance, rms of ln(measured / calculated)"
-    return "natural frequencies, rms error in percent"
-
-
-def score(
-    fit: Fit,
-    selection: Selection,
-    explanation: Explanation | None,
-    observations: Sequence[Observation],
-    tolerances: Sequence[Tolerance],
-) -> float:
-    """Return the rms error of a prediction of one configuration: of frequencies in percent, or of log FRFs.
-
-    Its own errors, which nothing else could tell, are fitted to it with their tolerances, before and after alike.
-    """
-    model = replace(selection.base.model, observations=tuple(observations), tolerances=tuple(tolerances))
-    for cause, name in explanation.steps if explanation is not None else ():
-        model = changed(cause, name, model)
-    errors: list[float] = []
-    values = np.array([fit.values[u.name] for u in fit.task.parameters.unknowns])
-    try:
-        for index, one in enumerate(model.observations):
-            place = place_of(one, index)
-            placed = fit.task.parameters.at(place, model.tolerances, [])
-            errors += _errors(one, placed, values)
-    except InfeasibleError:
-        return math.nan
-    return float(np.sqrt(np.mean(np.square(errors))))
-
-
-def _errors(one: Observation, placed: Any, values: NDArray[np.float64]) -> list[float]:
-    addressed = Addresses(placed.addresses)
-    unit: Unit = "standard deviations"
-    inner: FRFResidual | FrequencyResidual
-    if isinstance(one, MeasuredFRF):
-        inner = FRFResidual(one, addressed, unit, None, None)
-    else:
-        inner = FrequencyResidual(one, addressed, unit)
-    mapped = MappedResidual(inner, placed)
-    own = placed.shifts.shape[1] - values.size
-    z = np.zeros(own)
-    ones = np.ones(values.size + own)
-    residual, slope = mapped.evaluate(np.append(values, z), ones)
-    for _ in range(_STEPS if own else 0):
-        matrix = slope[:, values.size :]
-        step = np.linalg.solve(matrix.T @ matrix + np.eye(own), -(matrix.T @ residual + z))
-        trial = np.clip(z + step, -4.0, 4.0)
-        new, new_slope = mapped.evaluate(np.append(values, trial), ones)
-        if new @ new + trial @ trial >= residual @ residual + z @ z:
-            break
-        z, residual, slope = trial, new, new_slope
-    if isinstance(one, MeasuredFRF):
-        sd = one.standard_deviation if one.standard_deviation is not None else np.ones(one.frequency_hz.size)
-        pair = residual.reshape(2, -1) * sd
-        return [float(x) for x in np.sqrt(np.sum(pair**2, axis=0))]
-    spread = one.standard_deviation_hz if one.standard_deviation_hz is not None else one.frequency_hz
-    return [float(x) for x in 100.0 * residual * spread / one.frequency_hz]

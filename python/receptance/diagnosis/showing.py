@@ -7,9 +7,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from receptance.diagnosis.verdict import Candidate, Verdict
+    from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
-__all__ = ["SENTENCE", "as_dict", "as_text", "sizes"]
+__all__ = ["SENTENCE", "as_dict", "as_text", "gained", "improved", "sizes"]
 
 _SHOWN = 6
 SENTENCE = {
@@ -36,6 +36,7 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "causes": [_candidate(one) for one in verdict.causes],
             "ambiguous_between": list(verdict.ambiguous_between),
             "gain": None if verdict.gain is None else asdict(verdict.gain),
+            "gains": [asdict(one) for one in verdict.gains],
             "next_measurement": None if verdict.next_measurement is None else asdict(verdict.next_measurement),
             "candidates": [_candidate(one) for one in verdict.candidates],
             "threshold": verdict.threshold,
@@ -81,6 +82,20 @@ def sizes(one: Candidate) -> str:
     return ", ".join(texts)
 
 
+def improved(gain: Gain) -> str:
+    """Return the interval of an improvement in words; none where there is none."""
+    low, high = gain.interval
+    if low == high == 0.0:
+        return "none: nothing is extended"
+    return f"{low:.3g} to {high:.3g}" if math.isfinite(low) else "not known: one configuration was held out"
+
+
+def gained(gain: Gain) -> str:
+    """Return an improvement in words; a gain of zero is zero."""
+    text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
+    return f"{text}; improvement {improved(gain)}" + (" (95 %)" if 0.0 < gain.interval[1] < math.inf else "")
+
+
 def as_text(verdict: Verdict) -> str:
     """Return a short readable answer."""
     lines = [f"verdict: {verdict.verdict}", SENTENCE[verdict.verdict]]
@@ -106,14 +121,8 @@ def as_text(verdict: Verdict) -> str:
     if errors:
         lines += ["", "natural frequencies farthest off, calculated less measured in percent (before, after):"]
         lines += [f"  {r['label']} mode {r['mode']}: {r['before']:+.2f} {r['after']:+.2f}" for r in errors[:_SHOWN]]
-    if verdict.gain is not None:
-        gain = verdict.gain
-        low, high = gain.interval
-        lines += [
-            "",
-            f"held out, {gain.metric}: {gain.held_out_before:.3g} before, {gain.held_out_after:.3g} after "
-            f"(improvement {low:.3g} to {high:.3g})",
-        ]
+    if verdict.gains:
+        lines += ["", "held out:", *(f"  {gained(one)}" for one in verdict.gains)]
     if verdict.next_measurement is not None:
         lines += ["", f"measure next: {verdict.next_measurement.action}; {verdict.next_measurement.reason}"]
     lines += [f"note: {text}" for text in verdict.notes]

@@ -68,9 +68,19 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What the extended model improves on data that its fit never saw; each number is a mean over the folds.
+    """What the extended model improves on data that its fit never saw.
 
-    `held_out_before` and `held_out_after` are of the metric; `interval` is of the improvement, 95 %.
+    Attributes
+    ----------
+    metric : str
+        What is counted.
+    held_out_before, held_out_after : float
+        The metric over all folds; errors as their root mean square, scores and metrics of one's own as their mean.
+    interval : (float, float)
+        95 % interval of the improvement, which is positive where the extended model does better; infinite where one
+        configuration alone was held out, zero where nothing was extended.
+    folds : tuple of dict
+        By configuration: verdict and causes without it, the metric before and after.
     """
 
     metric: str
@@ -109,8 +119,9 @@ class Verdict:
         Evidence that chance alone reaches in one of a hundred diagnoses.
     base, extended : Identification
         The fitted models; no extended one where nothing is reported.
-    gain : Gain or None
-        Improvement on what was held out, where it was asked for.
+    gains : tuple of Gain
+        Improvement on what was held out, where it was asked for: in the distance of the spectra, in natural
+        frequencies, in the predictive log score, and in metrics of one's own.
     next_measurement : NextMeasurement or None
         What would help most.
     undecidable : dict of str to str
@@ -130,13 +141,18 @@ class Verdict:
     threshold: float
     base: Identification
     extended: Identification | None
-    gain: Gain | None
+    gains: tuple[Gain, ...]
     next_measurement: NextMeasurement | None
     undecidable: dict[str, str]
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
     explanation: Explanation | None = field(default=None, repr=False)
+
+    @property
+    def gain(self) -> Gain | None:
+        """The first of the gains: in the spectra, or in natural frequencies where only these were measured."""
+        return self.gains[0] if self.gains else None
 
     def extend(
         self, assembly: Assembly, *, configuration: str = "", conditions: Mapping[str, float] | None = None

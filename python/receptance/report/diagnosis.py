@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from receptance import _files
 from receptance.diagnosis.by_mode import Curve, curves, residuals_by_mode
 from receptance.diagnosis.screening import look_alike
-from receptance.diagnosis.showing import SENTENCE
+from receptance.diagnosis.showing import SENTENCE, improved
 from receptance.identification.observations import MeasuredFRF
 from receptance.report import figures
 from receptance.report.story import story
@@ -63,6 +63,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         sizes={one.id: _sizes(verdict, one) for one in verdict.causes},
         evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
         alike=_alike(verdict),
+        interval=improved,
         settings=_rows(verdict.settings),
         library=get_plotlyjs(),
     )

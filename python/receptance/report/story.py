@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.diagnosis.showing import gained
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -38,11 +39,7 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
     sentences += _on_causes(verdict)
     sentences += _on_modes(before, after)
     if verdict.gain is not None:
-        low, high = verdict.gain.interval
-        sentences.append(
-            f"On data that its fit never saw, {verdict.gain.metric} goes from {verdict.gain.held_out_before:.3g} to "
-            f"{verdict.gain.held_out_after:.3g}; 95 % interval of the improvement {low:.3g} to {high:.3g}."
-        )
+        sentences.append(f"On data that its fit never saw: {gained(verdict.gain)}.")
     return sentences
 
 

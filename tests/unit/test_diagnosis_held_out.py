@@ -1,0 +1,166 @@
+"""What is said of data that no fit has seen: distances, natural frequencies, log scores, metrics of one's own."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
+from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.foresight import Foresight
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, _Fold, gain_of, measured_by
+from receptance.identification import Tolerance
+
+LINES = np.linspace(200.0, 6000.0, 300)
+TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+JOINT = [
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
+    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=300.0),
+    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=1.0),
+]
+
+
+def assembled(overhang: float, density: float = 1.0) -> Assembly:
+    heavy = replace(STEEL, density=density * STEEL.density)
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=heavy)], name="tool")
+    return Assembly([tool, TRUE, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
+
+
+def observed(overhang: float, density: float = 1.0, seed: int = 1, factor: float = 1.0) -> MeasuredFRF:
+    rng = np.random.default_rng(seed)
+    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+    return MeasuredFRF(
+        assembly=assembled(overhang),
+        frequency_hz=LINES,
+        receptance=factor * assembled(overhang, density).receptance(LINES) * np.exp(noise),
+        standard_deviation=0.01,
+        label=f"{overhang}",
+    )
+
+
+def clamping(*overhangs: float) -> tuple[Tolerance, ...]:
+    return tuple(
+        Tolerance(name=f"clamping {x}", moves={"tool.segment[0].length": 5e-5}, configurations=f"{x}")
+        for x in overhangs
+    )
+
+
+def test_gains_in_all_metrics_and_in_one_of_your_own() -> None:
+    """A heavier blank: everything gets better, and a metric sees the structure and the prediction."""
+    seen: list[HeldOut] = []
+
+    def first_peak(one: HeldOut) -> float:
+        seen.append(one)
+        return float(
+            abs(one.assembly.natural_frequencies(6000.0)[0] / assembled(0.1, 1.08).natural_frequencies(6e3)[0] - 1.0)
+        )
+
+    verdict = diagnose(
+        [observed(x, 1.08) for x in (0.06, 0.08, 0.1)],
+        JOINT,
+        tolerances=clamping(0.06, 0.08, 0.1),
+        causes=["tool_density", "calibration_gain"],
+        most=1,
+        held_out=True,
+        metrics={"first peak": first_peak},
+    )
+    gains = {one.metric: one for one in verdict.gains}
+    assert list(gains) == [SPECTRAL, FREQUENCIES, SCORE, "first peak"]
+    for name in (SPECTRAL, FREQUENCIES):
+        assert gains[name].held_out_after < 0.5 * gains[name].held_out_before
+    # Each line was measured to one per cent in both parts of its logarithm.
+    assert gains[SPECTRAL].held_out_after == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)
+    assert gains[SCORE].held_out_after > gains[SCORE].held_out_before + 100.0
+    assert verdict.gain is verdict.gains[0]
+    assert [fold["causes"] for fold in gains[SCORE].folds] == [["tool_density"]] * 3
+    assert seen[0].receptance is not None
+    assert seen[0].receptance.shape == LINES.shape
+    told = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
+    assert [one["metric"] for one in told["gains"]] == list(gains)
+    assert told["gain"]["held_out_after"] == told["gains"][0]["held_out_after"]
+
+
+def test_the_log_score_is_the_density_of_a_linear_model() -> None:
+    """Against the Gaussian of the data themselves, where the model is so nearly linear that there is one."""
+    tolerances = (Tolerance(name="blank", moves={"tool.segment[*].density": 1e-4}, relative=True),)
+    seen = MeasuredFrequencies(
+        assembly=assembled(0.06),
+        frequency_hz=assembled(0.06).natural_frequencies(9000.0)[:2],
+        standard_deviation_hz=0.2,
+        label="0.06",
+    )
+    fit = refit(Model((seen,), tuple(JOINT[:2]), tolerances), {"joint.k_y": 6e8, "joint.k_theta": 1e5})
+    other = MeasuredFrequencies(
+        assembly=assembled(0.08),
+        frequency_hz=assembled(0.08).natural_frequencies(9000.0)[:2] * np.array([1.0001, 0.9999]),
+        standard_deviation_hz=[0.3, 0.4],
+        label="0.08",
+    )
+    foresight = Foresight(fit, Model((other,), tuple(JOINT[:2]), (*tolerances, *clamping(0.08))))
+    problem, start, root = foresight._problem
+    jacobian = problem.jacobian(start)[:2] * np.array([[0.3], [0.4]])
+    off = problem.residual(start)[:2] * np.array([0.3, 0.4])
+    covariance = np.diag([0.09, 0.16]) + jacobian @ np.linalg.inv(root.T @ root) @ jacobian.T
+    expected = -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])
+    assert foresight.log_score == pytest.approx(expected, abs=0.02)
+    assert start.size == fit.x.size + 1, "the clamping is a new error, the blank is not"
+
+
+def test_own_errors_are_fitted_before_and_after_alike() -> None:
+    """A clamping that is off by two standard deviations is no error of the prediction."""
+    model = Model((observed(0.06), observed(0.08, seed=2)), tuple(JOINT))
+    fit = refit(model, {})
+    off = observed(0.1001, seed=3)
+    off = MeasuredFRF(
+        assembly=assembled(0.1), frequency_hz=LINES, receptance=off.receptance, standard_deviation=0.01, label="0.1"
+    )
+    without = measured_by(fit, Model((off,), tuple(JOINT)))
+    with_error = measured_by(fit, Model((off,), tuple(JOINT), clamping(0.1)))
+    assert with_error[SPECTRAL] < 0.7 * without[SPECTRAL]
+    assert with_error[SCORE] > without[SCORE] + 100.0
+
+
+def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
+    model = Model((observed(0.06, factor=1.05), observed(0.08, seed=2, factor=1.05)), tuple(JOINT))
+    (variant,) = [v for v in CATALOGUE["calibration_gain"].variants(model) if v.name == "all"]
+    base, fit = refit(model, {}), refit(variant.model, {})
+    other = Model((observed(0.1, seed=3, factor=1.05),), tuple(JOINT))
+    before, after = measured_by(base, other), measured_by(fit, other)
+    assert after[SPECTRAL] == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)
+    assert before[SPECTRAL] > 2.0 * after[SPECTRAL]
+    assert abs(before[FREQUENCIES] - after[FREQUENCIES]) < 0.05
+
+
+def folds(*pairs: tuple[float, float]) -> list[_Fold]:
+    return [
+        _Fold(f"{i}", "named", (), {SPECTRAL: b, SCORE: b}, {SPECTRAL: a, SCORE: a}) for i, (b, a) in enumerate(pairs)
+    ]
+
+
+def test_intervals() -> None:
+    better = gain_of(SPECTRAL, folds((1.0, 0.5), (1.1, 0.6), (0.9, 0.4)))
+    assert better is not None
+    assert 0.0 < better.interval[0] < 0.5 < better.interval[1]
+    score = gain_of(SCORE, folds((-100.0, -50.0), (-110.0, -62.0), (-90.0, -41.0)))
+    assert score is not None
+    assert 40.0 < score.interval[0] < 49.0 < score.interval[1] < 60.0
+    nothing = gain_of(SPECTRAL, folds((1.0, 1.0), (2.0, 2.0)))
+    assert nothing is not None
+    assert nothing.interval == (0.0, 0.0)
+    alone = gain_of(SPECTRAL, folds((1.0, 0.5)))
+    assert alone is not None
+    assert alone.interval == (-math.inf, math.inf)
+    assert gain_of("else", folds((1.0, 0.5))) is None
+
+
+def test_bad_metrics() -> None:
+    with pytest.raises(TypeError, match="expected a name and a function"):
+        diagnose([observed(0.06)], JOINT, metrics={"depth": 3.0})  # type: ignore[dict-item]
+    with pytest.raises(ValueError, match="is there already"):
+        diagnose([observed(0.06)], JOINT, metrics={SCORE: lambda one: 0.0})
