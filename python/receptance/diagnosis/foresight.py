@@ -25,7 +25,7 @@ from receptance.identification.mapping import Addresses, MappedResidual
 from receptance.identification.minimise import Found, minimise
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import Problem
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, Pair, Residual, Unit
+from receptance.identification.residuals import FrequencyResidual, FRFResidual, InfeasibleError, Pair, Residual, Unit
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Variables
 
@@ -146,6 +146,16 @@ class Foresight:
         parts = np.split(residual, np.cumsum([part.size for part in problem.residuals])[:-1])
         return [part.copy() for part in parts[: len(self.model.observations)]]
 
+    @property
+    def unfitted(self) -> list[NDArray[np.float64]]:
+        """Residuals of each observation where the fit ended and without errors of its own."""
+        problem, start, _ = self._problem
+        residual = problem.residual(start)
+        if not np.isfinite(residual).all():
+            raise InfeasibleError(problem.reason)
+        parts = np.split(residual, np.cumsum([part.size for part in problem.residuals])[:-1])
+        return [part.copy() for part in parts[: len(self.model.observations)]]
+
     @cached_property
     def assemblies(self) -> list[Assembly]:
         """The assemblies of `predicted`."""
@@ -193,4 +203,7 @@ def _spread(one: Observation) -> NDArray[np.float64]:
     if isinstance(one, MeasuredFRF):
         spread = one.standard_deviation if one.standard_deviation is not None else np.ones(one.frequency_hz.size)
         return np.tile(spread, 2)
-    return np.ones(one.frequency_hz.size) if one.standard_deviation_hz is None else one.standard_deviation_hz
+    if one.standard_deviation_hz is None:
+        return np.ones(one.frequency_hz.size + one.damped.size)
+    damping = one.standard_deviation_damping
+    return np.append(one.standard_deviation_hz, [] if damping is None else damping[one.damped])

@@ -13,12 +13,13 @@ from receptance.beams import Part, Section, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, renamed
 from receptance.identification.laws import Move, Tolerance
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 from receptance.spread import SpreadJoint
 
-__all__ = ["JOINT_CAUSES"]
+__all__ = ["JOINT_CAUSES", "overhang_of"]
 
 _SHORTEST = 1e-4
 """A spread joint this short is a point joint."""
@@ -76,8 +77,8 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _needs_receptances(model: Model) -> None:
-    if not any(hasattr(one, "receptance") for one in model.observations):
-        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs")
+    if not any(isinstance(one, MeasuredFRF) or one.damped.size for one in model.observations):
+        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs, or damping ratios")
 
 
 def _values(model: Model, condition: str) -> list[float]:
@@ -147,7 +148,7 @@ def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         raise UndecidableError("the model has no joint between tool and holder")
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
     lengths = {
-        _overhang(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
+        overhang_of(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
     }
     wanted = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
@@ -159,7 +160,8 @@ def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield from _laws(p, model, name, f"{name}: ")
 
 
-def _overhang(assembly: Assembly, anatomy: Anatomy) -> str:
+def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
+    """Return the address of the overhang: the length of the tool's last piece."""
     part = anatomy.tool[-1]
     return f"{part}.segment[{len(assembly.elements[part].segments) - 1}].length"  # type: ignore[union-attr]
 
