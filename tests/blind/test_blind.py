@@ -43,9 +43,12 @@ def test_both_physics_agree_where_nothing_is_hidden():
         p = numbers_of(case.nominal, truth.joint, {}, where)
         if case.nominal.layer:
             p = with_layer(p, truth.layer_points)
-        ours = rig.recorded(p, record.estimate.frequency_hz, record.estimate.decay_rate)
-        difference = np.abs(np.log(simulated(case, p, record) / ours))
-        assert np.median(difference) < (2e-3 if case.nominal.layer else 1e-6), (SEED, i)
+        lines = record.estimate.frequency_hz, record.estimate.decay_rate
+        limit = 2e-3 if case.nominal.layer else 1e-6
+        for place, own in (("tip", p), ("nose", p | {"at.nose": 1.0})):
+            theirs = simulated(case, p, replace(record, place=place))
+            difference = np.abs(np.log(theirs / rig.recorded(own, *lines)))
+            assert np.median(difference) < limit, (SEED, i, place)
 
 
 def test_tolerances_move_what_they_say():
