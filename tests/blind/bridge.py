@@ -16,7 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind.generator import Case, Configuration, Nominal, Record
-from receptance import FRF, Assembly, Material, MeasuredFRF, Part, PointJoint, PointMass, Section, Segment, SpreadJoint
+from receptance import (
+    FRF,
+    Assembly,
+    Coordinate,
+    Material,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    PointMass,
+    Section,
+    Segment,
+    SpreadJoint,
+)
 from receptance.identification import Floor, Law, Tolerance
 
 JOINT_BOUNDS = {
@@ -46,8 +58,6 @@ class Answer:
     predictions: dict[str, tuple[list[float], list[float]]]
     before: dict[str, tuple[list[float], list[float]]]
     next_measurement: str = ""
-    separates: tuple[str, ...] = ()
-    """Ids that the advised measurement shows by themselves."""
     candidates: list[tuple[str, float, float]] = field(default_factory=list)
     error: str = ""
 
@@ -190,6 +200,15 @@ def _conditions(configuration: Configuration, level: float) -> dict[str, float]:
     return {"force": level, **noted}
 
 
+_PLACES = {"tip": Coordinate("tool", 0.0), "nose": Coordinate("holder", 0.0)}
+
+
+def _at_nose(assembly: Assembly) -> Assembly:
+    """Return an assembly with the sensor at the nose, where there is one."""
+    moved = [PointMass(mass=assembly.get("sensor.mass"), part="holder", name="sensor")] if assembly.attachments else []
+    return Assembly(assembly.elements.values(), moved)
+
+
 def observations_of(case: Case) -> list[MeasuredFRF]:
     """Return all records as observations of the nominal assemblies."""
     configurations = {c.name: c for c in case.nominal.configurations}
@@ -203,8 +222,10 @@ def observations_of(case: Case) -> list[MeasuredFRF]:
             warnings.simplefilter("ignore")
             found.append(
                 MeasuredFRF.from_frf(
-                    by_name[record.configuration],
+                    by_name[record.configuration] if record.place == "tip" else _at_nose(by_name[record.configuration]),
                     frf_of(record),
+                    response=_PLACES[record.place],
+                    excitation=_PLACES[record.place],
                     floor=Floor(),
                     label=record.label,
                     configuration=record.configuration,
@@ -272,7 +293,6 @@ def ask(
         seconds=seconds,
         predictions=predictions,
         before=before,
-        separates=() if verdict.next_measurement is None else tuple(verdict.next_measurement.separates),
         next_measurement="" if verdict.next_measurement is None else str(verdict.next_measurement.action),
         candidates=[(c.id, round(c.evidence, 2), round(c.misfit, 4)) for c in verdict.candidates[:6]],
         error=problem,
@@ -292,6 +312,7 @@ def simulated(case: Case, numbers: dict[str, Any], record: Record) -> NDArray[np
     """Return the package's receptance with the joint of some numbers, to compare the two physics in a test."""
     configuration = next(c for c in case.nominal.configurations if c.name == record.configuration)
     assembly = assembly_of(case.nominal, configuration).replace({name: numbers[name] for name in JOINT_BOUNDS})
+    assembly = assembly if record.place == "tip" else _at_nose(assembly)
     e = record.estimate
     lines = e.frequency_hz - 1j * e.decay_rate / (2.0 * np.pi) if e.decay_rate else e.frequency_hz
-    return assembly.receptance(lines)
+    return assembly.receptance(lines, response=_PLACES[record.place], excitation=_PLACES[record.place])

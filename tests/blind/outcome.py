@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from blind.generator import CATALOGUE, draw_case, shuffled
+from blind.generator import CATALOGUE, Case, Truth, draw_case, measured_again, shown_by, shuffled
 from blind.generator.case import UPPER_HZ
 from blind.oracle import consult, same_answer
 
@@ -85,7 +85,7 @@ def run_case(
     case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u)
     answer = ask(case)
     names = tuple(effect.id for effect in truth.effects)
-    resolved = _resolved(ask, case, names, answer) if answer.verdict == "ambiguous" and names else None
+    resolved = _resolved(ask, case, truth, answer) if answer.verdict == "ambiguous" and names else None
     again = ask(shuffled(case)) if kind == "misleading" else None
     told = consult(case, truth) if oracle else None
     wrong = [id for id in answer.reported if id not in names and id in CATALOGUE]
@@ -119,18 +119,25 @@ def run_case(
     )
 
 
-def _resolved(ask: Callable[..., Any], case: Any, names: tuple[str, ...], answer: Any) -> bool:
-    """Return whether the advised measurement resolves an ambiguous verdict to the right name.
+def _resolved(ask: Callable[..., Any], case: Case, truth: Truth, answer: Any) -> bool:
+    """Return whether the advised measurement, when taken, resolves an ambiguous verdict to the right name.
 
     What it shows by itself (a weight, a length, a gain) is known afterwards: either it is the effect, or it is none and
-    the diagnosis is repeated without it.
+    the diagnosis is repeated without it. Other measurements are taken, and the diagnosis is repeated with them.
     """
-    if not answer.separates:
+    names = {effect.id for effect in truth.effects}
+    shown = shown_by(answer.next_measurement)
+    if shown:
+        left = names - shown
+        if not left:
+            return True
+        second = ask(case, without=tuple(shown))
+        return second.verdict == "named" and set(second.reported) == left
+    more = measured_again(case, truth, answer.next_measurement)
+    if more is None:
         return False
-    if set(names) & set(answer.separates):
-        return set(names) <= set(answer.separates)
-    second = ask(case, without=answer.separates)
-    return second.verdict == "named" and set(second.reported) == set(names)
+    second = ask(more)
+    return second.verdict == "named" and set(second.reported) == names
 
 
 def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> float | None:

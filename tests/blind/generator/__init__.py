@@ -1,5 +1,6 @@
 """Data from physics of its own: finite elements, hits in time, noise. The library under test does not come in here."""
 
+from .advised import measured_again, shown_by
 from .batch import every, group_of, shuffled
 from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
@@ -20,5 +21,7 @@ __all__ = [
     "draw_case",
     "every",
     "group_of",
+    "measured_again",
+    "shown_by",
     "shuffled",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,8 @@ class Record:
     form: str
     estimate: Estimate
     notes: tuple[str, ...] = ()
+    place: str = "tip"
+    """Where it is hit and where the sensor sits: at the tool's tip or at the holder's nose."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,6 +202,21 @@ def where_of(truth: Truth, configuration: Configuration, level: float, plane: in
     )  # fmt: skip
 
 
+def all_numbers(nominal: Nominal, truth: Truth, where: Where) -> dict[str, float]:
+    """Return the numbers of a configuration as they are."""
+    return true_numbers(nominal, truth, truth.joint, truth.errors, tuple((one, None) for one in truth.effects), where)
+
+
+def recorded(
+    rng: np.random.Generator, nominal: Nominal, truth: Truth, c: Configuration, level: float, plane: int,
+    *, place: str = "tip", **given: Any,
+) -> Record:  # fmt: skip
+    """Return one record, measured."""
+    p = all_numbers(nominal, truth, where_of(truth, c, level, plane)) | ({"at.nose": 1.0} if place == "nose" else {})
+    estimate = measure(rng, p, truth.setups[level])
+    return Record(configuration=c.name, level=level, plane=plane, place=place, estimate=estimate, **given)
+
+
 def draw_case(
     seed: int, index: int, kind: str, effects: tuple[str, ...] = (), *, u: float | None = None, quick: bool = False
 ) -> tuple[Case, Truth]:
@@ -276,7 +294,6 @@ def draw_case(
         new_numbers={},
         setups={level: like(setup, level) for level in levels},
     )
-    active = tuple((effect, None) for effect in drawn)
     planes = (1, 2) if "xy_asymmetry" in chosen or (kind == "nothing" and rng.random() < 0.15) else (1,)
     form = str(rng.choice(["accelerance", "accelerance", "mobility", "receptance"]))
     hints = _hints(rng, drawn) if kind == "misleading" else ()
@@ -284,22 +301,10 @@ def draw_case(
     for c in configurations:
         for plane in planes:
             for level in levels:
+                given: dict[str, Any] = {"form": form, "notes": hints, "label": f"{c.name} {len(records)}"}
+                records.append(recorded(rng, nominal, truth, c, level, plane, **given))
                 where = where_of(truth, c, level, plane)
-                p = true_numbers(nominal, truth, truth.joint, errors, active, where)
-                truth.numbers[c.name, level, plane] = p  # type: ignore[index]
-                label = f"{c.name} {len(records)}"
-                estimate = measure(rng, p, truth.setups[level])
-                records.append(
-                    Record(
-                        label=label,
-                        configuration=c.name,
-                        level=level,
-                        plane=plane,
-                        form=form,
-                        estimate=estimate,
-                        notes=hints,
-                    )
-                )
+                truth.numbers[c.name, level, plane] = all_numbers(nominal, truth, where)  # type: ignore[index]
     # Predictions are of the machine at work: no sensor that nobody knows of, no rope.
     lasting = tuple((effect, None) for effect in drawn if effect.id not in MEASUREMENT)
     for c in new:
