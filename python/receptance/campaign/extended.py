@@ -25,7 +25,7 @@ from receptance.diagnosis.causes import changed
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
-from receptance.identification.task import place_of
+from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -305,7 +305,7 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
 def _as_seen(model: Model, diagnosed: Model) -> Model:
     """Return what was written on the lines that the diagnosis took; it leaves out what is too noisy for it."""
     seen = {one.label: one for one in diagnosed.observations}
-    kept = []
+    kept: list[Observation] = []
     for one in model.observations:
         other = seen.get(one.label)
         if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
