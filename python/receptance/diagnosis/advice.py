@@ -1,14 +1,31 @@
-"""What to measure next: from a menu with costs, what separates best what is left."""
+"""What to measure next: from a menu with costs, what separates best what is left, by simulating it."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.selection import Selection
+from receptance.diagnosis.selection import MARGIN, Explanation, Selection
+from receptance.diagnosis.simulated import (
+    Alone,
+    FRFAgain,
+    Known,
+    Measurement,
+    Rival,
+    at_the_nose,
+    nothing,
+    other_force,
+    other_overhang,
+    same_again,
+)
 from receptance.diagnosis.verdict import NextMeasurement
 
 __all__ = ["MENU", "Choice", "advise"]
+
+_BLANK = frozenset({"fluted_part"})
+_WINDOW = frozenset({"exponential_window"})
 
 
 @dataclass(frozen=True)
@@ -21,45 +38,63 @@ class Choice:
         What to do.
     cost : float
         Effort, in hits on the machine or so.
-    tells : frozenset of str
-        Ids of causes that it measures by themselves, apart from everything else.
+    measurement : Measurement
+        How it is simulated.
     """
 
     action: str
     cost: float
-    tells: frozenset[str]
+    measurement: Measurement
 
 
 MENU = (
-    Choice("weigh the blank", 1.0, frozenset({"tool_density"})),
-    Choice("weigh the sensor and state its mass", 1.0, frozenset({"sensor_mass"})),
-    Choice("weigh collet and nut", 1.0, frozenset({"collet_mass"})),
-    Choice("weigh the holder", 1.0, frozenset({"holder_inertia"})),
-    Choice("measure the overhangs again with a caliper", 1.0, frozenset({"overhang_error"})),
-    Choice("repeat one measurement without the exponential window", 2.0, frozenset({"exponential_window"})),
-    Choice("measure a free mass that is known", 3.0, frozenset({"calibration_gain", "time_delay", "wrong_quantity"})),
-    Choice("hit once at marked offsets", 2.0, frozenset({"hammer_offset"})),
-    Choice("hang it softer and repeat one measurement", 3.0, frozenset({"suspension"})),
-    Choice("measure the blank alone, free-free", 4.0, frozenset({"tool_modulus", "tool_density", "fluted_part"})),
+    Choice("weigh the blank", 1.0, Known({"tool_density.log_density": 5e-4})),
+    Choice("weigh the sensor and state its mass", 1.0, Known({"sensor_mass.mass": 2e-5})),
+    Choice("weigh collet and nut", 1.0, Known({"collet_mass.mass": 2e-3})),
+    Choice("weigh the holder", 1.0, Known({"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3})),
+    Choice("measure the overhangs again with a caliper", 1.0, Known({"overhang_error.length": 3e-5})),
     Choice(
-        "measure the holder alone, free-free", 4.0, frozenset({"holder_modulus", "holder_inertia", "flexible_body"})
+        "repeat one measurement without the exponential window",
+        2.0,
+        FRFAgain(same_again, _WINDOW),
     ),
+    Choice("hit once exactly at a marked place", 2.0, FRFAgain(same_again, frozenset({"hammer_offset"}))),
     Choice(
-        "measure an FRF at the holder's nose",
+        "measure a free mass that is known",
         3.0,
-        frozenset({"joint_cross_term", "collet_mass", "joint_spread", "missing_mode"}),
+        Known({"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7}, presence=frozenset({"wrong_quantity"})),
     ),
-    Choice("hit at two force levels", 3.0, frozenset({"joint_amplitude"})),
-    Choice("measure a plain blank of the tool's size", 4.0, frozenset({"fluted_part"})),
-    Choice("vary the insertion at one overhang", 5.0, frozenset({"joint_overhang_law", "joint_spread"})),
+    Choice("hang it softer and repeat one measurement", 3.0, FRFAgain(same_again, frozenset({"suspension"}))),
+    Choice("measure an FRF at the holder's nose", 3.0, FRFAgain(at_the_nose)),
+    Choice("measure at a longer overhang", 3.0, FRFAgain(other_overhang)),
+    Choice("hit at three times the force", 3.0, FRFAgain(other_force)),
+    Choice("measure the blank alone, free-free", 4.0, Alone("tool")),
+    Choice("measure the holder alone, free-free", 4.0, Alone("holder")),
+    Choice("measure a plain blank of the tool's size", 4.0, FRFAgain(same_again, _BLANK)),
 )
-"""What advice is chosen from; the nearest to what an engineer has at hand is the cheapest."""
+"""What advice is chosen from."""
+
+
+@dataclass(frozen=True)
+class _Weighed:
+    """A choice, which ids it settles, and in how many of the cases that are left it finds the truth."""
+
+    choice: Choice
+    separates: tuple[str, ...]
+    resolves: float
+    least: float
+
+    @property
+    def worth(self) -> float:
+        """What it brings for its cost; among those that settle nothing, what comes nearest to it."""
+        return (self.resolves + 1e-3 * math.tanh(self.least / MARGIN)) / self.choice.cost
 
 
 def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None:
-    """Return the choice that halves best what is left, for its cost; None where nothing is left to be told apart.
+    """Return the choice that resolves most of what is left for its cost; None where nothing is left.
 
-    A choice separates two causes where it measures one of them by itself and not the other.
+    Each choice is simulated with each explanation as the truth. It tells the truth from another one where the other's
+    evidence is then expected to fall behind by more than the margin, with two standard deviations of chance to spare.
     """
     if judgement.answer in ("adequate", "named"):
         return None
@@ -72,21 +107,59 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
             action="measure blank and holder alone, free-free",
             reason="no known cause explains the data: it shows which of the parts is not what the model says",
         )
-    ids = judgement.between or tuple(cause.id for one in judgement.reported for cause, _ in one.steps)
-    weights = dict.fromkeys(ids, 0.0)
-    for one in judgement.reported:
-        for cause, _ in one.steps:
-            if cause.id in weights:
-                weights[cause.id] = max(weights[cause.id], 1.0)
-
-    def value(choice: Choice) -> float:
-        told = sum(weight for name, weight in weights.items() if name in choice.tells)
-        rest = sum(weights.values()) - told
-        # The number of pairs that it separates; a lone suspect is separated from nothing being there.
-        return (told * rest if rest else told) / choice.cost
-
-    best = max(MENU, key=value)
-    if not value(best):
+    left = list(judgement.reported)
+    if len(left) == 1:
+        left.append(nothing(selection))
+    ids = judgement.between or tuple(cause.id for cause, _ in judgement.reported[0].steps)
+    rivals = [Rival(one, selection.base.model) for one in left]
+    best: _Weighed | None = None
+    for choice in sorted(MENU, key=lambda one: one.cost):
+        # None that costs more can be worth more than one that finds the truth in any case.
+        if best is not None and best.worth >= _Weighed(choice, (), 1.0, math.inf).worth:
+            break
+        weighed = _weighed(choice, rivals, ids)
+        if best is None or weighed.worth > best.worth:
+            best = weighed
+    if best is None or best.worth <= 0.0:
         return None
-    told = tuple(name for name in ids if name in best.tells)
-    return NextMeasurement(action=best.action, reason=f"it shows {', '.join(told)} by itself", separates=told)
+    return NextMeasurement(
+        action=best.choice.action,
+        reason=_reason(best, len(left)),
+        separates=best.separates,
+        resolves=best.resolves,
+        cost=best.choice.cost,
+    )
+
+
+def _weighed(choice: Choice, rivals: Sequence[Rival], ids: Sequence[str]) -> _Weighed:
+    apart = {
+        (a, b): choice.measurement.apart(truth, other)
+        for a, truth in enumerate(rivals)
+        for b, other in enumerate(rivals)
+        if a != b
+    }
+    left = [one.explanation for one in rivals]
+    told = {pair: _tells(apart[pair], left[pair[0]], left[pair[1]]) for pair in apart}
+    numbers = range(len(left))
+    resolved = [all(told[a, b] for b in numbers if b != a) for a in numbers]
+    separates = []
+    for name in ids:
+        having = [a for a in numbers if name in left[a].ids]
+        lacking = [a for a in numbers if name not in left[a].ids]
+        if lacking and all(told[a, b] and told[b, a] for a in having for b in lacking):
+            separates.append(name)
+    return _Weighed(choice, tuple(separates), sum(resolved) / len(left), min(apart.values()))
+
+
+def _tells(apart: float, truth: Explanation, other: Explanation) -> bool:
+    return apart - 2.0 * math.sqrt(apart) > MARGIN + max(other.evidence - truth.evidence, 0.0)
+
+
+def _reason(best: _Weighed, count: int) -> str:
+    if best.resolves == 0.0:
+        return "simulated for each cause that is left, nothing on the menu settles it; this comes nearest"
+    if best.resolves == 1.0:
+        return "simulated for each cause that is left, it finds every one of them"
+    share = round(best.resolves * count)
+    named = f" ({', '.join(best.separates)})" if best.separates else ""
+    return f"simulated for each cause that is left, it finds {share} of {count}{named}"

@@ -25,7 +25,7 @@ from receptance.identification.mapping import Addresses, MappedResidual
 from receptance.identification.minimise import Found, minimise
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import Problem
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, Pair, Residual, Unit
+from receptance.identification.residuals import FrequencyResidual, FRFResidual, InfeasibleError, Pair, Residual, Unit
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Variables
 
@@ -143,6 +143,16 @@ class Foresight:
         if not np.isfinite(end.cost):
             return []
         residual = problem.residual(end.x)
+        parts = np.split(residual, np.cumsum([part.size for part in problem.residuals])[:-1])
+        return [part.copy() for part in parts[: len(self.model.observations)]]
+
+    @property
+    def unfitted(self) -> list[NDArray[np.float64]]:
+        """Residuals of each observation where the fit ended and without errors of its own."""
+        problem, start, _ = self._problem
+        residual = problem.residual(start)
+        if not np.isfinite(residual).all():
+            raise InfeasibleError(problem.reason)
         parts = np.split(residual, np.cumsum([part.size for part in problem.residuals])[:-1])
         return [part.copy() for part in parts[: len(self.model.observations)]]
 

@@ -18,7 +18,7 @@ from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 from receptance.spread import SpreadJoint
 
-__all__ = ["JOINT_CAUSES"]
+__all__ = ["JOINT_CAUSES", "overhang_of"]
 
 _SHORTEST = 1e-4
 """A spread joint this short is a point joint."""
@@ -147,7 +147,7 @@ def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         raise UndecidableError("the model has no joint between tool and holder")
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
     lengths = {
-        _overhang(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
+        overhang_of(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
     }
     wanted = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
@@ -159,7 +159,8 @@ def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield from _laws(p, model, name, f"{name}: ")
 
 
-def _overhang(assembly: Assembly, anatomy: Anatomy) -> str:
+def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
+    """Return the address of the overhang: the length of the tool's last piece."""
     part = anatomy.tool[-1]
     return f"{part}.segment[{len(assembly.elements[part].segments) - 1}].length"  # type: ignore[union-attr]
 

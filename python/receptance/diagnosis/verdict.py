@@ -93,11 +93,25 @@ class Gain:
 
 @dataclass(frozen=True, kw_only=True)
 class NextMeasurement:
-    """What to measure next, and why."""
+    """What to measure next, and why.
+
+    Attributes
+    ----------
+    action, reason : str
+        What to do, and what simulating it has shown.
+    separates : tuple of str
+        Ids of the causes whose presence it is expected to settle, whichever of the reported ones is the truth.
+    resolves : float
+        Share of the reported explanations that it would tell from all others, if they were the truth.
+    cost : float
+        Effort, in hits on the machine or so.
+    """
 
     action: str
     reason: str
     separates: tuple[str, ...] = ()
+    resolves: float = 0.0
+    cost: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,160 @@
+"""The advised measurement: simulated, held against refits of all data, and honest about what it settles."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis.advice import MENU, advise
+from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.foresight import with_causes
+from receptance.diagnosis.judgement import Judgement
+from receptance.diagnosis.selection import Explanation, Selection
+from receptance.diagnosis.simulated import Alone, FRFAgain, Known, Rival, at_the_nose, other_overhang, same_again
+from receptance.identification import Tolerance
+from receptance.identification.observations import altered
+
+LINES = np.linspace(200.0, 6000.0, 300)
+TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+JOINT = (
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
+    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=300.0),
+    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=1.0),
+)
+TOLERANCES = (Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True),)
+
+
+def assembled(overhang: float, *masses: PointMass) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, TRUE, holder], masses)
+
+
+def observed(mass: float, overhangs: tuple[float, ...] = (0.06, 0.09)) -> Model:
+    rng = np.random.default_rng(4)
+    seen = []
+    for x in overhangs:
+        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        values = assembled(x, PointMass(mass=mass)).receptance(LINES) * np.exp(noise)
+        one = MeasuredFRF(
+            assembly=assembled(x), frequency_hz=LINES, receptance=values, standard_deviation=0.01, label=f"{x}"
+        )
+        seen.append(one)
+    return Model(tuple(seen), JOINT, TOLERANCES)
+
+
+@pytest.fixture(scope="module")
+def selection() -> Selection:
+    """A sensor of half a gram, and what would explain it nearly as well."""
+    model = observed(5e-4)
+    base = refit(model, {})
+    selection = Selection(base, 7.0, 0.0, [], {})
+    for name, variant in (("sensor_mass", "all"), ("hammer_offset", "all"), ("fluted_part", "from the tip")):
+        changed = next(v.model for v in CATALOGUE[name].variants(model) if v.name == variant)
+        starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
+        fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)
+        gain = base.chi_square - fit.chi_square
+        selection.singles.append(Explanation(((CATALOGUE[name], variant),), fit, gain, gain - 7.0))
+    return selection
+
+
+def of(selection: Selection, name: str) -> Explanation:
+    return next(one for one in selection.singles if name in one.ids)
+
+
+def rival(selection: Selection, name: str) -> Rival:
+    return Rival(of(selection, name), selection.base.model)
+
+
+@pytest.mark.parametrize("change", [at_the_nose, other_overhang])
+def test_what_is_expected_is_what_refits_of_all_data_find(selection: Selection, change: object) -> None:
+    """By how much chi-square of the wrong explanation grows, with noise, against the expectation without."""
+    truth, other = of(selection, "sensor_mass"), of(selection, "fluted_part")
+    model = selection.base.model
+    wanted = change(model, 0)  # type: ignore[operator]
+    expected = FRFAgain(change).apart(rival(selection, "sensor_mass"), rival(selection, "fluted_part"))  # type: ignore[arg-type]
+    # The sensor sits where it is measured, and what it weighs is what the fit says.
+    at = wanted.response
+    mass = truth.fit.values["sensor_mass.mass"]
+    values = {name: truth.fit.values[name] for name in ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")}
+    moved = wanted.assembly.replace(
+        {
+            **values,
+            "tool.segment[0].youngs_modulus": CARBIDE.youngs_modulus * np.exp(0.005 * truth.fit.values["carbide"]),
+        }
+    )
+    sensed = Assembly(moved.elements.values(), [PointMass(mass=mass, part=at.part, position=at.position)])
+    clean = sensed.receptance(LINES, response=wanted.response, excitation=wanted.excitation)
+    found = []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        new = altered(wanted, receptance=clean * np.exp(noise), standard_deviation=np.full(LINES.size, 0.0105))
+        growth = []
+        for one in (truth, other):
+            whole = with_causes(replace(model, observations=(*model.observations, new)), one.steps)
+            again = refit(replace(one.fit.model, observations=whole.observations), one.fit.values)
+            growth.append(again.chi_square - one.fit.chi_square)
+        found.append(growth[1] - growth[0])
+    assert expected > 0.0
+    # Fewer lines and the floor make it cautious; noise is 2 sqrt(expected).
+    assert 0.1 * np.mean(found) - 10.0 < expected < 1.5 * np.mean(found) + 4.0 * np.sqrt(expected) + 10.0
+
+
+def test_an_explanation_is_not_refuted_by_its_own_data(selection: Selection) -> None:
+    for one in (Rival(single, selection.base.model) for single in selection.singles):
+        for measurement in (FRFAgain(at_the_nose), FRFAgain(other_overhang), Alone("tool"), Alone("holder")):
+            assert measurement.apart(one, one) < 0.01
+
+
+def test_weights_and_marked_places(selection: Selection) -> None:
+    sensor, offset, flutes = (rival(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
+    mass, _ = sensor.sizes["sensor_mass.mass"]
+    weighed = Known({"sensor_mass.mass": 2e-5})
+    assert weighed.apart(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
+    # The other way round what the fit says of the mass is uncertain itself.
+    assert 50.0 < weighed.apart(offset, sensor) < weighed.apart(sensor, offset)
+    assert weighed.apart(offset, flutes) == 0.0
+    marked = FRFAgain(same_again, frozenset({"hammer_offset"}))
+    assert marked.apart(sensor, offset) > 30.0
+    assert marked.apart(sensor, flutes) == 0.0
+
+
+def test_the_advice_settles_what_it_says(selection: Selection) -> None:
+    pair = (of(selection, "sensor_mass"), of(selection, "hammer_offset"))
+    close = tuple(replace(one, evidence=100.0 - i) for i, one in enumerate(pair))
+    found = advise(selection, Judgement("ambiguous", close, ("sensor_mass", "hammer_offset"), ()))
+    assert found is not None
+    assert found.action == "weigh the sensor and state its mass"
+    assert set(found.separates) == {"sensor_mass", "hammer_offset"}
+    assert found.resolves == 1.0
+    alone = advise(selection, Judgement("suspected", (replace(pair[1], evidence=12.0),), (), ()))
+    assert alone is not None
+    assert "hammer_offset" in alone.separates
+    assert advise(selection, Judgement("named", (pair[0],), (), ())) is None
+
+
+def test_a_verdict_has_it() -> None:
+    model = observed(5e-4)
+    verdict = diagnose(
+        model.observations, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "hammer_offset"], most=1
+    )
+    if verdict.verdict == "ambiguous":
+        assert verdict.next_measurement is not None
+        assert verdict.next_measurement.cost == 1.0
+        assert "finds every one" in verdict.summary()
+
+
+def test_every_choice_can_be_simulated(selection: Selection) -> None:
+    for choice in MENU:
+        rivals = [Rival(one, selection.base.model) for one in selection.singles]
+        for truth, other in itertools.pairwise(rivals):
+            found = choice.measurement.apart(truth, other)
+            assert np.isfinite(found)
+            assert found >= 0.0
