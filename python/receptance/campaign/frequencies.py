@@ -3,23 +3,38 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.deviations import Deviation, parse_deviation
+from receptance.campaign.deviations import Deviation, parse_deviation, parse_share
 from receptance.campaign.quantities import KINDS, parse, shown
 from receptance.campaign.suggestions import did_you_mean, one_of
 
 if TYPE_CHECKING:
     from receptance.campaign.measurement_models import FrequenciesTable
 
-__all__ = ["Frequencies", "FrequencyTableError", "deviations_of", "read_frequencies"]
+__all__ = ["Frequencies", "FrequencyTableError", "damping_of", "deviations_of", "read_frequencies"]
 
-Frequencies = tuple[list[float], list[int] | None, list[float] | None]
-"""Frequencies in Hz, modes and standard deviations in Hz."""
-_COLUMNS = ("mode", "frequency", "standard_deviation")
+_COLUMNS = ("mode", "frequency", "standard_deviation", "damping_ratio", "damping_deviation")
+_SHARES = ("damping_ratio", "damping_deviation")
+_UNKNOWN = "unknown"
+_RATIO = 'a damping ratio such as "1.2 %", or "unknown"'
+_SPREAD = 'a standard deviation such as "5 %" of the ratio, or a number'
 _HEAD = re.compile(r"\s*(?P<name>\w+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Modes as a campaign gives them: in Hz, ratios as shares, deviations of ratios as shares of them."""
+
+    frequency_hz: list[float]
+    modes: list[int] | None = None
+    deviation_hz: list[float] | None = None
+    damping: list[float] | None = None
+    damping_deviation: list[float] | None = None
 
 
 class FrequencyTableError(ValueError):
@@ -51,8 +66,9 @@ def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) ->
 def read_frequencies(path: FilePath) -> Frequencies:
     """Read a CSV table of natural frequencies.
 
-    The first line names the columns: `frequency [Hz]` (or another unit of frequency), and where they are known `mode`
-    and `standard_deviation [Hz]`. Lines that begin with # are remarks.
+    The first line names the columns: `frequency [Hz]` (or another unit of frequency), and where they are known `mode`,
+    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio. Lines that begin with # are
+    remarks.
 
     Raises
     ------
@@ -81,7 +97,8 @@ def read_frequencies(path: FilePath) -> Frequencies:
             found[name].append(_cell(number, name, unit, cell.strip()))
     if not found["frequency"]:
         raise FrequencyTableError("there is no frequency below the line that names the columns")
-    return found["frequency"], found.get("mode"), found.get("standard_deviation")
+    names = ("frequency", *(name for name in _COLUMNS if name != "frequency"))
+    return Frequencies(*(found.get(name) for name in names))  # type: ignore[arg-type]
 
 
 def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
@@ -95,8 +112,11 @@ def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
         if name not in _COLUMNS:
             text = f'line {number} names a column "{cell.strip()}", expected {one_of(_COLUMNS)}'
             raise FrequencyTableError(text + did_you_mean(name, _COLUMNS))
+        expected = "%" if name in _SHARES else "Hz"
         if name != "mode" and not unit:
-            raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [Hz]"')
+            raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [{expected}]"')
+        if name in _SHARES and unit not in ("%", "1"):
+            raise FrequencyTableError(f'line {number}: the column "{name}" is in {unit}, expected "{name} [%]"')
         columns.append((name, unit))
     names = [name for name, _ in columns]
     if len(set(names)) != len(names) or "frequency" not in names:
@@ -106,15 +126,56 @@ def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
 
 def _cell(number: int, name: str, unit: str, cell: str) -> float | int:
     try:
+        if name in _SHARES:
+            share = 0.01 if unit == "%" else 1.0
+            return float(cell) * share if cell else math.nan
         return int(cell) if name == "mode" else parse(f"{cell} {unit}", KINDS["a frequency"])
     except ValueError as error:
-        words = str(error) if name != "mode" else f'is "{cell}", expected the number of a mode, from 1 on'
+        words = str(error)
+        if name == "mode":
+            words = f'is "{cell}", expected the number of a mode, from 1 on'
+        elif name in _SHARES:
+            words = f'is "{cell}", expected a number, or nothing'
         raise FrequencyTableError(f"line {number}: {name} {words}") from None
 
 
 def frequencies_of(table: FrequenciesTable, folder: FilePath) -> Frequencies:
-    """Return frequencies, modes and standard deviations, from the table itself or from the file that it names."""
-    if table.file is not None:
-        found, modes, spread = read_frequencies(folder / table.file)
-        return found, table.modes or modes, spread
-    return list(table.frequencies or []), table.modes, None
+    """Return what is given of the modes, in the table itself or in the file that it names."""
+    found = Frequencies(list(table.frequencies or [])) if table.file is None else read_frequencies(folder / table.file)
+    return replace(found, modes=table.modes or found.modes)
+
+
+def damping_of(table: FrequenciesTable, given: Frequencies) -> tuple[list[float] | None, list[float] | None]:
+    """Return damping ratios and their standard deviations, as numbers.
+
+    Raises
+    ------
+    ValueError
+        A text that is no ratio or no standard deviation of one, or a list of another length.
+    """
+    ratios, spread = given.damping, given.damping_deviation
+    if table.damping_ratios is not None:
+        if ratios is not None:
+            raise ValueError("has damping ratios and so has the file, expected one of the two")
+        ratios = [math.nan if text == _UNKNOWN else parse_share(text, _RATIO) for text in table.damping_ratios]
+    if ratios is None:
+        if table.damping_deviation is not None:
+            raise ValueError("has a damping_deviation, but no damping_ratios")
+        return None, None
+    if table.damping_deviation is None:
+        deviations = None if spread is None else [_positive(s * r, r) for s, r in zip(spread, ratios, strict=True)]
+        return ratios, deviations
+    written = table.damping_deviation
+    listed = written if isinstance(written, list) else [written] * len(ratios)
+    if len(listed) != len(ratios):
+        raise ValueError(f"has {len(listed)} damping deviations, expected one for all or {len(ratios)}, one for each")
+    return ratios, [_positive(_deviation(one, ratio), ratio) for one, ratio in zip(listed, ratios, strict=True)]
+
+
+def _deviation(written: str | float, ratio: float) -> float:
+    return parse_share(written, _SPREAD) * ratio if isinstance(written, str) else float(written)
+
+
+def _positive(deviation: float, ratio: float) -> float:
+    """Return a standard deviation; that of an unknown ratio does not count."""
+    return 1.0 if math.isnan(ratio) else deviation

@@ -162,7 +162,7 @@ class HammerTable(_Response):
 
 
 class FrequenciesTable(_Measured):
-    """Natural frequencies, here or in a CSV file; damping is not used."""
+    """Natural frequencies, and damping ratios where these are known, here or in a CSV file."""
 
     kind: Literal["natural frequencies"]
     """`"natural frequencies"`"""
@@ -174,8 +174,18 @@ class FrequenciesTable(_Measured):
         str | list[str] | None, OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
     ] = None
     """of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+    damping_ratios: Annotated[list[str], Field(min_length=1)] | None = None
+    """damping ratios such as `"1.2 %"`, one for each frequency, or `"unknown"`; frequencies are then those of damped
+    modes (their magnitudes), else of undamped ones"""
+    damping_deviation: Annotated[
+        str | float | list[str | float] | None,
+        OneOf(str, float, list, what='a standard deviation such as "5 %" of the ratio, a number, or a list of them'),
+    ] = None
+    """standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one for
+    each"""
     file: str | None = None
-    """CSV file instead, with columns `mode`, `frequency [Hz]` and, if you like, `standard_deviation [Hz]`"""
+    """CSV file instead, with columns `mode`, `frequency [Hz]` and, if you like, `standard_deviation [Hz]`,
+    `damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"""
     response: CoordinateTable = CoordinateTable()
     """where the sensor sat"""
 

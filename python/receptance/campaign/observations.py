@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from receptance.campaign.assembling import carrying, place, with_sensor
 from receptance.campaign.conditions import Condition, parse_condition
-from receptance.campaign.frequencies import deviations_of, frequencies_of
+from receptance.campaign.frequencies import damping_of, deviations_of, frequencies_of
 from receptance.campaign.levels import at_level
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 
@@ -118,17 +118,19 @@ class _Reader:
         found = make(source, frequencies_of, table, self.folder)
         if found is None:
             return None
-        frequency_hz, modes, spread = found
-        given = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, frequency_hz)
-        if self.workshop.problems.at((*path, "standard_deviation")):
+        given = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, found.frequency_hz)
+        damping = make((*path, "damping_ratios"), damping_of, table, found)
+        if self.workshop.problems.at((*path, "standard_deviation")) or damping is None:
             return None
         return make(
             path if table.modes is None else (*path, "modes"),
             MeasuredFrequencies,
             assembly=assembly,
-            frequency_hz=frequency_hz,
-            modes=modes,
-            standard_deviation_hz=given or spread,
+            frequency_hz=found.frequency_hz,
+            modes=found.modes,
+            standard_deviation_hz=given or found.deviation_hz,
+            damping_ratio=damping[0],
+            standard_deviation_damping=damping[1],
             label=self.name,
         )
 

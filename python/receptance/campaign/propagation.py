@@ -12,15 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from receptance.identification import MeasuredFRF, find_bands
 from receptance.identification.bands import within
 from receptance.identification.laws import Tolerance
-from receptance.identification.mapping import Place
+from receptance.identification.mapping import Addresses, Place
 from receptance.identification.priors import PriorResidual
+from receptance.identification.residuals import FrequencyResidual
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from receptance.campaign.tolerances import Effects
     from receptance.coordinates import Coordinate
     from receptance.identification import Identification, MeasuredFrequencies
+    from receptance.identification.residuals import Unit
 
 __all__ = ["NOWHERE", "Propagation", "Scatter", "Where", "frequency_slopes", "frf_slopes", "tolerances_of"]
 
@@ -206,11 +208,9 @@ class Propagation:
         if isinstance(observation, MeasuredFRF):
             slope = _weighted_frf(observation, assembly, unit, addresses, band_width_percent)
         else:
-            _, slope = frequency_slopes(assembly, observation.modes, float(observation.frequency_hz[-1]), addresses)
-            spread = observation.standard_deviation_hz
-            known = unit == "standard deviations" and spread is not None
-            slope = slope / (spread if known and spread is not None else observation.frequency_hz)[:, None]
-            slope = slope * (100.0 if unit == "percent" else 1.0)
+            values = np.array([assembly.get(address) for address in addresses])
+            residual = FrequencyResidual(observation, Addresses(addresses), cast("Unit", unit))
+            _, slope = residual.evaluate(values, np.ones(values.size))
         direct = dict(zip(placed.fresh, (slope @ placed.errors).T, strict=True))
         columns = [direct.get(name, np.zeros(len(slope))) for name in self.errors]
         return slope @ placed.variables, np.stack(columns, axis=1)

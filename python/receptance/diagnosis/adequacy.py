@@ -128,7 +128,8 @@ def judge(fit: Fit) -> Adequacy:
             worst.append(_worst(one, pair))
         else:
             at = int(np.argmax(np.abs(residual)))
-            frequency = float(one.frequency_hz[at])
+            places = np.append(one.frequency_hz, one.frequency_hz[one.damped])
+            frequency = float(places[at])
             worst.append(Place(one.label or one.configuration, frequency, frequency, float(residual[at] ** 2)))
     smooth = np.concatenate(blocks) if blocks else np.ones(0)
     return Adequacy(

@@ -41,6 +41,8 @@ class Curve:
         Receptances `(n,)`, complex, or natural frequencies in Hz.
     residual : ndarray
         In standard deviations: `(2, n)` real and imaginary part of the logarithm, or `(1, n)`.
+    damping_ratio : ndarray or None
+        `(n,)` modelled damping ratios of natural frequencies; not a number where none was measured.
     """
 
     label: str
@@ -49,6 +51,7 @@ class Curve:
     measured: NDArray[np.complex128] | NDArray[np.float64]
     modelled: NDArray[np.complex128] | NDArray[np.float64]
     residual: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,9 +93,15 @@ def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
     label, configuration = one.label or one.configuration, one.configuration or one.label
     if isinstance(one, MeasuredFrequencies):
         # Calculated minus measured.
+        own, rest = np.split(residual, [one.frequency_hz.size])
         unit = one.frequency_hz if one.standard_deviation_hz is None else one.standard_deviation_hz
-        modelled = one.frequency_hz + residual * unit
-        return Curve(label, configuration, one.frequency_hz, one.frequency_hz, modelled, residual[None])
+        modelled = one.frequency_hz + own * unit
+        ratios = np.full(one.frequency_hz.size, np.nan)
+        if one.damping_ratio is not None:
+            given = one.damping_ratio[one.damped]
+            known = one.standard_deviation_damping
+            ratios[one.damped] = given + rest * (np.maximum(given, 1e-4) if known is None else known[one.damped])
+        return Curve(label, configuration, one.frequency_hz, one.frequency_hz, modelled, own[None], ratios)
     pair = residual.reshape(2, -1)
     spread = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
     modelled = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * spread)
@@ -119,11 +128,14 @@ def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
 def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual]:
     measured, modelled = curve.measured.real, curve.modelled.real
     nothing = float("nan")
+    damping = np.full(measured.size, nothing)
+    if one.damping_ratio is not None and curve.damping_ratio is not None:
+        damping = 100.0 * (one.damping_ratio / curve.damping_ratio - 1.0)
     return [
         ModeResidual(
-            curve.label, curve.configuration, mode, float(f), float(100.0 * (f - g) / f), nothing, nothing, nothing
+            curve.label, curve.configuration, mode, float(f), float(100.0 * (f - g) / f), float(d), nothing, nothing
         )
-        for mode, f, g in zip(one.modes, measured, modelled, strict=True)
+        for mode, f, g, d in zip(one.modes, measured, modelled, damping, strict=True)
     ]
 
 

@@ -235,7 +235,9 @@ def _on_data(selection: Selection) -> list[str]:
         notes.append("there is one configuration: measure another overhang to tell the joint from the parts")
     listed = [isinstance(one, MeasuredFrequencies) for one in model.observations]
     if all(listed):
-        notes.append("there are natural frequencies alone: they say nothing of damping, gain, delay and hits")
+        damped = any(isinstance(one, MeasuredFrequencies) and one.damped.size for one in model.observations)
+        what = "gain, delay and hits" if damped else "damping, gain, delay and hits"
+        notes.append(f"there are natural frequencies alone: they say nothing of {what}")
     elif any(listed):
         notes.append("gain, delay, window and hits are judged by the FRFs alone: natural frequencies do not have them")
     return notes

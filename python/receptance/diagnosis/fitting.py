@@ -101,7 +101,9 @@ class Fit:
     def independent(self) -> float:
         """Effective number of independent observed numbers."""
         return sum(
-            2.0 * one.independent_lines if isinstance(one, MeasuredFRF) else float(one.frequency_hz.size)
+            2.0 * one.independent_lines
+            if isinstance(one, MeasuredFRF)
+            else float(one.frequency_hz.size + one.damped.size)
             for one in self.model.observations
         )
 

@@ -203,4 +203,7 @@ def _spread(one: Observation) -> NDArray[np.float64]:
     if isinstance(one, MeasuredFRF):
         spread = one.standard_deviation if one.standard_deviation is not None else np.ones(one.frequency_hz.size)
         return np.tile(spread, 2)
-    return np.ones(one.frequency_hz.size) if one.standard_deviation_hz is None else one.standard_deviation_hz
+    if one.standard_deviation_hz is None:
+        return np.ones(one.frequency_hz.size + one.damped.size)
+    damping = one.standard_deviation_damping
+    return np.append(one.standard_deviation_hz, [] if damping is None else damping[one.damped])

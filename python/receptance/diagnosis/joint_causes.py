@@ -13,6 +13,7 @@ from receptance.beams import Part, Section, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, renamed
 from receptance.identification.laws import Move, Tolerance
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
@@ -76,8 +77,8 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _needs_receptances(model: Model) -> None:
-    if not any(hasattr(one, "receptance") for one in model.observations):
-        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs")
+    if not any(isinstance(one, MeasuredFRF) or one.damped.size for one in model.observations):
+        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs, or damping ratios")
 
 
 def _values(model: Model, condition: str) -> list[float]:

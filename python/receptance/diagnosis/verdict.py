@@ -251,7 +251,8 @@ class Verdict:
         one = found.task.observed[index]
         if not isinstance(one, MeasuredFrequencies) or one.standard_deviation_hz is None:
             return []
-        return [float(x) for x in 100.0 * found.residuals[index] * one.standard_deviation_hz / one.frequency_hz]
+        own = found.residuals[index][: one.frequency_hz.size]
+        return [float(x) for x in 100.0 * own * one.standard_deviation_hz / one.frequency_hz]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as plain values, for JSON."""

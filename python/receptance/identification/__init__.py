@@ -2,6 +2,7 @@
 
 from receptance.identification.bands import find_bands
 from receptance.identification.candidates import Candidate, FrequencyTarget, ReceptanceTarget
+from receptance.identification.damped import complex_frequencies
 from receptance.identification.evidence import log_evidence
 from receptance.identification.expectations import Expectation, NextMeasurement, RankedCandidate
 from receptance.identification.fit import identify
@@ -44,6 +45,7 @@ __all__ = [
     "TransferredFRF",
     "TransferredMode",
     "Unknown",
+    "complex_frequencies",
     "find_bands",
     "hold",
     "identify",

@@ -83,3 +83,31 @@ def mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
     if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):
         raise ValueError(f"{owner}: modes is {modes!r}, expected ascending numbers from 1 on")
     return tuple(int(number) for number in array)
+
+
+def damping(
+    owner: str, ratio: ArrayLike | None, deviation: ArrayLike | None, weighed: bool, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """Return damping ratios and their standard deviations; some may be missing, but not all."""
+    if ratio is None:
+        if deviation is not None:
+            raise ValueError(f"{owner}: standard_deviation_damping is given without damping_ratio")
+        return None, None
+    values = np.atleast_1d(numbers(owner, "damping_ratio", ratio, "iuf", "real numbers")).astype(np.float64)
+    if values.shape != shape:
+        raise ValueError(f"{owner}: damping_ratio has shape {values.shape}, expected {shape}, one for each frequency")
+    known = ~np.isnan(values)
+    bad = np.flatnonzero(known & ~((values >= 0.0) & (values < 1.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: damping_ratio[{bad[0]}] is {values[bad[0]]:g}, expected 0 or more and less than 1")
+    if not known.any():
+        raise ValueError(f"{owner}: damping_ratio has no number, expected at least one, or None")
+    if (deviation is not None) != weighed:
+        given, missing = "frequencies", "damping_ratio"
+        if not weighed:
+            given, missing = missing, given
+        raise ValueError(
+            f"{owner}: {given} has standard deviations and {missing} has none, so they cannot be weighed against each "
+            "other; give both, or neither"
+        )
+    return values, None if deviation is None else spread(owner, "standard_deviation_damping", deviation, shape)

@@ -254,11 +254,16 @@ class MeasuredFrequencies:
     assembly : Assembly
         What was measured. The values of the parameters that are identified do not matter here.
     frequency_hz : array_like
-        `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones.
+        `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios are
+        given, with the magnitude of the complex eigenfrequencies.
     modes : sequence of int, optional
         Which elastic modes these are, the lowest is 1; by default 1 to m. Rigid-body modes do not count.
     standard_deviation_hz : array_like, optional
         Standard deviation in Hz, one number or `(m,)`.
+    damping_ratio : array_like, optional
+        `(m,)` damping ratios, 0.01 for 1 %; not a number where a mode's is not known.
+    standard_deviation_damping : array_like, optional
+        Their standard deviation, one number or `(m,)`; needed with them where frequencies have one.
     label : str, optional
         For people.
     configuration : str, optional
@@ -284,6 +289,8 @@ class MeasuredFrequencies:
     frequency_hz: NDArray[np.float64]
     modes: tuple[int, ...]
     standard_deviation_hz: NDArray[np.float64] | None
+    damping_ratio: NDArray[np.float64] | None
+    standard_deviation_damping: NDArray[np.float64] | None
     label: str
     configuration: str
     conditions: Mapping[str, float]
@@ -295,6 +302,8 @@ class MeasuredFrequencies:
         frequency_hz: ArrayLike,
         modes: Sequence[int] | None = None,
         standard_deviation_hz: ArrayLike | None = None,
+        damping_ratio: ArrayLike | None = None,
+        standard_deviation_damping: ArrayLike | None = None,
         label: str = "",
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
@@ -308,12 +317,15 @@ class MeasuredFrequencies:
         spread = None
         if standard_deviation_hz is not None:
             spread = _checked.spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+        damping = _checked.damping(owner, damping_ratio, standard_deviation_damping, spread is not None, values.shape)
         _checked.fill(
             self,
             assembly=assembly,
             frequency_hz=values,
             modes=numbers,
             standard_deviation_hz=spread,
+            damping_ratio=damping[0],
+            standard_deviation_damping=damping[1],
             label=str(label),
             configuration=str(configuration or label),
             conditions=_checked.conditions_of(owner, conditions),
@@ -322,6 +334,12 @@ class MeasuredFrequencies:
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFrequencies:
         """Return the same measurement, said to be of a configuration under conditions."""
         return _configured(self, configuration, conditions)
+
+    @property
+    def damped(self) -> NDArray[np.intp]:
+        """Which of the modes have a damping ratio, by their place in the list."""
+        none = self.damping_ratio is None
+        return np.empty(0, dtype=np.intp) if none else np.flatnonzero(~np.isnan(np.asarray(self.damping_ratio)))
 
     def __repr__(self) -> str:
         found = ", ".join(f"mode {n}: {f:g} Hz" for n, f in zip(self.modes, self.frequency_hz, strict=True))

@@ -13,6 +13,7 @@ import numpy as np
 
 from receptance.beams import Part
 from receptance.errors import ReceptanceError
+from receptance.identification.damped import complex_frequencies
 from receptance.identification.factors import DECAY_RATES, DELAY, FACTORS, LOG_GAIN, frequency_weights
 from receptance.identification.unknowns import covered
 
@@ -278,7 +279,7 @@ class FRFResidual:
 
 
 class FrequencyResidual:
-    """Residuals of measured natural frequencies."""
+    """Residuals of measured natural frequencies, and of the damping ratios beside them."""
 
     def __init__(self, measured: MeasuredFrequencies, variables: Addressed, unit: Unit) -> None:
         self.unit = unit
@@ -286,41 +287,69 @@ class FrequencyResidual:
         self._measured = measured.frequency_hz
         self._rows = np.array(measured.modes) - 1
         self._count = len(variables.addresses)
+        self._damped = measured.damped
         spread = measured.standard_deviation_hz
-        if unit == "standard deviations" and spread is not None:
-            self._unit_hz = spread
-        else:
-            self._unit_hz = self._measured * (0.01 if unit == "percent" else 1.0)
+        share = 0.01 if unit == "percent" else 1.0
+        weighed = unit == "standard deviations" and spread is not None
+        self._unit_hz = spread if weighed and spread is not None else self._measured * share
+        self._damping = np.empty(0)
+        self._unit_damping = np.empty(0)
+        if measured.damping_ratio is not None:
+            self._damping = measured.damping_ratio[self._damped]
+            known = measured.standard_deviation_damping
+            self._unit_damping = (
+                known[self._damped] if weighed and known is not None else np.maximum(self._damping, 1e-4) * share
+            )
 
     @property
     def size(self) -> int:
-        """Number of frequencies."""
-        return self._measured.size
+        """Number of frequencies and damping ratios."""
+        return self._measured.size + self._damping.size
 
-    def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return modes counted from zero, measured angular frequencies and weights."""
+    def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return modes counted from zero, measured angular frequencies and weights; None where damping counts."""
+        if self._damping.size:
+            return None
         return self._rows.astype(np.float64), 2.0 * np.pi * self._measured, 0.5 / (np.pi * self._unit_hz)
 
     def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
         """Return residuals and their derivatives; see `Residual`."""
         model = self._model
         assembly = model.at(values)
+        found, slope = self._undamped(assembly)
+        ratio, steeper = np.empty(0), np.empty((0, len(model.addresses)))
+        if self._damping.size:
+            try:
+                poles, moved = complex_frequencies(assembly, found, model.addresses)
+            except (ReceptanceError, ValueError) as error:
+                raise InfeasibleError(str(error)) from None
+            # |w| and Im w / |w|, and what they change by with w.
+            found = np.abs(poles)
+            slope = (np.conj(poles)[:, None] * moved).real / found[:, None]
+            ratio = (poles.imag / found)[self._damped]
+            steeper = ((moved.imag - (poles.imag / found)[:, None] * slope) / found[:, None])[self._damped]
+        jacobian = np.zeros((self.size, self._count))
+        jacobian[:, model.columns] = (
+            np.vstack([slope / self._unit_hz[:, None], steeper / self._unit_damping[:, None]]) * slopes[model.columns]
+        )
+        residual = [(found - self._measured) / self._unit_hz, (ratio - self._damping) / self._unit_damping]
+        return np.concatenate(residual), jacobian
+
+    def _undamped(self, assembly: Assembly) -> Pair:
+        """Return undamped natural frequencies of the measured modes, and their derivatives."""
         most = int(self._rows[-1]) + 1
         highest = float(self._measured[-1])
         upper = _MARGIN * highest
         while True:
             try:
-                found, slope = assembly.natural_frequency_derivatives(upper, model.addresses)
+                found, slope = assembly.natural_frequency_derivatives(upper, self._model.addresses)
             except ReceptanceError as error:
                 raise InfeasibleError(str(error)) from None
             if len(found) >= most:
-                break
+                return found[self._rows], slope[self._rows]
             if upper > _FARTHEST * highest:
                 raise InfeasibleError(f"mode {most} lies more than {_FARTHEST:g} times above where it was measured")
             upper *= _GROWTH
-        jacobian = np.zeros((self.size, self._count))
-        jacobian[:, model.columns] = slope[self._rows] * slopes[model.columns] / self._unit_hz[:, None]
-        return (found[self._rows] - self._measured) / self._unit_hz, jacobian
 
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals alone; see `Residual`."""
