@@ -10,7 +10,7 @@ import copy
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ from receptance.diagnosis.causes import changed
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -301,6 +302,24 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
                 table[key] = [moved(name) for name in written]
 
 
+def _as_seen(model: Model, diagnosed: Model) -> Model:
+    """Return what was written on the lines that the diagnosis took; it leaves out what is too noisy for it."""
+    seen = {one.label: one for one in diagnosed.observations}
+    kept = []
+    for one in model.observations:
+        other = seen.get(one.label)
+        if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
+            good = np.isin(one.frequency_hz, other.frequency_hz)
+            spread = one.standard_deviation
+            lines = {"frequency_hz": one.frequency_hz[good], "receptance": one.receptance[good]}
+            kept.append(altered(one, **lines, standard_deviation=None if spread is None else spread[good]))
+        elif other is not None:
+            kept.append(one)
+    places = [place_of(one, i) for i, one in enumerate(kept)]
+    tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
+    return replace(model, observations=tuple(kept), tolerances=tolerances)
+
+
 def _check(diagnosis: CampaignDiagnosis, data: dict[str, Any], folder: Path) -> None:
     """Read what was written, and refuse it where it is not the model that was diagnosed."""
     from receptance.campaign.diagnosis import campaign_model
@@ -309,9 +328,9 @@ def _check(diagnosis: CampaignDiagnosis, data: dict[str, Any], folder: Path) -> 
     explanation = diagnosis.verdict.explanation
     assert explanation is not None
     again = loaded(folder / "extended.toml", copy.deepcopy(data))
-    task = campaign_model(again, again.to_identify)[0].task()
-    problem = task.problem()
     fit = explanation.fit
+    task = _as_seen(campaign_model(again, again.to_identify)[0], fit.model).task()
+    problem = task.problem()
     names = set(task.variables.names)
     if names != set(fit.values):
         odd = ", ".join(sorted(names ^ set(fit.values)))
