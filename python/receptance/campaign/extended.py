@@ -305,7 +305,7 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
 def _as_seen(model: Model, diagnosed: Model) -> Model:
     """Return what was written on the lines that the diagnosis took; it leaves out what is too noisy for it."""
     seen = {one.label: one for one in diagnosed.observations}
-    kept = []
+    kept: list[MeasuredFRF | MeasuredFrequencies] = []
     for one in model.observations:
         other = seen.get(one.label)
         if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
