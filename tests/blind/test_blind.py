@@ -179,13 +179,13 @@ def always(verdict, *reported):
     return fixed_answer(verdict, *reported)
 
 
-def forgetful(case):
+def forgetful(case, **_):
     """Answer as one who takes every dimension and material for exact."""
     exact = replace(case, nominal=replace(case.nominal, tolerances=()))
     return ask(exact, causes=ASKED)
 
 
-def gullible(case):
+def gullible(case, **_):
     """Name whatever gains most, adequate or not."""
     answer = ask(case, causes=ASKED)
     return replace(answer, verdict="named", reported=(answer.candidates[0][0],)) if answer.candidates else answer
