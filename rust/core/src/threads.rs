@@ -12,8 +12,9 @@ use std::vec::IntoIter;
 /// Bytes of stack: the kernels are inlined whole, which takes much in a build without optimisation.
 const STACK: usize = 16 << 20;
 
-/// What there must at least be left to do for each helper [ns], on a machine that has nothing else to do.
-const WORTH: f64 = 80e3;
+/// What there must at least be left to do for each helper [ns], on a machine that has nothing else to do: waking one
+/// takes 50 to 100 us until it works, and 200 us of work were seen to take longer with one than without.
+const WORTH: f64 = 250e3;
 
 /// What there must be left to do for each helper, in delays.
 const DELAYS: f64 = 2.5;

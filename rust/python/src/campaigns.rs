@@ -1,6 +1,6 @@
 //! The functions of the extension that fit parameters of whole models.
 
-use crate::arrays::{c_contiguous, contiguous, coordinates, index, indices, parameter, table};
+use crate::arrays::{c_contiguous, contiguous, index, indices, parameter, response_and_excitation, table};
 use crate::errors::CoreError;
 use crate::functions::shaped;
 use num_complex::Complex64;
@@ -20,7 +20,7 @@ type Row<'py, T> = PyReadonlyArray1<'py, T>;
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
 
 /// Tables, entries that move and how fast, addresses, factors (kind, address), entries through which frequency acts.
-type Ties<'py> =
+pub(crate) type Ties<'py> =
     ((Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>), Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>);
 
 /// Lines, measured and weights (a row a record), coordinates (response, excitation), ties.
@@ -30,7 +30,8 @@ type Receptance<'py> =
 /// Modes, measured, weights, ties.
 type Frequencies<'py> = (Row<'py, f64>, Row<'py, f64>, Row<'py, f64>, Ties<'py>);
 
-fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
+/// Tables as functions of so many unknowns.
+pub(crate) fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
     let ((segments, joints, masses, grounds, overlaps), rates, addresses, factors, powers) = ties;
     let tables = Tables {
         segments: table("segments", segments, section::column::COUNT)?,
@@ -98,10 +99,7 @@ fn campaign<'a>(
     let count = variables.logarithmic.len();
     let mut observed = Vec::new();
     for (w, measured, weights, points, ties) in receptances {
-        let points = coordinates("points", points)?;
-        let [response, excitation] = points[..] else {
-            return Err(PyValueError::new_err("points: expected two rows, response and excitation"));
-        };
+        let [response, excitation] = response_and_excitation(points)?;
         let (measured, weights) = (records("measured", measured)?, records("weights", weights)?);
         if measured.len() != weights.len() {
             let message = format!("weights: {} records, expected {}", weights.len(), measured.len());
