@@ -23,8 +23,9 @@ from receptance.identification import (
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import CARBIDE, STEEL, Material
 from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
-from receptance.terminals import MeasuredPart, ModalPart, Mode
+from receptance.terminals import MeasuredPart
 
 __all__ = [
     "CARBIDE",

@@ -15,8 +15,9 @@ from receptance.collet import ColletJoint
 from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
-from receptance.terminals import MeasuredPart, ModalPart, Terminal
+from receptance.terminals import MeasuredPart, Terminal
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
 _TERMINALS = (MeasuredPart, ModalPart)

@@ -14,8 +14,9 @@ from receptance.beams import Part
 from receptance.collet import ColletJoint
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
-from receptance.terminals import MeasuredPart, ModalPart, Terminal
+from receptance.terminals import MeasuredPart, Terminal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -31,6 +31,7 @@ from receptance._flatten import MOTIONS, Element, Flat, Motion, constant, flatte
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.terminals import MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -105,6 +106,11 @@ class Assembly:
     def attachments(self) -> dict[str, Attachment]:
         """Point elements by name."""
         return dict(self._attachments)
+
+    @property
+    def tabulated(self) -> bool:
+        """Whether it ends with a table of receptances, so that it has a value on the table's lines only."""
+        return any(isinstance(element, MeasuredPart) for element in self._elements.values())
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:

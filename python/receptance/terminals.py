@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import tau
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -19,14 +18,13 @@ if TYPE_CHECKING:
 
     from receptance.frf import FRF
 
-__all__ = ["MeasuredPart", "ModalPart", "Mode", "Terminal"]
+__all__ = ["MeasuredPart", "Terminal"]
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 """Parameters that every terminal has, in the order of the entries of its receptance."""
 _RESIDUAL_UNITS = dict(zip(RESIDUALS, ("m/N", "rad/(N m)", "m/(N m)"), strict=True))
 ENTRIES = ((0, 0), (1, 1), (0, 1))
 """Where y over force, theta over moment and y over moment stand in the (y, theta) matrix."""
-_MODE = re.compile(r"mode\[(\d+)\]\.(\w+)")
 
 
 class Terminal(ABC):
@@ -41,7 +39,8 @@ class Terminal(ABC):
     def _owner(self) -> str:
         return f"{type(self).__name__} {self.name!r}" if self.name else type(self).__name__
 
-    def _check_residuals(self) -> None:
+    def check_residuals(self) -> None:
+        """Refuse residuals that are not finite numbers."""
         for quantity, unit in _RESIDUAL_UNITS.items():
             object.__setattr__(
                 self, quantity, _checks.number(self._owner, quantity, getattr(self, quantity), unit=unit)
@@ -176,7 +175,7 @@ class MeasuredPart(Terminal):
             array.flags.writeable = False
             object.__setattr__(self, quantity, array)
         object.__setattr__(self, "decay_rate", _checks.not_negative(owner, "decay_rate", self.decay_rate, unit="1/s"))
-        self._check_residuals()
+        self.check_residuals()
 
     @classmethod
     def from_frf(cls, frf: FRF, *, name: str = "") -> Self:
@@ -222,171 +221,6 @@ class MeasuredPart(Terminal):
     def __repr__(self) -> str:
         low, high = self.frequency_hz[0], self.frequency_hz[-1]
         return f"MeasuredPart(name={self.name!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mode:
-    """A mode of a part, seen at one plane.
-
-    Parameters
-    ----------
-    frequency_hz : float
-        Undamped natural frequency with the plane free; zero for a rigid-body mode.
-    damping_ratio : float
-        Share of critical damping.
-    y, theta : float
-        Mode shape at the plane, mass-normalised: 1/sqrt(kg), and rad/(m sqrt(kg)).
-
-    Examples
-    --------
-    >>> from receptance import Mode
-    >>> bending = Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)
-    """
-
-    frequency_hz: float
-    damping_ratio: float
-    y: float
-    theta: float
-
-    columns_of: ClassVar[tuple[str, ...]] = ("frequency_hz", "damping_ratio", "y", "theta")
-
-    def __post_init__(self) -> None:
-        for quantity, unit in zip(self.columns_of, ("Hz", "", "1/sqrt(kg)", "rad/(m sqrt(kg))"), strict=True):
-            check = _checks.number if quantity in ("y", "theta") else _checks.not_negative
-            object.__setattr__(self, quantity, check("Mode", quantity, getattr(self, quantity), unit=unit))
-
-    def quotient(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return 1 / (w_r^2 - w^2 + 2 i zeta w_r w) on lines in Hz."""
-        w, own = tau * np.asarray(lines, dtype=np.complex128), tau * self.frequency_hz
-        below = own * own - w * w + 2j * self.damping_ratio * own * w
-        if (bad := np.flatnonzero(below == 0.0)).size:
-            raise ValueError(f"the line at {lines[bad[0]].real:g} Hz meets a mode without damping exactly")
-        return 1.0 / below
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModalPart(Terminal):
-    """A part known by its modes, as seen at one plane: a spindle, or a fixture.
-
-    Its receptance over (y, theta) is G(w) = R + sum of phi phi^T / (w_r^2 - w^2 + 2 i zeta_r w_r w), phi = (y, theta)
-    of each mode, R the residual: what modes above the band add. It is the last element of an assembly.
-
-    Parameters
-    ----------
-    modes : iterable of Mode
-        At least one.
-    residual_y, residual_theta, residual_ytheta : float, optional
-        R, in m/N, rad/(N m) and m/(N m).
-    band_hz : (float, float), optional
-        Lines outside this band are refused: a fit says nothing beyond its data.
-    name : str, optional
-        First word of the addresses of its parameters, as in `spindle.mode[0].frequency_hz`, `.damping_ratio`, `.y`,
-        `.theta` and `spindle.residual_y`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        No modes, numbers without meaning, a band that does not ascend.
-
-    Examples
-    --------
-    >>> from receptance import STEEL, Assembly, ModalPart, Mode, Part, PointJoint, Segment
-    >>> spindle = ModalPart(modes=[Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)], residual_y=2e-9,
-    ...     residual_theta=2e-7, name="spindle")
-    >>> blank = Part([Segment(length=0.12, outer_diameter=0.04, material=STEEL)], name="blank")
-    >>> machine = Assembly([blank, PointJoint(k_y=1e9, k_theta=2e6), spindle])
-    >>> h, slope = machine.derivatives([300.0, 600.0], ["spindle.mode[0].frequency_hz", "spindle.residual_y"])
-    """
-
-    modes: tuple[Mode, ...]
-    residual_y: float = 0.0
-    residual_theta: float = 0.0
-    residual_ytheta: float = 0.0
-    band_hz: tuple[float, float] | None = None
-    name: str = field(default="", compare=False)
-
-    def __post_init__(self) -> None:
-        modes = tuple(self.modes) if isinstance(self.modes, Iterable) else (self.modes,)
-        for index, mode in enumerate(modes):
-            if not isinstance(mode, Mode):
-                raise TypeError(f"{self._owner}: modes[{index}] is {mode!r}, expected a Mode")
-        if not modes:
-            raise ValueError(f"{self._owner}: there are no modes, expected at least one")
-        object.__setattr__(self, "modes", modes)
-        self._check_residuals()
-        if self.band_hz is not None:
-            low, high = (_checks.not_negative(self._owner, "band_hz", value, unit="Hz") for value in self.band_hz)
-            if not low < high:
-                raise ValueError(f"{self._owner}: band_hz is {low:g} to {high:g} Hz, expected an ascending pair")
-            object.__setattr__(self, "band_hz", (low, high))
-
-    @property
-    def columns_of(self) -> tuple[str, ...]:
-        """Names of its parameters."""
-        own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
-        return (*own, *RESIDUALS)
-
-    def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
-        self._check_band(lines)
-        result = np.zeros((lines.size, len(ENTRIES)), dtype=np.complex128)
-        for mode in self.modes:
-            result += mode.quotient(lines)[:, None] * np.array([mode.y**2, mode.theta**2, mode.y * mode.theta])
-        return result
-
-    def _check_band(self, lines: NDArray[Any]) -> None:
-        if self.band_hz is None:
-            return
-        low, high = self.band_hz
-        bad = np.flatnonzero((lines.real < low * (1.0 - 1e-9)) | (lines.real > high * (1.0 + 1e-9)))
-        if bad.size:
-            raise ValueError(
-                f"{self._owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
-                "outside; nothing is extrapolated"
-            )
-
-    def _slope(self, lines: NDArray[Any], parameter: str) -> NDArray[np.complex128]:
-        index, quantity = self._place(parameter)
-        mode = self.modes[index]
-        quotient = mode.quotient(lines)
-        if quantity == "y":
-            shape = [2.0 * mode.y, 0.0, mode.theta]
-        elif quantity == "theta":
-            shape = [0.0, 2.0 * mode.theta, mode.y]
-        else:
-            w, own = tau * np.asarray(lines, dtype=np.complex128), tau * mode.frequency_hz
-            damping = quantity == "damping_ratio"
-            below = 2j * own * w if damping else tau * (2.0 * own + 2j * mode.damping_ratio * w)
-            quotient = -(quotient**2) * below
-            shape = [mode.y**2, mode.theta**2, mode.y * mode.theta]
-        result: NDArray[np.complex128] = quotient[:, None] * np.array(shape)
-        return result
-
-    def _place(self, parameter: str) -> tuple[int, str]:
-        match = _MODE.fullmatch(parameter)
-        if match is None or parameter not in self.columns_of:
-            raise ValueError(f"{self._owner} has no parameter {parameter!r}")
-        return int(match[1]), match[2]
-
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter."""
-        if parameter in RESIDUALS:
-            return super().value(parameter)
-        index, quantity = self._place(parameter)
-        return float(getattr(self.modes[index], quantity))
-
-    def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same with other values of some parameters."""
-        own: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
-        modes = list(self.modes)
-        for name in values.keys() - own.keys():
-            index, quantity = self._place(name)
-            change: dict[str, Any] = {quantity: values[name]}
-            modes[index] = replace(modes[index], **change)
-        return replace(self, modes=tuple(modes), **own)
-
-    def __repr__(self) -> str:
-        modes = ", ".join(f"{mode.frequency_hz:g}" for mode in self.modes)
-        return f"ModalPart(name={self.name!r}, modes at {modes} Hz)"
 
 
 def _check_finite(owner: str, what: str, array: NDArray[Any]) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["GRID", "STEPS", "TERMS", "Equations", "names_of", "solve_lines"]
+__all__ = ["GRID", "STEPS", "TERMS", "Equations", "linear_solution", "names_of", "polished", "solve_lines"]
 
 TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 """Terms of the joint's stiffness and where they stand in it."""
@@ -147,7 +147,7 @@ def solve_lines(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[n
     with np.errstate(all="ignore"):
         starts = _candidates(equations)
         exact = len(equations.terms) == equations.rigid.shape[1] and _closed(equations)
-        ends = starts if exact else [_polished(equations, x) for x in starts]
+        ends = starts if exact else [polished(equations, x) for x in starts]
         found = np.stack(ends, axis=1)
         costs = np.stack([equations.cost(x) for x in ends], axis=1)
         chosen, ambiguous, centre = _agreed(equations, found, costs)
@@ -155,7 +155,7 @@ def solve_lines(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[n
             if equations.alike or centre is None:
                 break
             # What the lines agree on is a better start than a grid, for those that went astray.
-            end = _polished(equations, np.broadcast_to(centre * (1.0 + 0.01j), chosen.shape).astype(np.complex128))
+            end = polished(equations, np.broadcast_to(centre * (1.0 + 0.01j), chosen.shape).astype(np.complex128))
             found = np.concatenate([found, end[:, None]], axis=1)
             costs = np.concatenate([costs, equations.cost(end)[:, None]], axis=1)
             chosen, ambiguous, centre = _agreed(equations, found, costs)
@@ -174,7 +174,7 @@ def _candidates(eq: Equations) -> list[NDArray[np.complex128]]:
     found: list[NDArray[np.complex128]] = []
     if eq.alike:
         if pairs >= 3:
-            found.append(_linear(eq))
+            found.append(linear_solution(eq))
         if count == 2:
             for pair in list(combinations(range(pairs), 2))[:3]:
                 found += _double(eq, pair)
@@ -182,7 +182,7 @@ def _candidates(eq: Equations) -> list[NDArray[np.complex128]]:
     return _best_of_grid(eq)
 
 
-def _linear(eq: Equations) -> NDArray[np.complex128]:
+def linear_solution(eq: Equations) -> NDArray[np.complex128]:
     """Return the terms of X^-1 - Y, X by weighted linear least squares."""
     r, e = eq.response, eq.excitation
     rows = np.stack([r[..., 0] * e[..., 0], r[..., 1] * e[..., 1], r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0]], -1)
@@ -271,7 +271,7 @@ def _best_of_grid(eq: Equations) -> list[NDArray[np.complex128]]:
     return [np.stack(points)[which, rows] for which in order]
 
 
-def _polished(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def polished(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return the least squares near a start on each line: Levenberg and Marquardt's steps, all lines at once."""
     result = np.where(np.isfinite(x), x, 1.0)
     lines = np.arange(len(x))

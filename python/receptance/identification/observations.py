@@ -152,8 +152,10 @@ class MeasuredFRF:
             if place is not None and not isinstance(place, Coordinate):
                 raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
             places.append(place or Coordinate())
-        # A line off the real axis: no resonance can be in the way of asking whether the coordinates exist.
-        assembly.receptance([lines[0].real * (1.0 - 0.1j)], response=places[0], excitation=places[1], threads=1)
+        # A line off the real axis: no resonance can be in the way of asking whether the coordinates exist. A spindle's
+        # table has no such line, and is to have all of the observation's.
+        asked = lines if assembly.tabulated else [lines[0].real * (1.0 - 0.1j)]
+        assembly.receptance(asked, response=places[0], excitation=places[1], threads=1)
         _checked.fill(
             self,
             assembly=assembly,

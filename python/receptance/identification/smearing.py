@@ -29,7 +29,7 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     """Return an observation with resonances about `width` broad, relative to their frequency, on some lines.
 
     Standard deviations become half the width, on every line and frequency. None where the lines are too far apart, or
-    the band too narrow, for such a mean.
+    the band too narrow, for such a mean, or where the assembly ends with a table, which has no value at complex lines.
     """
     if isinstance(observation, MeasuredFrequencies):
         return MeasuredFrequencies(
@@ -42,7 +42,7 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
             conditions=observation.conditions,
         )
     f = observation.frequency_hz.real
-    if f.size < _FEWEST:
+    if f.size < _FEWEST or observation.assembly.tabulated:
         return None
     steps = np.gradient(f)
     # What lies beyond the upper end is missing in the mean, so lines keep off it; below zero the response is known.

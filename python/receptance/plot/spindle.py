@@ -1,0 +1,69 @@
+"""A spindle's receptances line by line as a figure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.terminals import ENTRIES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from receptance.modal_parts import ModalPart
+    from receptance.spindle.receptance import SpindleReceptance
+
+__all__ = ["draw_spindle"]
+
+_TITLES = ("y/F [m/N]", "θ/M [rad/(N m)]", "y/M [m/(N m)]")
+_REACH = 1.96
+
+
+def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, title: str = "") -> Figure:
+    """Draw the magnitudes of the three terms with 95 % bands, and the condition number.
+
+    Parameters
+    ----------
+    found : SpindleReceptance
+        From `identify_spindle`. Lines that are not usable are pale.
+    modes : ModalPart, optional
+        Modes that were fitted, drawn over the lines.
+    title : str, optional
+        Over the figure; by default what was measured.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+    """
+    figure = new_figure(11.0, 8.5)
+    keep_clear(figure, 0.91)
+    text = title or f"Spindle line by line, from {', '.join(found.labels)}"
+    figure.text(0.01, 0.972, text, va="center", fontsize=13, color=INK)
+    said = f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: others"
+    more = ";  orange: modes" if modes else ""
+    figure.text(0.01, 0.938, said + more, va="center", fontsize=9.5, color=INK)
+    grid = figure.add_gridspec(2, 2)
+    lines = np.asarray(found.frequency_hz).real
+    curve = None if modes is None else modes.receptance(found.frequency_hz)
+    for number, (i, j) in enumerate(ENTRIES):
+        axes = figure.add_subplot(grid[divmod(number, 2)])
+        size, deviation = np.abs(found.matrix[:, i, j]), found.standard_deviation[:, i, j]
+        set_up(axes, _TITLES[number], "frequency [Hz]" if number == 2 else "", "")
+        shown = np.where(found.usable, size, np.nan)
+        axes.semilogy(lines, np.where(found.usable, np.nan, size), ".", color=PALE, markersize=2.5)
+        low = np.maximum(shown - _REACH * deviation, 0.05 * shown)
+        axes.fill_between(lines, low, shown + _REACH * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
+        axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
+        if curve is not None:
+            axes.semilogy(lines, np.abs(curve[:, i, j]), color=COLOURS[1], linewidth=1.2)
+        if found.usable.any():
+            axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
+        axes.set_xlim(lines[0], lines[-1])
+    axes = figure.add_subplot(grid[1, 1])
+    set_up(axes, "Condition number: by how much a relative error grows", "frequency [Hz]", "")
+    axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
+    axes.set_xlim(lines[0], lines[-1])
+    return figure

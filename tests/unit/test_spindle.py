@@ -1,0 +1,251 @@
+"""Spindles from blanks: inverse coupling, rotations by differences, modes, and what is refused."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from machine_spindle import (
+    LINES,
+    as_table,
+    at_two_places,
+    make_blank,
+    make_spindle,
+    measure,
+    seen_at_the_plane,
+    with_spindle,
+)
+from receptance import Assembly, Coordinate, GroundSpring, MeasuredFRF, PointMass, ReceptanceWarning
+from receptance.spindle import fit_spindle, identify_spindle, rotations
+
+FEW = LINES[::6]
+TRUE = seen_at_the_plane(make_spindle(), FEW)
+SIZE = np.sqrt(np.abs(TRUE[:, [0, 1], [0, 1]]))
+SIZE = SIZE[:, :, None] * SIZE[:, None, :]
+"""Of each term: itself, and sqrt(|G_yy G_tt|) for the coupling."""
+
+
+def off(matrix: np.ndarray, usable: np.ndarray) -> float:
+    """Return the largest error on usable lines."""
+    return float(np.max((np.abs(matrix - TRUE) / SIZE)[usable]))
+
+
+def test_a_mass_on_the_blank_is_taken_off_with_it() -> None:
+    sensor = PointMass(mass=0.01, part="blank", position=0.0, name="sensor")
+    blank = Assembly(make_blank().elements.values(), [sensor])
+    found = identify_spindle(at_two_places(blank, 0.07, sd=1e-9, lines=FEW))
+    assert found.usable.all()
+    assert off(found.matrix, found.usable) < 1e-9
+
+
+@pytest.mark.parametrize("lengths", [(0.08, 0.12, 0.17), (0.08, 0.12, 0.17, 0.2)])
+def test_tips_of_several_blanks_are_enough(lengths: tuple[float, ...]) -> None:
+    observed = [measure(make_blank(length), 0.0, 0.0, sd=1e-9, lines=LINES[::2]) for length in lengths]
+    found = identify_spindle(observed, limit=1e-4)
+    true = seen_at_the_plane(make_spindle(), LINES[::2])
+    assert found.usable.mean() > 0.95
+    assert np.max((np.abs(found.matrix - true) / np.abs(true))[found.usable]) < 1e-5
+    assert np.isnan(found.rms) == (len(lengths) == 3)
+
+
+def test_the_windowed_lines_are_those_of_the_spindle() -> None:
+    lines = FEW - 3j
+    blank = make_blank()
+    whole = with_spindle(blank, make_spindle())
+    tip, near = Coordinate("blank", 0.0), Coordinate("blank", 0.07)
+    observed = [
+        MeasuredFRF(
+            assembly=blank,
+            frequency_hz=lines,
+            receptance=whole.receptance(lines, response=a, excitation=b),
+            response=a,
+            excitation=b,
+            standard_deviation=1e-9,
+        )
+        for a, b in ((tip, tip), (near, tip), (near, near))
+    ]
+    found = identify_spindle(observed)
+    assert found.decay_rate == pytest.approx(6.0 * np.pi)
+    np.testing.assert_allclose(found.matrix, seen_at_the_plane(make_spindle(), lines), rtol=1e-8)
+    part = found.part()
+    machine = Assembly([*blank.elements.values(), part])
+    np.testing.assert_allclose(machine.receptance(lines), whole.receptance(lines), rtol=1e-9)
+
+
+def test_files_keep_a_spindle(tmp_path: Any) -> None:
+    from receptance.io import read_frf, write
+    from receptance.terminals import MeasuredPart
+
+    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=1e-3, lines=FEW))
+    write(tmp_path / "spindle.npz", found.as_frf())
+    part = MeasuredPart.from_frf(read_frf(tmp_path / "spindle.npz"), name="spindle")
+    np.testing.assert_allclose(part.matrix, found.part().matrix, rtol=1e-12)
+    assert pickle.loads(pickle.dumps(found)).usable.sum() == found.usable.sum() > 120
+    assert found.as_dict()["limit"] == 0.2
+    assert len(found.plot().axes) == 4
+
+
+def test_lines_that_nothing_can_be_said_of_are_masked() -> None:
+    rng = np.random.default_rng(11)
+    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=FEW))
+    assert 0.5 < found.usable.mean() < 0.98
+    # What is masked is worse than what is not, and nothing that is not is beyond what the variance allows.
+    error = np.abs(found.matrix - TRUE) / SIZE
+    assert np.median(error[~found.usable]) > 2.0 * np.median(error[found.usable])
+    assert found.condition[~found.usable].min() > np.median(found.condition)
+    assert any("lines are usable" in note for note in found.notes)
+    with pytest.raises(ValueError, match="is not known between"):
+        found.part().receptance(np.arange(FEW[0], FEW[-1], 7.0))
+    nothing = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=FEW), limit=1e-4)
+    with pytest.raises(ValueError, match="no line is usable: nowhere are the standard deviations of all terms below"):
+        nothing.part()
+
+
+def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -> tuple[MeasuredFRF, ...]:
+    """Return rotations from so many places."""
+    places = [spacing * i for i in range(count)]
+    return rotations([measure(blank, b, a, sd=sd, lines=LOW) for i, a in enumerate(places) for b in places[i:]])
+
+
+LOW = LINES[:100:3]
+
+
+def errors(blank: Assembly, made: tuple[MeasuredFRF, ...]) -> list[float]:
+    """Return the median relative errors, which the stated deviations are to be near."""
+    machine, found = with_spindle(blank, make_spindle()), []
+    for one in made:
+        exact = machine.receptance(LOW, response=one.response, excitation=one.excitation)
+        found.append(float(np.median(np.abs(one.receptance / exact - 1.0))))
+        stated = float(np.median(np.asarray(one.standard_deviation)))
+        assert stated == pytest.approx(found[-1], rel=0.4, abs=1e-8)
+    return found
+
+
+def test_rotations_by_differences_say_what_they_are_off_by() -> None:
+    """Truncation of a slender blank falls with the spacing; in a thick one shear takes over; noise grows."""
+    slender, thick = make_blank(0.12, 0.006), make_blank(0.12, 0.05)
+    coarse, fine = (errors(slender, differences(slender, 2, s)) for s in (0.02, 0.01))
+    assert coarse[1] / fine[1] > 3.0  # theta/F: s^2
+    assert coarse[2] / fine[2] == pytest.approx(2.0, rel=0.2)  # theta/M: s
+    coarse, fine = (errors(slender, differences(slender, 3, s)) for s in (0.02, 0.01))
+    assert coarse[1] / fine[1] > 3.0
+    near, nearer = (errors(thick, differences(thick, 2, s)) for s in (0.02, 0.01))
+    assert nearer[2] > 2.0 * near[2]
+    # The noise of theta/M alone: 1/s^2.
+    noise = []
+    for s in (0.02, 0.06):
+        places = [(0.0, 0.0), (0.0, s), (s, s)]
+        observed = [measure(thick, b, a, sd=1e-3, lines=LOW) for a, b in places]
+        noise.append(np.median(np.asarray(rotations(observed, truncation=False)[2].standard_deviation)))
+        assert "truncation" in rotations(observed)[2].notes[0]
+    assert noise[0] > 3.0 * noise[1]
+
+
+def test_a_spindle_by_differences_is_off_by_their_truncation() -> None:
+    blank = make_blank(0.12)
+    observed = [measure(blank, b, a, sd=1e-6, lines=FEW) for a, b in ((0.0, 0.0), (0.0, 0.03), (0.03, 0.03))]
+    by_differences = identify_spindle(rotations(observed), limit=0.5, allow_mismatch=True)
+    directly = identify_spindle(observed)
+    assert off(directly.matrix, directly.usable) < 1e-3
+    assert off(by_differences.matrix, by_differences.usable) > 0.02
+
+
+@pytest.mark.slow
+def test_modes_are_fitted_to_the_responses() -> None:
+    rng = np.random.default_rng(5)
+    observed = at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=LINES[::2])
+    found = identify_spindle(observed)
+    fit = fit_spindle(observed, found)
+    assert fit.identification.rms < 1.2
+    np.testing.assert_allclose([m.frequency_hz for m in fit.part.modes][:3], [1066.8, 1275.7, 2404.6], rtol=0.01)
+    true = seen_at_the_plane(make_spindle(), LINES[::2])
+    size = np.sqrt(np.abs(true[:, [0, 1], [0, 1]]))
+    error = np.abs(fit.part.receptance(LINES[::2]) - true) / (size[:, :, None] * size[:, None, :])
+    by_line = np.abs(found.matrix - true) / (size[:, :, None] * size[:, None, :])
+    assert np.median(error) < 0.5 * np.median(by_line[found.usable])
+    machine = Assembly([*make_blank(0.15).elements.values(), fit.part])
+    with pytest.raises(ValueError, match="nothing is extrapolated"):
+        machine.receptance([5000.0])
+    deviation = fit.standard_deviation(machine, LINES[::20])
+    whole = with_spindle(make_blank(0.15), make_spindle()).receptance(LINES[::20])
+    z = np.abs(np.log(machine.receptance(LINES[::20]) / whole)) / (np.sqrt(2.0) * deviation)
+    assert np.sqrt(np.mean(z**2)) < 2.0
+    assert fit.covariance.shape == (len(fit.addresses),) * 2
+
+
+def changed(one: MeasuredFRF, **changes: Any) -> MeasuredFRF:
+    names = ("assembly", "frequency_hz", "receptance", "response", "excitation", "standard_deviation", "label")
+    return MeasuredFRF(**{name: getattr(one, name) for name in names} | changes)
+
+
+class TestWhatIsWrong:
+    """Clear errors."""
+
+    good = at_two_places(make_blank(), 0.07, sd=0.003, rng=np.random.default_rng(2), lines=FEW)
+    other = measure(make_blank(0.15), 0.0, 0.0, sd=0.003, rng=np.random.default_rng(3), lines=FEW)
+
+    @pytest.mark.parametrize("described", [make_blank(0.102), make_blank(diameter=0.049)])
+    def test_a_blank_that_does_not_match(self, described: Assembly) -> None:
+        wrong = [changed(one, assembly=described) for one in self.good]
+        with pytest.raises(ValueError, match="no spindle answers to all blanks as they were measured: the rms is"):
+            identify_spindle([*wrong, self.other])
+        with pytest.warns(ReceptanceWarning, match="no spindle answers"):
+            found = identify_spindle([*wrong, self.other], allow_mismatch=True)
+        assert "no spindle answers" in found.notes[-1]
+        assert identify_spindle([*self.good, self.other]).rms < 1.3
+
+    @pytest.mark.parametrize("factor", [-1.0, -((2.0 * np.pi * FEW) ** 2)])
+    def test_a_channel_that_is_something_else(self, factor: Any) -> None:
+        wrong = [changed(self.good[0], receptance=factor * self.good[0].receptance), *self.good[1:]]
+        with pytest.raises(ValueError, match="the spindle would have to feed energy into the blank on"):
+            identify_spindle(wrong)
+
+    def test_bands_that_do_not_overlap(self) -> None:
+        early, late = FEW < 1000.0, FEW > 1000.0
+        cut = [
+            changed(one, frequency_hz=FEW[rows], receptance=one.receptance[rows], standard_deviation=0.003)
+            for one, rows in zip(self.good, (early, early, late), strict=True)
+        ]
+        with pytest.raises(ValueError, match=r"the bands do not overlap: MeasuredFRF\(.*from 100 to 9\d\d Hz\) and"):
+            identify_spindle(cut)
+
+    def test_too_little_is_measured(self) -> None:
+        with pytest.raises(ValueError, match="three unknown terms on each line, and there are 2 receptances"):
+            identify_spindle(self.good[:2])
+        same = [measure(make_blank(), x, 0.0, sd=0.01, lines=FEW) for x in (0.0, 0.03, 0.07)]
+        with pytest.raises(ValueError, match="cannot tell the spindle's three terms apart, only 2 of them"):
+            identify_spindle(same)
+        with pytest.raises(ValueError, match="has no standard deviation"):
+            identify_spindle([changed(one, standard_deviation=None) for one in self.good])
+
+    def test_more_than_a_blank(self) -> None:
+        blank = make_blank()
+        ended = Assembly([*blank.elements.values(), as_table(make_spindle(), FEW)])
+        with pytest.raises(ValueError, match="its assembly ends with a spindle, expected the blank alone"):
+            identify_spindle([changed(one, assembly=ended) for one in self.good])
+        held = Assembly(blank.elements.values(), [GroundSpring(k_y=1e7, part="blank", position="end", name="hand")])
+        with pytest.raises(ValueError, match="its assembly is held by 'hand', expected the blank alone"):
+            identify_spindle([changed(one, assembly=held) for one in self.good])
+
+    def test_differences_of_what_is_not_even(self) -> None:
+        blank = make_blank()
+        places = (0.0, 0.02, 0.05)
+        uneven = [measure(blank, b, a, sd=0.01, lines=FEW) for i, a in enumerate(places) for b in places[i:]]
+        with pytest.raises(ValueError, match=r"the places are 0.02 and 0.03 m apart, expected evenly spaced ones"):
+            rotations(uneven)
+        with pytest.raises(ValueError, match="nothing was measured between"):
+            rotations(uneven[:2])
+        with pytest.raises(ValueError, match="and these are of several"):
+            rotations([*self.good, self.other])
+
+    def test_beyond_its_band(self) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            part = identify_spindle(self.good).part()
+        with pytest.raises(ValueError, match=r"'spindle' is known from 100 to .* Hz, and the line at 6000 Hz is out"):
+            Assembly([*make_blank().elements.values(), replace(part)]).receptance([500.0, 6000.0])
