@@ -245,6 +245,7 @@ def _labelled(found: xr.Dataset, said: dict[str, Any]) -> xr.Dataset:
     found = found.set_coords(said["addresses"]).assign_coords(said["labels"])
     attributes = {
         "receptance": said["receptance"],
+        "addresses": json.dumps(said["addresses"]),
         "candidates": json.dumps(said["candidates"]),
         "grid": json.dumps(said["grid"]),
     }
