@@ -13,6 +13,7 @@ from receptance.cli.convert import convert
 from receptance.cli.running import InputError
 from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
+from receptance.cli.sweep import sweep
 
 __all__ = ["app", "main"]
 
@@ -30,6 +31,7 @@ for command in (example, identify, predict, transfer, diagnose, convert, schema)
     app.command()(command)
 app.command()(invert)
 app.command("next")(next_step)
+app.command()(sweep)
 
 
 def _print_version(wanted: bool) -> None:

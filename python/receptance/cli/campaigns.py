@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign
     from receptance.campaign.diagnosis import CampaignDiagnosis
 
-__all__ = ["diagnose", "example", "identify", "predict", "schema", "transfer"]
+__all__ = ["File", "diagnose", "example", "identify", "load_campaign", "predict", "schema", "transfer"]
 
 ANSWER_IS_NO = 3
 """Exit code where a verdict was asked to fail on."""
@@ -75,7 +75,7 @@ def identify(
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
-        read = _loaded(campaign, targets)
+        read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.identify(progress=say))
     targets.write(found.as_dict(), found.plot, found.plot_profiles if found.profiles else None)
     console = output()
@@ -106,7 +106,7 @@ def predict(
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
-        read = _loaded(campaign, targets)
+        read = load_campaign(campaign, targets)
         if at_most is not None and not read.held_out:
             raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
         found = with_progress(lambda say: read.predict(progress=say))
@@ -142,7 +142,7 @@ def transfer(
     way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
-        read = _loaded(campaign, targets)
+        read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.transfer(splits=way, progress=say))
     if plot is not None and not found.found.modes and not found.found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.found.not_predicted)}")
@@ -175,7 +175,7 @@ def diagnose(
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
-        read = _loaded(campaign, targets)
+        read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.diagnose(causes or None, progress=say))
 
     def page() -> str:
@@ -211,7 +211,7 @@ def _extended(found: CampaignDiagnosis, target: Path | None) -> tuple[str | None
             return None, str(error)
 
 
-def _loaded(path: Path, targets: Targets) -> Campaign:
+def load_campaign(path: Path, targets: Targets) -> Campaign:
     """Read the campaign; nothing that it reads may be written over."""
     from receptance.campaign import load
 

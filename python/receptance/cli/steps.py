@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from receptance.cli.campaigns import File
-from receptance.cli.campaigns import _loaded as load_campaign
+from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, output, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 

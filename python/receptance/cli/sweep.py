@@ -1,0 +1,174 @@
+"""The command `sweep`: many candidates of a campaign's parameters, compared with what was measured."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.text import Text
+
+from receptance.cli._tables import table
+from receptance.cli.campaigns import File, load_campaign
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
+from receptance.errors import ReceptanceError, ReceptanceWarning
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from receptance.campaign import Campaign
+    from receptance.sweep import Candidates
+
+__all__ = ["sweep"]
+
+_BEST = 10
+"""Candidates that are printed."""
+_EXAMPLE = "joint.k_y = 1e7 N/m to 1e9 N/m"
+_MANY = 10_000_000
+_LOGARITHMIC = 10.0
+"""Ranges that span at least this ratio are covered evenly in their logarithm."""
+
+
+def sweep(
+    campaign: File,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="'ADDRESS = LOW to HIGH'",
+            help="A parameter and its range with units; may be given several times. By default all unknowns.",
+        ),
+    ] = None,
+    points: Annotated[int, typer.Option("--points", min=2, help="Of each parameter; all combinations are tried.")] = 20,
+    sample: Annotated[
+        int | None, typer.Option("--sample", metavar="COUNT", min=1, help="Draw so many instead of a grid.")
+    ] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option("--store", metavar="FOLDER", help="Zarr store of all results; an interrupted run goes on in it."),
+    ] = None,
+    json_file: Json = None,
+    plot: Plot = None,
+    seed: Seed = 0,
+) -> None:
+    """Try many values of a campaign's parameters and tell which agree with what was measured."""
+    targets = Targets(json_file, plot)
+    from receptance.sweep import Misfit
+    from receptance.sweep import sweep as run
+
+    with warnings.catch_warnings(), input_errors(ReceptanceError, ValueError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        read = load_campaign(campaign, targets)
+        if not read.to_identify:
+            raise InputError("this campaign has no measurement that candidates could be compared with")
+        candidates = _candidates(read, vary or [], points, sample, seed)
+        misfit = Misfit([measured.observation for measured in read.to_identify.values()])
+        found = with_progress(
+            lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told))).load()
+        )
+    best = _best(found)
+    targets.write(_document(read, found, best), lambda: _figure(found))
+    console = output()
+    valid = int(found["valid"].sum())
+    names = list(candidates.addresses)
+    console.print(Text(f"{read.title}: {found.sizes['candidate']:,} candidates of {', '.join(names)}"), soft_wrap=True)
+    if valid < found.sizes["candidate"]:
+        console.print(Text(f"note: {found.sizes['candidate'] - valid:,} of them are no model"), soft_wrap=True)
+    rows = [(f"{found['misfit'].values[i]:.6g}", *(f"{found[name].values[i]:.5g}" for name in names)) for i in best]
+    console.print(table("The best, values in SI units", ("misfit", *names), rows))
+    if store is not None:
+        console.print(f"Store: {store}", soft_wrap=True)
+    targets.name(console)
+
+
+def _candidates(read: Campaign, vary: list[str], points: int, sample: int | None, seed: int) -> Candidates:
+    from scipy import stats
+
+    from receptance.sweep import Grid, Sampled
+
+    ranges = dict(map(_range, vary)) if vary else {u.address: (u.lower, u.upper) for u in read.unknowns}
+    if not ranges:
+        raise InputError(
+            "nothing is unknown in this campaign; say what to vary, --vary 'joint.k_y = 1e7 N/m to 1e9 N/m'"
+        )
+    even = {name: low > 0.0 and high / low >= _LOGARITHMIC for name, (low, high) in ranges.items()}
+    if sample is not None:
+        distributions = {
+            name: stats.loguniform(low, high) if even[name] else stats.uniform(low, high - low)
+            for name, (low, high) in ranges.items()
+        }
+        return Sampled(distributions, count=sample, seed=seed)
+    count = points ** len(ranges)
+    if count > _MANY:
+        raise InputError(f"{points} values of {len(ranges)} parameters are {count:.1e} candidates; use --sample COUNT")
+    return Grid(
+        {
+            name: np.geomspace(low, high, points) if even[name] else np.linspace(low, high, points)
+            for name, (low, high) in ranges.items()
+        }
+    )
+
+
+def _range(text: str) -> tuple[str, tuple[float, float]]:
+    from receptance.campaign.addresses import value_at
+
+    address, equals, rest = text.partition("=")
+    low, to, high = rest.partition(" to ")
+    address = address.strip()
+    if not equals or not to:
+        raise InputError(
+            f"--vary is {text!r}, expected 'ADDRESS = LOW to HIGH', such as 'joint.k_y = 1e7 N/m to 1e9 N/m'"
+        )
+    ends = []
+    for word, end in (("lower", low), ("upper", high)):
+        try:
+            number: Any = end.strip()
+            ends.append(value_at(address, float(number) if _is_plain(number) else number))
+        except ValueError as error:
+            raise InputError(f"--vary {address}: the {word} end {error}") from error
+    if not ends[0] < ends[1]:
+        raise InputError(
+            f"--vary {address}: the range is {low.strip()} to {high.strip()}, expected the lower end first"
+        )
+    return address, (ends[0], ends[1])
+
+
+def _is_plain(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _best(found: xr.Dataset) -> list[int]:
+    order = np.argsort(np.where(found["valid"].values, found["misfit"].values, np.inf), kind="stable")
+    return [int(i) for i in order[:_BEST] if found["valid"].values[i]]
+
+
+def _document(read: Campaign, found: xr.Dataset, best: list[int]) -> dict[str, Any]:
+    addresses = json.loads(found.attrs["addresses"])
+    return {
+        "title": read.title,
+        "candidates": found.sizes["candidate"],
+        "no_model": int((~found["valid"]).sum()),
+        "best": [
+            {
+                "number": i,
+                "misfit": float(found["misfit"].values[i]),
+                "values": {name: float(found[name].values[i]) for name in addresses},
+            }
+            for i in best
+        ],
+        "settings": {name: json.loads(text) if name != "receptance" else text for name, text in found.attrs.items()},
+    }
+
+
+def _figure(found: xr.Dataset) -> Figure:
+    from receptance.plot.sweep import draw_misfit
+
+    return draw_misfit(found)

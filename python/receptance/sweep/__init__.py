@@ -1,0 +1,27 @@
+"""Sweeps: many candidates through one model, on all cores and on many machines."""
+
+from receptance.sweep.candidates import Candidates, Grid, Listed, Sampled
+from receptance.sweep.disk import SweepError
+from receptance.sweep.misfit import Misfit
+from receptance.sweep.outputs import FrequencyResponse, NaturalFrequencies, Output, StableDepth, Variable
+from receptance.sweep.progress import SweepProgress
+from receptance.sweep.run import sweep
+from receptance.sweep.store import as_grid, open_sweep
+
+__all__ = [
+    "Candidates",
+    "FrequencyResponse",
+    "Grid",
+    "Listed",
+    "Misfit",
+    "NaturalFrequencies",
+    "Output",
+    "Sampled",
+    "StableDepth",
+    "SweepError",
+    "SweepProgress",
+    "Variable",
+    "as_grid",
+    "open_sweep",
+    "sweep",
+]

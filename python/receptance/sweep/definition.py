@@ -1,0 +1,188 @@
+"""A sweep as it is defined: models, candidates, outputs; and how a block of it is evaluated, on any machine."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.assembly import Assembly
+from receptance.identification.unknowns import covered
+from receptance.sweep.candidates import Candidates
+from receptance.sweep.outputs import Output, Variable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.campaign import Campaign
+
+    Model = Assembly | Mapping[str, Assembly] | Campaign
+
+__all__ = ["CANDIDATE", "VALID", "Block", "Definition"]
+
+CANDIDATE = "candidate"
+VALID = "valid"
+"""Name of the variable that says which candidates have a model."""
+_ASSEMBLY = "assembly"
+_BLOCK_BYTES = 4e6
+_LEAST, _MOST = 16, 8192
+"""Candidates of a block: few enough that one is soon done, so many that the way there and back costs little."""
+
+Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """What a sweep does.
+
+    Attributes
+    ----------
+    assemblies : dict of str to Assembly
+        By name.
+    named : bool
+        Whether results have a dimension `assembly`.
+    candidates : Candidates
+        What is varied.
+    outputs : tuple of Output
+        What is kept.
+    """
+
+    assemblies: dict[str, Assembly]
+    named: bool
+    candidates: Candidates
+    outputs: tuple[Output, ...]
+
+    @classmethod
+    def of(
+        cls,
+        model: Assembly | Mapping[str, Assembly] | Campaign,
+        candidates: Candidates,
+        outputs: Output | Sequence[Output],
+    ) -> Definition:
+        """Check what was given."""
+        assemblies, named = _assemblies(model)
+        if not isinstance(candidates, Candidates):
+            raise TypeError(f"sweep: candidates is {candidates!r}, expected Grid, Listed or Sampled")
+        several = (outputs,) if isinstance(outputs, Output) else tuple(outputs)
+        for index, one in enumerate(several):
+            if not isinstance(one, Output):
+                raise TypeError(f"sweep: outputs[{index}] is {one!r}, expected an Output such as Misfit(...)")
+        if not several:
+            raise ValueError("sweep: outputs is empty, expected what to keep of each candidate")
+        found = cls(assemblies, named, candidates, several)
+        found._check_addresses()
+        found._check_names()
+        return found
+
+    def _check_addresses(self) -> None:
+        every = [assembly for output in self.outputs for assembly in output.assemblies()]
+        if any(output.per_assembly for output in self.outputs):
+            every += list(self.assemblies.values())
+        for address in self.candidates.addresses:
+            if not any(covered(address, assembly) for assembly in every):
+                known = ", ".join(sorted({name for assembly in every for name in assembly.parameters}))
+                raise ValueError(f"sweep: no assembly has the parameter {address!r}; there are {known}")
+
+    def _check_names(self) -> None:
+        names = [variable.name for output in self.outputs for variable in output.variables()]
+        names += [*self.candidates.addresses, VALID, CANDIDATE, _ASSEMBLY]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"sweep: {', '.join(twice)} is there twice; give outputs different names")
+
+    def variables(self) -> list[Variable]:
+        """Return all that is kept, with the dimension of the assemblies where there is one."""
+        taken: dict[str, NDArray[Any]] = {}
+        found = []
+        for output in self.outputs:
+            for variable in output.variables():
+                own: dict[str, NDArray[Any]] = {}
+                if self.named and output.per_assembly:
+                    own[_ASSEMBLY] = np.array(list(self.assemblies))
+                for name, values in variable.dimensions.items():
+                    # Lines of another output: a name of its own.
+                    same = name not in taken or np.array_equal(taken[name], values)
+                    own[name if same else f"{variable.name}_{name}"] = values
+                taken |= own
+                found.append(replace(variable, dimensions=own))
+        return found
+
+    def block_size(self) -> int:
+        """Return how many candidates make a block, unless someone says otherwise."""
+        bytes_each = max(np.dtype(v.dtype).itemsize * max(int(np.prod(v.shape)), 1) for v in self.variables())
+        return int(min(max(_BLOCK_BYTES / bytes_each, _LEAST), _MOST))
+
+    def prepare(self, threads: int | None) -> Block:
+        """Return the function from numbers of candidates to what is kept; what they share is evaluated here."""
+        addresses = self.candidates.addresses
+        runs = []
+        for output in self.outputs:
+            models: Sequence[Assembly | None] = list(self.assemblies.values()) if output.per_assembly else [None]
+            runs.append((output, [output.prepare(one, addresses, threads) for one in models]))
+
+        def block(start: int, stop: int) -> dict[str, NDArray[Any]]:
+            values = self.candidates.values(start, stop)
+            kept: dict[str, NDArray[Any]] = {name: values[:, i].copy() for i, name in enumerate(addresses)}
+            valid = np.ones(stop - start, dtype=np.bool_)
+            for output, own in runs:
+                arrays, good = zip(*(run(values) for run in own), strict=True)
+                valid &= np.logical_and.reduce(good)
+                stacked = self.named and output.per_assembly
+                for name in arrays[0]:
+                    kept[name] = np.stack([one[name] for one in arrays], axis=1) if stacked else arrays[0][name]
+            kept[VALID] = valid
+            return kept
+
+        return block
+
+    def fingerprints(self) -> dict[str, str]:
+        """Return what tells this sweep from others: a digest each of models, candidates and outputs."""
+        models = [[name, *_told(assembly)] for name, assembly in self.assemblies.items()]
+        outputs = {
+            f"output {variable.name}": _digest([output.describe(), [_told(one) for one in output.assemblies()]])
+            for output in self.outputs
+            for variable in output.variables()
+        }
+        return {"model": _digest(models), "candidates": _digest(self.candidates.describe()), **outputs}
+
+
+def _assemblies(model: Any) -> tuple[dict[str, Assembly], bool]:
+    if isinstance(model, Assembly):
+        return {"": model}, False
+    found = model if isinstance(model, Mapping) else getattr(model, "assemblies", None)
+    if not isinstance(found, Mapping) or not found or not all(isinstance(one, Assembly) for one in found.values()):
+        raise TypeError(f"sweep: model is {model!r}, expected an Assembly, several by name, or a campaign")
+    return {str(name): one for name, one in found.items()}, True
+
+
+def _told(assembly: Assembly) -> list[Any]:
+    """Return all numbers of an assembly, and its kind."""
+    elements = {**assembly.elements, **assembly.attachments}
+    values = [[address, assembly.get(address)] for address in assembly.parameters]
+    flat = assembly._flatten(())
+    kinds = {name: type(one).__name__ for name, one in elements.items()}
+    return [assembly.motion, kinds, values, *flat.tables(), flat.beside()]
+
+
+def _digest(what: Any) -> str:
+    found = hashlib.sha256()
+    _feed(found, what)
+    return found.hexdigest()[:16]
+
+
+def _feed(found: Any, what: Any) -> None:
+    if isinstance(what, np.ndarray):
+        found.update(f"{what.dtype.str}{what.shape}".encode())
+        found.update(np.ascontiguousarray(what).tobytes())
+    elif isinstance(what, Mapping):
+        for key, value in what.items():
+            _feed(found, [key, value])
+    elif isinstance(what, (list, tuple)):
+        found.update(f"[{len(what)}".encode())
+        for one in what:
+            _feed(found, one)
+    else:
+        found.update(f"{type(what).__name__}:{what!r};".encode())

@@ -1,0 +1,82 @@
+"""The command `sweep`, as a person runs it in an empty folder."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from campaign_text import TEXT, write
+from receptance.cli import main
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Run the command line in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert isinstance(end.value.code, int)
+    return end.value.code
+
+
+@pytest.fixture
+def campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    return str(write(tmp_path, TEXT))
+
+
+def test_the_best_of_a_grid_of_the_unknowns(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("sweep", campaign, "--points", "4", "--json", "s.json", "--plot", "s.png", "--store", "s.zarr")
+    assert call(monkeypatch, *arguments) == 0
+    printed = capsys.readouterr()
+    assert "16 candidates of joint.k_y, joint.k_theta" in printed.out
+    assert not printed.err
+    document = json.loads(Path("s.json").read_text())
+    best = document["best"]
+    assert [one["misfit"] for one in best] == sorted(one["misfit"] for one in best)
+    assert set(best[0]["values"]) == {"joint.k_y", "joint.k_theta"}
+    assert Path("s.png").read_bytes().startswith(b"\x89PNG")
+    # Gone on with, it has nothing left to do and says the same.
+    assert call(monkeypatch, "sweep", campaign, "--points", "4", "--store", "s.zarr", "--json", "again.json") == 0
+    assert json.loads(Path("again.json").read_text())["best"] == best
+
+
+def test_draws_of_named_ranges(campaign: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    ranges = (
+        "--vary",
+        "joint.k_theta = 1e4 N m/rad to 1e6 N m/rad",
+        "--vary",
+        "tool.segment[0].length = 59 mm to 61 mm",
+    )
+    assert call(monkeypatch, "sweep", campaign, *ranges, "--sample", "30", "--seed", "3", "--json", "s.json") == 0
+    document = json.loads(Path("s.json").read_text())
+    assert document["candidates"] == 30
+    assert document["settings"]["candidates"]["seed"] == 3
+    assert all(0.059 <= one["values"]["tool.segment[0].length"] <= 0.061 for one in document["best"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--vary", "joint.k_y"], "expected 'ADDRESS = LOW to HIGH'"),
+        (["--vary", "joint.k_y = 1e7 N to 1e8 N"], 'the lower end is "1e7 N", a force'),
+        (["--vary", "joint.k_y = 1e8 N/m to 1e7 N/m"], "expected the lower end first"),
+        (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
+        (["--points", "4000"], "use --sample"),
+        (["--store", "none/s.zarr"], "there is no folder none"),
+    ],
+)
+def test_mistakes_are_answered_in_words(
+    campaign: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    assert call(monkeypatch, "sweep", campaign, *arguments) == 2
+    assert words in capsys.readouterr().err
+    assert {path.name for path in Path().iterdir()} == {Path(campaign).name}
