@@ -14,10 +14,11 @@ excitations, responses (n, 2): node, direction (0 y or force, 1 theta or moment)
 angular_frequency (n): real or complex; where there is a `scale`, what the lines are multiplied with to be in rad/s.
 added (n_freq * n_joints * 2), optional: complex stiffness in y and theta besides that of the columns.
 Whole models: receptances are (lines, measured, weights, points (2, 2), ties), frequencies (modes from 0 on, measured,
-    weights, ties), in rad/s; ties are ((segments, joints, masses, grounds, overlaps), rates, addresses, factors, powers):
-    rates (k, 5) table, row, column, address, and the rate that its value is added at; addresses (m, 2 + 2 p) the
-    unknown's number i, a, E, S of v = a u_i exp(E u) + S u, or -1 of v = a exp(E u) + S u; factors (n, 2) which one of
-    the measurement, address; powers (n, 4) table, row, column and power of the frequency. Priors (k, 3): variable x, scale, offset of scale x - offset.
+    weights, ties), in rad/s; ties are ((segments, joints, masses, grounds, overlaps), rates, addresses, factors,
+    powers): rates (k, 5) table, row, column, address, and the rate that its value is added at; addresses (m, 2 + 2 p)
+    the unknown's number i, a, E, S of v = a u_i exp(E u) + S u, or -1 of v = a exp(E u) + S u; factors (n, 2) which one
+    of the measurement, address; powers (n, 4) table, row, column and power of the frequency. Priors (k, 3): variable x,
+    scale, offset of scale x - offset.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps, 5 beyond terminals), row, column.
 terminals (k,), optional: nodes at which the structure goes on; beyond (n_freq * k * 3): the receptance of what is
     beyond each, y over force, theta over moment and y over moment; as a parameter these are the columns 0 to 2.
