@@ -11,7 +11,8 @@ import numpy as np
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
-from receptance.identification.factors import DECAY_RATES, DELAY, LOG_GAIN
+from receptance.diagnosis.records import visible_end
+from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
 from receptance.joints import GroundSpring, PointMass
@@ -44,7 +45,8 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         return altered(one, assembly=with_points(one.assembly, point))
 
     changed = model.map(change)
-    yield Variant("all", changed.plus(p["mass"].unknown("cause_sensor.mass")))
+    for name in _each(model):
+        yield Variant(name or "all", changed.plus(p["mass"].unknown("cause_sensor.mass", configurations=name)))
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -90,6 +92,10 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     recorded = ("accelerations", "velocities", "displacements")
     for name, address in zip(recorded, DECAY_RATES, strict=True):
         yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
+    # What was recorded hardly matters where a window is a mistake in one configuration.
+    for place in _each(model)[1:]:
+        unknown = p["decay_rate"].unknown(next(iter(DECAY_RATES)), configurations=place)
+        yield Variant(f"on {recorded[0]}, {place}", model.plus(unknown))
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -133,6 +139,16 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
         yield Variant(name, model.map(change), fresh=True)
+
+
+def _coarse(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _receptances(model)
+    end = visible_end([one for one in model.observations if isinstance(one, MeasuredFRF)])
+    if end is None:
+        raise UndecidableError("in no record is there still a ringing that breaks off: the lines are close enough")
+    ended = model.map(lambda one: altered(one, ends=end) if isinstance(one, MeasuredFRF) else one)
+    unknown = replace(p["end"].unknown(END), lower=0.8 * end, upper=1.1 * end, start=end)
+    yield Variant("records end too early", ended.plus(unknown), limited=(replace(p["end"], typical=end),))
 
 
 MEASUREMENT_CAUSES = (
@@ -198,5 +214,13 @@ MEASUREMENT_CAUSES = (
         change=_quantity,
         meaning="the file holds another quantity than it was read as",
         remedy="state the quantity of the file (receptance, mobility, accelerance)",
+    ),
+    Cause(
+        id="coarse_resolution",
+        group="measurement",
+        parameters=(Parameter(name="end", unit="s", lower=1e-4, upper=1e3, typical=0.1, secondary=True),),
+        change=_coarse,
+        meaning="the records end while the structure still rings: the lines are farther apart than resonances are wide",
+        remedy="record longer, or state an exponential window that the response dies away in",
     ),
 )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
 
-__all__ = ["DECAY_RATES", "DELAY", "FACTORS", "LOG_GAIN", "frequency_powers", "frequency_weights"]
+__all__ = ["DECAY_RATES", "DELAY", "END", "FACTORS", "LOG_GAIN", "frequency_powers", "frequency_weights"]
 
 LOG_GAIN = "observation.log_gain"
 """Natural logarithm of measured over true magnitude."""
@@ -30,7 +30,9 @@ DECAY_RATES = {
     "observation.decay_rate_of_displacement": 0,
 }
 """Rate in 1/s of an exponential window on both channels, and how often what was recorded is integrated."""
-FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES)
+END = "observation.end"
+"""Time in s after the hit at which the record ended, of an observation that says that it did (see `early_end`)."""
+FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES, END)
 
 _POWERS = {"density": 2.0, "mass": 2.0, "inertia": 2.0, "c_y": 1.0, "c_theta": 1.0, "c_ytheta": 1.0}
 

@@ -60,6 +60,8 @@ class MeasuredFRF:
         Numbers that describe it, in SI units, for laws: {"torque": 40.0}.
     force : array_like, optional
         Amplitude of a stepped sine in N, one number or `(n,)`: joints in micro-slip are at the level it brings about.
+    ends : float, optional
+        Time in s after the hit at which the record ended, where the structure still rang.
 
     Attributes
     ----------
@@ -95,6 +97,7 @@ class MeasuredFRF:
     configuration: str
     conditions: Mapping[str, float]
     force: NDArray[np.float64] | None
+    ends: float | None
 
     def __init__(
         self,
@@ -111,6 +114,7 @@ class MeasuredFRF:
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
         force: ArrayLike | None = None,
+        ends: float | None = None,
     ) -> None:
         owner = _checked.owner_of("MeasuredFRF", label, assembly)
         lines = _checked.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
@@ -139,6 +143,8 @@ class MeasuredFRF:
         lines = _checked.decaying(owner, _checked.ascending(owner, lines))
         if forces is not None and lines.dtype.kind == "c":
             raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
+        if forces is not None and ends is not None:
+            raise ValueError(f"{owner}: a force belongs to a stepped sine, and an end to the record of a hit")
         values = values.astype(np.complex128)
         for wrong, what in ((~np.isfinite(values), "a finite number"), (values == 0.0, "something else than zero")):
             bad = np.flatnonzero(wrong)
@@ -170,6 +176,7 @@ class MeasuredFRF:
             configuration=str(configuration or label),
             conditions=_checked.conditions_of(owner, conditions),
             force=forces,
+            ends=None if ends is None else _checks.positive(owner, "ends", ends),
         )
 
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFRF:

@@ -15,7 +15,8 @@ import numpy as np
 from receptance.beams import Part
 from receptance.errors import ReceptanceError
 from receptance.identification.damped import complex_frequencies
-from receptance.identification.factors import DECAY_RATES, DELAY, FACTORS, LOG_GAIN, frequency_weights
+from receptance.identification.early_end import EarlyEnd
+from receptance.identification.factors import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, frequency_weights
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """What a residual of 1 means: one logarithm is a factor of e, one relative is twice a natural frequency."""
 Pair = tuple["NDArray[np.float64]", "NDArray[np.float64]"]
 
+LONGEST = 1.2
+"""An early end is looked for up to this many times the one that is stated."""
 _MARGIN = 1.05
 """Modes are counted up to this many times the highest measured frequency first."""
 _GROWTH = 1.5
@@ -102,9 +105,12 @@ class _Factors:
         """Return the lines on which the structure is evaluated."""
         if not self._decays:
             return self._lines
-        rate = sum(values[column] for column in self._decays.values())
-        shifted: NDArray[Any] = self._lines - 1j * rate / (2.0 * np.pi)
+        shifted: NDArray[Any] = self._lines - 1j * self.rate(values) / (2.0 * np.pi)
         return shifted
+
+    def rate(self, values: NDArray[np.float64]) -> float:
+        """Return the rate of windows that nobody stated."""
+        return float(sum(values[column] for column in self._decays.values()))
 
     def weights(self, assembly: Assembly) -> tuple[list[str], NDArray[np.float64]]:
         """Return the addresses whose derivatives make that with respect to frequency, and their weights."""
@@ -122,9 +128,15 @@ class _Factors:
         return result
 
     def slope(
-        self, name: str, values: NDArray[np.float64], by_frequency: NDArray[np.complex128]
+        self,
+        name: str,
+        values: NDArray[np.float64],
+        by_frequency: NDArray[np.complex128],
+        by_end: NDArray[np.complex128] | float = 0.0,
     ) -> NDArray[np.complex128]:
         """Return the derivative of the logarithm of the receptance; `by_frequency` is that by ln w."""
+        if name == END:
+            return np.broadcast_to(np.asarray(by_end, dtype=np.complex128), self._angular.shape)
         if name in DECAY_RATES:
             rate = values[self.columns[name]]
             result: NDArray[np.complex128] = (by_frequency + DECAY_RATES[name]) / (self._stated + rate)
@@ -178,6 +190,8 @@ class FRFResidual:
         self._percentage = unit == "percent"
         self._count = len(variables.addresses)
         self._lines = frf.frequency_hz[select]
+        self._end = frf.ends
+        self._early = None if frf.ends is None else EarlyEnd(self._lines, LONGEST * frf.ends)
         self._measured = frf.receptance[select]
         self._weight = None
         if unit == "standard deviations" and frf.standard_deviation is not None:
@@ -207,8 +221,8 @@ class FRFResidual:
         return self._lines.size * (1 if self._percentage else 2)
 
     def arrays(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]] | None:
-        """Return lines in rad/s, measured values and weights; None for percentages, which are no logarithm."""
-        if self._percentage:
+        """Return lines in rad/s, measured values and weights; None for what is no logarithm on these lines alone."""
+        if self._percentage or self._early is not None:
             return None
         weights = np.ones(self._lines.size) if self._weight is None else self._weight
         lines = np.ascontiguousarray(2.0 * np.pi * self._lines, dtype=np.complex128)
@@ -224,16 +238,19 @@ class FRFResidual:
         addresses = [*model.addresses, *extra]
         try:
             h, dh = assembly.derivatives(
-                factors.lines(values), addresses, response=response, excitation=excitation, **self._options
+                self._evaluated(values), addresses, response=response, excitation=excitation, **self._options
             )
         except (ReceptanceError, ValueError) as error:
             raise InfeasibleError(str(error)) from None
         with np.errstate(all="ignore"):
+            h, dh, by_end = self._ended(h, dh, values)
             columns = model.columns
             if factors.columns:
                 own = len(model.addresses)
                 by_frequency = dh[:, own:] @ weights / h
-                added = np.column_stack([h * factors.slope(name, values, by_frequency) for name in factors.columns])
+                added = np.column_stack(
+                    [h * factors.slope(name, values, by_frequency, by_end) for name in factors.columns]
+                )
                 factor = np.asarray(factors.factor(values))
                 dh = np.hstack([dh[:, :own], added]) * factor[:, None]
                 h = h * factor
@@ -250,8 +267,9 @@ class FRFResidual:
         assembly = self._model.at(values)
         response, excitation = (place.on(assembly) for place in self._places)
         try:
-            lines = self._factors.lines(values)
+            lines = self._evaluated(values)
             h = assembly.receptance(lines, response=response, excitation=excitation, **self._options)
+            h, _, _ = self._ended(h, h[:, None], values)
         except (ReceptanceError, ValueError) as error:
             raise InfeasibleError(str(error)) from None
         ratio = self._measured / (h * self._factors.factor(values))
@@ -261,6 +279,25 @@ class FRFResidual:
         if self._weight is not None:
             residual *= self._weight
         return residual.reshape(-1)
+
+    def _evaluated(self, values: NDArray[np.float64]) -> NDArray[Any]:
+        """Return the lines on which the structure is evaluated."""
+        if self._early is None:
+            return self._factors.lines(values)
+        shifted: NDArray[Any] = self._early.lines_hz - 1j * self._factors.rate(values) / (2.0 * np.pi)
+        return shifted
+
+    def _ended(
+        self, h: NDArray[np.complex128], dh: NDArray[np.complex128], values: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128] | float]:
+        """Return what a record that ends early shows of the response, and its logarithm's derivative by that end."""
+        if self._early is None or self._end is None:
+            return h, dh, 0.0
+        column = self._factors.columns.get(END)
+        end = self._end if column is None else float(values[column])
+        rate = self._factors.rate(values)
+        both = self._early.seen(np.column_stack([h, dh]), end, rate)
+        return both[:, 0], both[:, 1:], self._early.slope(h, end, rate) / both[:, 0]
 
     def _logarithm(
         self,
