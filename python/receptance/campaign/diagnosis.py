@@ -11,6 +11,7 @@ from receptance._files import write_whole
 from receptance.campaign.identification import observed_unknowns, tolerances_of_measurements
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
+from receptance.errors import ReceptanceError
 
 if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
@@ -84,6 +85,29 @@ class CampaignDiagnosis:
         return f"CampaignDiagnosis({self.campaign.title!r}, {self.verdict!r})"
 
 
+def _as_split(campaign: Campaign) -> list[str]:
+    """Say how the base model does as the campaign splits it, with nothing left to judge a cause by."""
+    from receptance.diagnosis.bias import bias_of, slenderness_of
+    from receptance.diagnosis.fitting import fit_base
+    from receptance.diagnosis.held_out import FREQUENCIES, measured_by
+
+    model, _ = campaign_model(campaign, campaign.to_identify)
+    out = replace(
+        model,
+        observations=tuple(one.observation for one in campaign.held_out.values()),
+        tolerances=tuple(tolerances_of_measurements(campaign.held_out)),
+    )
+    try:
+        errors, modes = measured_by(fit_base(model, seed=campaign.table.settings.seed), out, scored=False)
+    except (ValueError, ReceptanceError):
+        return []
+    if FREQUENCIES not in errors:
+        return []
+    bias = bias_of(modes, slenderness_of(out))
+    text = f"identified as the campaign splits it, what is held out is {errors[FREQUENCIES]:.2f} % rms off in frequency"
+    return [text + ("" if bias is None else f"; {bias}")]
+
+
 def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[Model, list[str]]:
     """Return measurements of a campaign as the model that is diagnosed, and what to say of unknowns left out."""
     from receptance.diagnosis.model import Model
@@ -118,6 +142,7 @@ def diagnose_campaign(
             f"the {numbers} numbers to identify from leave nothing to judge {len(campaign.unknowns)} unknowns by, so "
             "the diagnosis sees what is held out as well; improvement is measured on assemblies left out in turn"
         )
+        notes += _as_split(campaign)
         seen, kept_back = dict(campaign.measurements), {}
     if not seen:
         raise CampaignError.about(campaign.file, "there is nothing to diagnose, expected measurements to identify from")
@@ -138,14 +163,14 @@ def diagnose_campaign(
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
     if kept_back:
-        gains = improvement(
+        found = improvement(
             verdict.selection,
             verdict.explanation,
             [one.observation for one in kept_back.values()],
             tolerances_of_measurements(kept_back),
             metrics,
         )
-        verdict = replace(verdict, gains=gains)
+        verdict = verdict.improved(found)
     notes += [*left_out, *verdict.notes]
     return CampaignDiagnosis(
         campaign=campaign,

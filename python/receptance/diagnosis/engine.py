@@ -18,7 +18,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import Explanation, Selection, select
 from receptance.diagnosis.usable import usable
-from receptance.diagnosis.verdict import Candidate, Gain, Verdict
+from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.result import Identification
@@ -124,11 +124,11 @@ def diagnose(
     _checks.thread_count(threads)
     model, left_out = usable(Model(observed, wanted, errors))
     selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
-    gains: tuple[Gain, ...] = ()
-    if held_out:
-        options: dict[str, Any] = {"metrics": own, "progress": progress}
-        gains = folded(model, listed(causes), seed=seed, threads=threads, most=most, **options)
-    return _verdict(selection, seed, most, gains, left_out)
+    verdict = _verdict(selection, seed, most, left_out)
+    if not held_out:
+        return verdict
+    options: dict[str, Any] = {"metrics": own, "progress": progress}
+    return verdict.improved(folded(model, listed(causes), seed=seed, threads=threads, most=most, **options))
 
 
 def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
@@ -157,7 +157,7 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
     return found
 
 
-def _verdict(selection: Selection, seed: int, most: int, gains: tuple[Gain, ...], left_out: Sequence[str]) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]) -> Verdict:
     judgement = conclude(selection)
     notes = [*judgement.notes, *_on_data(selection), *left_out]
     fitted: dict[Explanation, Identification] = {}
@@ -183,7 +183,7 @@ def _verdict(selection: Selection, seed: int, most: int, gains: tuple[Gain, ...]
         threshold=selection.threshold,
         base=selection.base.identification(seed),
         extended=None if best is None else identified(best),
-        gains=gains,
+        gains=(),
         next_measurement=advise(selection, judgement),
         undecidable=selection.undecidable,
         notes=tuple(notes),

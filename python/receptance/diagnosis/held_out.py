@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.by_mode import curve_of, modes_of
+from receptance.diagnosis.bias import slenderness_of
+from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of
 from receptance.diagnosis.causes import Cause
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.foresight import Foresight, with_causes
@@ -28,11 +29,13 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
 
-__all__ = ["FREQUENCIES", "SCORE", "SPECTRAL", "HeldOut", "Metric", "folded", "improvement"]
+__all__ = ["FREQUENCIES", "SCORE", "SPECTRAL", "HeldOut", "Improvement", "Metric", "folded", "improvement"]
 
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"
 SCORE = "predictive log score in nats"
+_RIVALS = 8
+"""Causes whose own improvement is measured in each fold, the best evidence first."""
 _FOLDS = 4
 """Folds at most: each repeats the whole selection."""
 
@@ -69,6 +72,32 @@ class _Fold:
     causes: tuple[str, ...]
     before: Mapping[str, float]
     after: Mapping[str, float]
+    rivals: Mapping[str, float] = field(default_factory=dict)
+    modes: tuple[ModeResidual, ...] = ()
+    modes_after: tuple[ModeResidual, ...] = ()
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What was found on data that no fit has seen.
+
+    Attributes
+    ----------
+    gains : tuple of Gain
+        By metric, the one of what was measured most first.
+    rivals : dict of str to float
+        The first metric if one cause alone were believed, by id, whatever the verdict says of it.
+    modes, modes_after : tuple of ModeResidual
+        Held-out modes, measured less predicted, before and after.
+    slenderness : dict of str to float
+        Overhang over diameter of the held-out configurations.
+    """
+
+    gains: tuple[Gain, ...] = ()
+    rivals: Mapping[str, float] = field(default_factory=dict)
+    modes: tuple[ModeResidual, ...] = ()
+    modes_after: tuple[ModeResidual, ...] = ()
+    slenderness: Mapping[str, float] = field(default_factory=dict)
 
 
 def folded(
@@ -80,14 +109,14 @@ def folded(
     most: int,
     metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
-) -> tuple[Gain, ...]:
+) -> Improvement:
     """Leave out one configuration after the other, with the whole selection repeated without it.
 
     Where there are many, every few of them are left out together.
     """
     names = model.configurations
     if len(names) < 2:
-        return ()
+        return Improvement()
     count = min(len(names), _FOLDS)
     folds: list[_Fold] = []
     for group in (names[i::count] for i in range(count)):
@@ -103,7 +132,7 @@ def folded(
         judgement = conclude(selection)
         best = judgement.reported[0] if judgement.reported else None
         folds.append(_fold(name, judgement.answer, selection, best, out, model.tolerances, metrics))
-    return _gains(folds, model.observations, metrics)
+    return _together(folds, model, metrics)
 
 
 def improvement(
@@ -112,14 +141,14 @@ def improvement(
     observations: Sequence[Observation],
     tolerances: Sequence[Tolerance],
     metrics: Mapping[str, Metric] | None = None,
-) -> tuple[Gain, ...]:
+) -> Improvement:
     """Return what the explanation improves on observations that no fit has seen."""
     groups: dict[str, list[Observation]] = {}
     for index, one in enumerate(observations):
         groups.setdefault(place_of(one, index).configuration, []).append(one)
     answer = conclude(selection).answer
     folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
-    return _gains(folds, observations, metrics)
+    return _together(folds, replace(selection.base.model, observations=tuple(observations)), metrics)
 
 
 def _fold(
@@ -132,40 +161,51 @@ def _fold(
     metrics: Mapping[str, Metric] | None,
 ) -> _Fold:
     base = replace(selection.base.model, observations=tuple(observations), tolerances=tuple(tolerances))
-    before = measured_by(selection.base, base, metrics)
-    after = before if best is None else measured_by(best.fit, with_causes(base, best.steps), metrics)
-    return _Fold(name, answer, () if best is None else tuple(sorted(best.ids)), before, after)
+    before, modes = measured_by(selection.base, base, metrics)
+    after, modes_after = before, modes
+    if best is not None:
+        after, modes_after = measured_by(best.fit, with_causes(base, best.steps), metrics)
+    first = _names(observations)[0]
+    rivals = {}
+    for one in [single for single in selection.singles if single.evidence > 0.0][:_RIVALS]:
+        found, _ = measured_by(one.fit, with_causes(base, one.steps), scored=False)
+        rivals[one.steps[0][0].id] = found.get(first, math.nan)
+    causes = () if best is None else tuple(sorted(best.ids))
+    return _Fold(name, answer, causes, before, after, rivals, modes, modes_after)
 
 
-def measured_by(fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None) -> dict[str, float]:
-    """Return each metric of a prediction of observations, as `model` has them with the causes of the fit.
+def measured_by(
+    fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
+) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
+    """Return each metric of a prediction of observations, as `model` has them with the causes of the fit, and modes.
 
     Their own errors, which nothing else could tell, are fitted to them with their tolerances, before and after alike.
     """
     foresight = Foresight(fit, model)
     try:
         residuals, assemblies = foresight.predicted, foresight.assemblies
-        score = foresight.log_score
+        known = scored and all(_weighed(one) for one in model.observations)
+        score = foresight.log_score if known else math.nan
     except InfeasibleError:
-        return {}
+        return {}, ()
     if not residuals:
-        return {}
-    errors: list[float] = []
+        return {}, ()
+    modes: list[ModeResidual] = []
     distances: list[float] = []
     own: dict[str, list[float]] = {name: [] for name in metrics or {}}
     for one, residual, assembly in zip(model.observations, residuals, assemblies, strict=True):
         curve = curve_of(one, residual)
-        errors += [mode.frequency_percent for mode in modes_of(one, curve) if np.isfinite(mode.frequency_percent)]
+        modes += modes_of(one, curve)
         receptance = None
         if isinstance(one, MeasuredFRF):
             receptance = np.asarray(curve.modelled, dtype=np.complex128)
             distances += np.square(np.abs(np.log(one.receptance / receptance))).tolist()
         for name, metric in (metrics or {}).items():
             own[name].append(float(metric(HeldOut(one, assembly, receptance))))
-    known = all(_weighed(one) for one in model.observations)
+    errors = [mode.frequency_percent for mode in modes if np.isfinite(mode.frequency_percent)]
     found = {FREQUENCIES: _rms(errors), SPECTRAL: math.sqrt(float(np.mean(distances))) if distances else math.nan}
-    found[SCORE] = score if known else math.nan
-    return {**found, **{name: _mean(values) for name, values in own.items()}}
+    found[SCORE] = score
+    return {**found, **{name: _mean(values) for name, values in own.items()}}, tuple(modes)
 
 
 def _weighed(one: Observation) -> bool:
@@ -181,14 +221,30 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(finite)) if finite else math.nan
 
 
-def _gains(
-    folds: Sequence[_Fold], observations: Sequence[Observation], metrics: Mapping[str, Metric] | None
-) -> tuple[Gain, ...]:
-    """Return the improvement in every metric, that of what was measured most first."""
+def _names(observations: Sequence[Observation]) -> list[str]:
+    """Return the metrics, that of what was measured most first."""
     frfs = any(isinstance(one, MeasuredFRF) for one in observations)
-    own = [SPECTRAL, FREQUENCIES, SCORE] if frfs else [FREQUENCIES, SCORE]
-    found = [gain_of(name, folds) for name in (*own, *(metrics or ()))]
-    return tuple(one for one in found if one is not None)
+    return [SPECTRAL, FREQUENCIES, SCORE] if frfs else [FREQUENCIES, SCORE]
+
+
+def _together(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
+    """Return what all folds together say."""
+    names = _names(model.observations)
+    gains = [gain_of(name, folds) for name in (*names, *(metrics or ()))]
+    rivals = {}
+    for id in dict.fromkeys(id for one in folds for id in one.rivals):
+        # Where a fold does not have a cause, it would not have been believed there.
+        own = [one.rivals.get(id, one.before.get(names[0], math.nan)) for one in folds]
+        told = gain_of(names[0], [replace(one, after={names[0]: x}) for one, x in zip(folds, own, strict=True)])
+        if told is not None:
+            rivals[id] = told.held_out_after
+    return Improvement(
+        gains=tuple(one for one in gains if one is not None),
+        rivals=rivals,
+        modes=tuple(mode for one in folds for mode in one.modes),
+        modes_after=tuple(mode for one in folds for mode in one.modes_after),
+        slenderness=slenderness_of(model),
+    )
 
 
 def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:

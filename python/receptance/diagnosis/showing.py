@@ -45,6 +45,11 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "base": verdict.base.values,
             "extended": None if verdict.extended is None else verdict.extended.values,
             "residuals_by_mode": modes,
+            "held_out_by_mode": {
+                "before": [asdict(one) for one in verdict.held_out_modes],
+                "after": [asdict(one) for one in verdict.held_out_modes_after],
+            },
+            "bias": None if verdict.bias is None else {**asdict(verdict.bias), "text": str(verdict.bias)},
             "frequency_errors_percent": verdict.frequency_errors(),
             "undecidable": verdict.undecidable,
             "notes": list(verdict.notes),
@@ -96,6 +101,24 @@ def gained(gain: Gain) -> str:
     return f"{text}; improvement {improved(gain)}" + (" (95 %)" if 0.0 < gain.interval[1] < math.inf else "")
 
 
+def _candidates(verdict: Verdict) -> list[str]:
+    """Return the ranking of the causes, each alone."""
+    gain = verdict.gain
+    if not verdict.candidates:
+        return []
+    told = gain is not None and any(one.held_out is not None for one in verdict.candidates)
+    lines = ["", "candidates, each alone (evidence, misfit left" + (", held out if believed):" if told else "):")]
+    for one in verdict.candidates[:_SHOWN]:
+        said = ""
+        if told and gain is not None:
+            after = gain.held_out_before if one.held_out is None else one.held_out
+            said = f"  {gain.held_out_before:.3g} to {after:.3g}"
+        said += "" if one.converged else ", not converged"
+        said += "" if one.plausible else ", not plausible"
+        lines.append(f"  {one.id:22s} {one.evidence:+9.1f}  {one.misfit:6.2f}{said}")
+    return lines
+
+
 def as_text(verdict: Verdict) -> str:
     """Return a short readable answer."""
     lines = [f"verdict: {verdict.verdict}", SENTENCE[verdict.verdict]]
@@ -112,17 +135,20 @@ def as_text(verdict: Verdict) -> str:
         lines.append(f"  what to do: {one.remedy}")
     if verdict.ambiguous_between:
         lines += ["", f"cannot be told apart: {', '.join(verdict.ambiguous_between)}"]
-    lines += ["", "candidates, each alone (evidence, misfit left):"]
-    for one in verdict.candidates[:_SHOWN]:
-        said = "" if one.converged else ", not converged"
-        said += "" if one.plausible else ", not plausible"
-        lines.append(f"  {one.id:22s} {one.evidence:+9.1f}  {one.misfit:6.2f}{said}")
+    lines += _candidates(verdict)
     errors = sorted(verdict.frequency_errors(), key=lambda row: -abs(row["before"]))
     if errors:
-        lines += ["", "natural frequencies farthest off, calculated less measured in percent (before, after):"]
-        lines += [f"  {r['label']} mode {r['mode']}: {r['before']:+.2f} {r['after']:+.2f}" for r in errors[:_SHOWN]]
+        extended = verdict.extended is not None
+        columns = "before, after" if extended else "fitted"
+        lines += ["", f"natural frequencies farthest off, calculated less measured in percent ({columns}):"]
+        lines += [
+            f"  {r['label']} mode {r['mode']}: {r['before']:+.2f}" + (f" {r['after']:+.2f}" if extended else "")
+            for r in errors[:_SHOWN]
+        ]
     if verdict.gains:
         lines += ["", "held out:", *(f"  {gained(one)}" for one in verdict.gains)]
+    if verdict.bias is not None:
+        lines.append(f"  {verdict.bias}")
     if verdict.next_measurement is not None:
         lines += ["", f"measure next: {verdict.next_measurement.action}; {verdict.next_measurement.reason}"]
     lines += [f"note: {text}" for text in verdict.notes]

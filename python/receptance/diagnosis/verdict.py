@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
     from receptance.diagnosis.adequacy import Adequacy
+    from receptance.diagnosis.bias import Bias
+    from receptance.diagnosis.by_mode import ModeResidual
+    from receptance.diagnosis.held_out import Improvement
     from receptance.diagnosis.selection import Explanation, Selection
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
@@ -50,6 +53,8 @@ class Candidate:
         Other causes that act in the same fit.
     look_alikes : dict of str to float
         Causes that do the same to these data, and how nearly, up to 1.
+    held_out : float or None
+        The first of the gains' metrics on data that no fit saw, if this cause were believed, whatever the verdict says.
     """
 
     id: str
@@ -65,6 +70,7 @@ class Candidate:
     look_alikes: dict[str, float]
     meaning: str
     remedy: str
+    held_out: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,6 +143,10 @@ class Verdict:
     gains : tuple of Gain
         Improvement on what was held out, where it was asked for: in the distance of the spectra, in natural
         frequencies, in the predictive log score, and in metrics of one's own.
+    bias : Bias or None
+        Held-out natural frequencies that the model as given has off the same way.
+    held_out_modes, held_out_modes_after : tuple of ModeResidual
+        What is left of the held-out modes, measured less predicted.
     next_measurement : NextMeasurement or None
         What would help most.
     undecidable : dict of str to str
@@ -162,12 +172,29 @@ class Verdict:
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    bias: Bias | None = None
+    held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
+    held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
     explanation: Explanation | None = field(default=None, repr=False)
 
     @property
     def gain(self) -> Gain | None:
         """The first of the gains: in the spectra, or in natural frequencies where only these were measured."""
         return self.gains[0] if self.gains else None
+
+    def improved(self, found: Improvement) -> Verdict:
+        """Return the verdict with what was found on data that no fit has seen."""
+        from receptance.diagnosis.bias import bias_of
+
+        candidates = tuple(replace(one, held_out=found.rivals.get(one.id)) for one in self.candidates)
+        return replace(
+            self,
+            gains=found.gains,
+            candidates=candidates,
+            bias=bias_of(found.modes, found.slenderness),
+            held_out_modes=found.modes,
+            held_out_modes_after=found.modes_after,
+        )
 
     def extend(
         self,
