@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["Bias", "bias_of", "slenderness_of"]
 
 _FEWEST = 3
-_SURE = 3.0
-"""Mean over its standard error from which errors go the same way by more than chance."""
+_RARE = 0.05
+"""Chance up to which errors are believed to go the same way."""
 _LEAST = 0.02
 """Percent below which nobody cares."""
 
@@ -73,22 +73,31 @@ def bias_of(modes: Sequence[ModeResidual], slenderness: Mapping[str, float]) -> 
     """Return the errors that most clearly go the same way: of all tools, or of a half or a third by slenderness."""
     known = [one for one in modes if one.configuration in slenderness and np.isfinite(one.frequency_percent)]
     order = sorted({one.configuration for one in known}, key=lambda name: slenderness[name])
-    names_of = np.array(order, dtype=object)
-    groups = [set(map(str, part)) for count in (1, 2, 3) for part in np.array_split(names_of, count)]
-    best: tuple[float, Bias] | None = None
+    names = np.array(order, dtype=object)
+    groups = [tuple(map(str, part)) for count in (1, 2, 3) for part in np.array_split(names, count)]
+    tried: list[tuple[float, Bias]] = []
     for number in sorted({one.mode for one in known}):
-        for names in groups:
-            # Measured less modelled is what they hold.
-            own = {one.configuration: -one.frequency_percent for one in known if one.mode == number}
-            errors = {name: error for name, error in own.items() if name in names}
-            values = np.array(list(errors.values()))
-            if values.size < _FEWEST or abs(np.sum(np.sign(values))) < values.size:
-                continue
-            mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
-            sure = abs(mean) / max(spread / np.sqrt(values.size), 1e-9)
-            if sure < _SURE or abs(mean) < _LEAST or (best is not None and sure * abs(mean) <= best[0]):
-                continue
-            reach = [slenderness[name] for name in errors]
-            bias = Bias(number, (min(reach), max(reach)), tuple(errors), mean, spread)
-            best = (sure * abs(mean), bias)
-    return None if best is None else best[1]
+        # Measured less modelled is what they hold.
+        errors = {one.configuration: -one.frequency_percent for one in known if one.mode == number}
+        for group in groups:
+            own = {name: errors[name] for name in group if name in errors}
+            if len(own) >= _FEWEST:
+                tried.append(_tested(number, own, slenderness))
+    if not tried:
+        return None
+    chance, best = min(tried, key=lambda one: one[0])
+    # Each group and mode was a chance to find something.
+    return best if chance * len(tried) < _RARE and abs(best.mean_percent) >= _LEAST else None
+
+
+def _tested(number: int, errors: Mapping[str, float], slenderness: Mapping[str, float]) -> tuple[float, Bias]:
+    """Return the chance that errors of either sign would go the same way so clearly, and what they are."""
+    from scipy.special import stdtr  # the light part of scipy.stats
+
+    values = np.array(list(errors.values()))
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    alike = bool(np.all(np.sign(values) == np.sign(mean)))
+    sure = abs(mean) / max(spread / np.sqrt(values.size), 1e-9)
+    reach = [slenderness[name] for name in errors]
+    bias = Bias(number, (min(reach), max(reach)), tuple(errors), mean, spread)
+    return (2.0 * float(stdtr(values.size - 1, -sure)) if alike else 1.0), bias
