@@ -15,12 +15,14 @@ from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
 
 if TYPE_CHECKING:
+    from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.diagnosis import CampaignDiagnosis
     from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.inversion import CampaignInversion
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
+    from receptance.campaign.stability import CampaignStability
     from receptance.campaign.transfer import CampaignTransfer
     from receptance.diagnosis import Cause, Metric
 
@@ -51,6 +53,8 @@ class Campaign:
         Response and excitation at which assemblies that were not measured are predicted.
     candidates : dict of str to Candidate
         Measurements that could be taken next.
+    cuts : dict of str to CampaignCut
+        Cuts whose stability is asked for.
     notes : tuple of str
         What a person should know.
 
@@ -77,6 +81,7 @@ class Campaign:
     conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
+    cuts: dict[str, CampaignCut] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -205,6 +210,34 @@ class Campaign:
         from receptance.campaign.prediction import predict_campaign
 
         return predict_campaign(self, identified, threads=threads, progress=progress)
+
+    def stability(
+        self,
+        identified: CampaignIdentification | None = None,
+        *,
+        cuts: Sequence[str] = (),
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignStability:
+        """Return the depths up to which cuts are stable over spindle speed, with bands, and recommended speeds.
+
+        Parameters
+        ----------
+        identified : CampaignIdentification, optional
+            From `identify`, which runs first if it is not given, anything is unknown and a tip is predicted.
+        cuts : sequence of str, optional
+            Names of some; by default all.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no cuts, no such cut, no speeds; or as in `identify`.
+        """
+        from receptance.campaign.stability import stability_of_campaign
+
+        return stability_of_campaign(self, identified, cuts=cuts, threads=threads, progress=progress)
 
     def transfer(
         self,

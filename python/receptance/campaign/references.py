@@ -53,6 +53,8 @@ def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop:
         _check_measurement(path, measurement, folder, workshop)
     for path, candidate in _tables(data, "candidates"):
         _check_measurement(path, candidate, None, workshop)
+    for path, cut in _tables(data, "cuts"):
+        _check_cut(path, cut, folder, workshop)
     for path, unknown in _tables(data, "unknowns"):
         _check_unknown(path, unknown, workshop)
     prediction = data.get("prediction")
@@ -92,6 +94,16 @@ def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | 
     for index, name in enumerate(_list(written)):
         if isinstance(name, str):
             _check_file((*path, "file", index), name, folder, workshop)
+
+
+def _check_cut(path: Path, table: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
+    for key in ("x", "y"):
+        tip = _dict(table.get(key))
+        _known((*path, key, "assembly"), tip, "assembly", workshop, "assemblies")
+        _known((*path, key, "measurement"), tip, "measurement", workshop, "measurements")
+        for name in ("file", "coherence"):
+            if folder is not None and isinstance(tip.get(name), str):
+                _check_file((*path, key, name), tip[name], folder, workshop)
 
 
 def _check_file(path: Path, name: str, folder: FilePath, workshop: Workshop) -> None:

@@ -11,6 +11,7 @@ import typer
 from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
+from receptance.cli.stability import stability
 from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
 
@@ -30,6 +31,7 @@ for command in (example, identify, predict, transfer, diagnose, convert, schema)
     app.command()(command)
 app.command()(invert)
 app.command("next")(next_step)
+app.command()(stability)
 
 
 def _print_version(wanted: bool) -> None:

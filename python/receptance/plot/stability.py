@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
     from receptance.stability import Lobes, StableCut
 
-__all__ = ["draw_lobes", "draw_lobes_on"]
+__all__ = ["draw_lobes", "draw_lobes_on", "draw_several_lobes"]
+
+_MOST = 8
 
 _LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
 _HIGHEST = 15.0
@@ -52,6 +54,23 @@ def draw_lobes(lobes: Lobes, *, probability: float = 0.95, title: str = "", reco
         rows[1].plot(1e-3 * lobes.speeds_rpm, lobes.chatter_hz, ".", color=_LIMIT, ms=1.5)
         set_up(rows[1], "", "spindle speed (1000 rpm)", "chatter (Hz)")
     rows[0].set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
+    return figure
+
+
+def draw_several_lobes(
+    several: Sequence[Lobes], titles: Sequence[str], *, probability: float = 0.95, recommended: int = 3
+) -> Figure:
+    """Draw several lobes below each other, the first eight at most; one alone as `draw_lobes`."""
+    if len(several) == 1:
+        return draw_lobes(several[0], probability=probability, title=titles[0], recommended=recommended)
+    shown = list(zip(several, titles, strict=True))[:_MOST]
+    figure = new_figure(9.0, 0.6 + 3.1 * len(shown))
+    for axes, (lobes, title) in zip(figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True):
+        draw_lobes_on(axes, lobes, probability=probability, recommended=recommended)
+        set_up(axes, title, "spindle speed (1000 rpm)", "depth of cut (mm)")
+        axes.set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
+    handles = {text: line for axes in figure.axes for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
