@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
 from receptance.assembly import Assembly
+from receptance.campaign.building import Built
 from receptance.campaign.conditions import Condition
 from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
@@ -55,6 +56,8 @@ class Campaign:
         Measurements that could be taken next.
     cuts : dict of str to CampaignCut
         Cuts whose stability is asked for.
+    built : Built
+        Materials, parts, joints and attachments, for assemblies that are not in the file.
     notes : tuple of str
         What a person should know.
 
@@ -82,6 +85,7 @@ class Campaign:
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
     cuts: dict[str, CampaignCut] = field(default_factory=dict)
+    built: Built = field(default_factory=Built, repr=False)
     notes: tuple[str, ...] = ()
 
     @property

@@ -136,6 +136,7 @@ def loaded(
         places=places,
         candidates={name: one for name, one in possible.items() if one is not None},
         cuts={name: one for name, one in cuts.items() if one is not None},
+        built=built,
         notes=tuple(workshop.notes),
     )
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag
 
 from receptance.campaign.candidate_models import CandidateTable
+from receptance.campaign.catalogue_models import CatalogueTable
 from receptance.campaign.cut_models import CutTable, StabilityTable
 from receptance.campaign.file_models import FileFields
 from receptance.campaign.joint_models import JointTable
@@ -290,3 +291,5 @@ class CampaignTable(Table):
     """what is predicted"""
     stability: StabilityTable = StabilityTable()
     """at which speeds cuts are looked at, and how sure a depth is to be"""
+    catalogue: CatalogueTable | None = None
+    """tools and holders in tables of their own, and the machine they are put into"""

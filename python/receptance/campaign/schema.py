@@ -48,6 +48,8 @@ _SECTIONS = (
     ("SettingsTable", "`[settings]`"),
     ("PredictionTable", "`[prediction]`"),
     ("StabilityTable", "`[stability]`"),
+    ("CatalogueTable", "`[catalogue]`"),
+    ("CatalogueSpread", "`[catalogue.tolerance]`"),
 )
 _TYPES = {"string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`"}
 
