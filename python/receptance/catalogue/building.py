@@ -119,16 +119,15 @@ class Catalogue:
             return
         file = _source(holders, self.table.holders, self.campaign, "holders")
         found = holders if isinstance(holders, Mapping) else read_holders(file)
-        problems = Problems({})
+        lines = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
+        problems = Problems(lines)
         workshop = Workshop(problems, {"materials": list(self.campaign.table.materials)})
         for name, rows in found.items():
             if name == _TOOL or name in self._parts or name in self.campaign.built.joints:
-                problems.add(
-                    (f"line {rows[0].line}", "holder"), f'is "{name}", the name of something else, expected another'
-                )
+                problems.add((name, 0), f'is "{name}", the name of something else, expected another')
             segments = []
-            for row in rows:
-                at = (f"line {row.line}",)
+            for index, row in enumerate(rows):
+                at = (name, index)
                 for key, material in (("material", row.material), ("core", row.core)):
                     if material:
                         workshop.known((*at, key), material, "materials")
@@ -147,10 +146,10 @@ class Catalogue:
 
     def _check(self) -> None:
         """Names and dimensions of all rows, and once that the machine fits together."""
-        problems = Problems({})
+        problems = Problems({(row.name,): row.line for row in self.tools})
         built = self.campaign.built
         for row in self.tools:
-            at = (f"line {row.line}",)
+            at = (row.name,)
             for key, name, known in (
                 ("holder", row.holder, self._parts),
                 ("joint", row.joint, built.joints),

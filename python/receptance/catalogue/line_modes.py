@@ -69,20 +69,17 @@ def line_modes(frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex
         `(n,)` ascending lines without noise, dense enough for some lines in the half-power band of each mode.
     """
     values, weights, lines = [], [], []
-    for peak, first, last in _windows(np.abs(receptance)):
+    for first, last in _windows(np.abs(receptance)):
         found = _fit(frequency_hz[first:last], receptance[first:last])
-        if (
-            found is not None
-            and frequency_hz[max(peak - 3, 0)] <= found[0][0] <= frequency_hz[min(peak + 3, frequency_hz.size - 1)]
-        ):
+        if found is not None and frequency_hz[first] <= found[0][0] <= frequency_hz[last - 1]:
             values.append(found[0])
             weights.append(found[1])
             lines.append(slice(first, last))
     return LineModes(np.array(values).reshape(-1, 3), tuple(weights), tuple(lines))
 
 
-def _windows(size: NDArray[np.float64]) -> list[tuple[int, int, int]]:
-    """Peaks that stand out, and the first and last line (exclusive) of each."""
+def _windows(size: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """First and last line (exclusive) around each peak that stands out."""
     from scipy.signal import find_peaks
 
     peaks = find_peaks(np.log(size), prominence=np.log(_STANDS_OUT))[0]
@@ -96,7 +93,7 @@ def _windows(size: NDArray[np.float64]) -> list[tuple[int, int, int]]:
         half = int(np.clip(min(left, right), _FEWEST // 2, _MOST // 2))
         first, last = max(peak - half, 0), min(peak + half + 1, size.size)
         if last - first >= _FEWEST - 2:
-            found.append((peak, first, last))
+            found.append((first, last))
     return found
 
 

@@ -233,7 +233,7 @@ class _Work:
                 rows.append(one.receptance(self.lines, threads=1) + noise * (parts[0] + 1j * parts[1]))
         if 2 * len(rows) < self.draws.count:
             raise ReceptanceError(f"only {len(rows)} of {self.draws.count} draws have a model")
-        return np.log(np.abs(np.array(rows)))
+        return np.asarray(np.log(np.abs(np.array(rows))))
 
 
 def catalogue_lines(catalogue: Catalogue) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from receptance.campaign.conditions import parse_condition
-from receptance.campaign.problems import CampaignError, Problems
+from receptance.campaign.problems import CampaignError, Problem, Problems
 from receptance.campaign.quantities import KINDS, parse, shown
 from receptance.campaign.suggestions import did_you_mean, one_of
 
@@ -121,7 +121,7 @@ def read_tools(path: str | Path) -> list[ToolRow]:
             continue
         name = values["name"]
         if name in seen:
-            problems.add((f"line {line}", "name"), f'is "{name}", as in line {seen[name]}, expected another name')
+            _add(problems, line, "name", f'is "{name}", as in line {seen[name]}, expected another name')
         seen.setdefault(name, line)
         if _flutes_fit(line, values, problems):
             found.append(
@@ -175,7 +175,7 @@ def _opened(
                 continue
             if len(cells) != len(header):
                 what = f"has {len(cells)} cells, expected {len(header)}"
-                problems.add((f"line {lines.line_num}",), what)
+                problems.found.append(Problem((), what, lines.line_num))
                 continue
             own = [cell.strip().replace(",", ".") if decimal_comma else cell.strip() for cell in cells]
             yield lines.line_num, {name: (cell, unit) for (name, unit), cell in zip(names, own, strict=True) if cell}
@@ -224,7 +224,7 @@ def _values(
     before = len(problems.found)
     for name in needed:
         if name not in row:
-            problems.add((f"line {line}", name), "is empty")
+            _add(problems, line, name, "is empty")
     for name, (cell, unit) in row.items():
         try:
             if name in columns:
@@ -232,7 +232,7 @@ def _values(
             elif unit:
                 conditions[name] = parse_condition(f"{cell} {unit}").value
         except ValueError as error:
-            problems.add((f"line {line}", name), str(error))
+            _add(problems, line, name, str(error))
     return (values if len(problems.found) == before else None), conditions
 
 
@@ -263,13 +263,17 @@ def _flutes_fit(line: int, values: dict[str, Any], problems: Problems) -> bool:
     flutes, effective = values.get("flute length", 0.0), values.get("effective diameter")
     if flutes and effective is None:
         text = "is empty, and the tool has flutes: expected the diameter of the round bar that bends like them"
-        problems.add((f"line {line}", "effective diameter"), text)
+        _add(problems, line, "effective diameter", text)
         return False
     if flutes > values["overhang"]:
         text = f"is {1e3 * flutes:g} mm, expected at most the overhang, {1e3 * values['overhang']:g} mm"
-        problems.add((f"line {line}", "flute length"), text)
+        _add(problems, line, "flute length", text)
         return False
     return True
+
+
+def _add(problems: Problems, line: int, column: str, text: str) -> None:
+    problems.found.append(Problem((column,), text, line))
 
 
 def _finish(file: Path, problems: Problems, found: list[Any]) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
+from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
 from receptance.cli.stability import stability
@@ -32,6 +33,7 @@ for command in (example, identify, predict, transfer, diagnose, convert, schema)
 app.command()(invert)
 app.command("next")(next_step)
 app.command()(stability)
+app.command()(catalogue)
 
 
 def _print_version(wanted: bool) -> None:
