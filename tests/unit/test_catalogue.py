@@ -122,7 +122,7 @@ def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
         scale = np.array([one.assembly.get(address) for address in addresses])
         assert len(modes) >= 3
         for found, slope in zip(modes.values, modes.log_slopes(slopes), strict=True):
-            if found[2] > 20.0 * modes.values[:, 2].min():
+            if found[2] > 10.0 * modes.values[:, 2].min():
                 continue  # a bump beside a resonance
             nearest = int(np.argmin(np.abs(exact.frequency_hz - found[0])))
             expected = [exact.frequency_hz[nearest], exact.damping_ratio[nearest], exact.dynamic_stiffness[nearest]]
@@ -132,22 +132,22 @@ def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
 
 
 def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
-    """Standard deviations of the modes of 300 draws of everything, one tool after the other."""
+    """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
     catalogue = Catalogue(machine)
-    draws = Draws(identified.propagation, 300, SEED)
-    for one, own in zip(predict_catalogue(catalogue, identified), catalogue, strict=True):
+    draws = Draws(identified.propagation, 150, SEED)
+    for one, own in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
         for assembly in draws.assemblies(own.assembly, own.effects, own.at):
             assert assembly is not None
-            modes = line_modes(one.frequency_hz, assembly.receptance(one.frequency_hz, threads=1)).values
-            near = [modes[np.argmin(np.abs(modes[:, 0] - f))] for f in one.modes[:, 0]]
-            found.append(np.log(near))
-        # Half of what the middle 68 % span: in a draw a weak mode may not stand out, and another one is the nearest.
+            modes = damped_modes(assembly, 5200.0, threads=1)
+            values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)
+            found.append(np.log([values[np.argmin(np.abs(values[:, 0] - f))] for f in one.modes[:, 0]]))
+        # Half of what the middle 68 % span.
         spread = 0.5 * np.diff(np.quantile(found, [0.1587, 0.8413], axis=0), axis=0)[0]
-        visible = one.modes[:, 2] < 20.0 * one.modes[:, 2].min()
-        np.testing.assert_allclose(one.modes_deviation[visible, 0], spread[visible, 0], rtol=0.15)
-        np.testing.assert_allclose(one.modes_deviation[visible, 1:], spread[visible, 1:], rtol=0.25, atol=0.003)
+        visible = one.modes[:, 2] < 10.0 * one.modes[:, 2].min()
+        assert visible.sum() >= 3
+        np.testing.assert_allclose(one.modes_deviation[visible], spread[visible], rtol=0.25)
 
 
 def _as_table(own: Assembly, lines: Any, covariance: Any = None) -> MeasuredPart:
