@@ -97,12 +97,14 @@ def main() -> None:
     options = parser.parse_args()
     found = measure(QUICK if options.quick else options.tools, options.threads, options.seed)
     each = 1e3 * found["seconds"] / found["tools"]
-    sys.stdout.write(
-        f"seed {options.seed}, {found['tools']} tools x {found['lines']} lines, {found['modes']} modes, {options.threads} "
-        f"threads: {found['seconds']:.1f} s ({each:.1f} ms each), processor {found['processor_s']:.1f} s, reading and "
-        f"checking {found['reading_s']:.1f} s of these; memory {found['memory_mb']:.0f} MB "
-        f"({found['memory_after_a_tenth_mb']:.0f} MB after a tenth), file {found['file_mb']:.1f} MB\n"
+    reading, late, early = found["reading_s"], found["memory_mb"], found["memory_after_a_tenth_mb"]
+    lines = (
+        f"seed {options.seed}, {found['tools']} tools x {found['lines']} lines, {found['modes']} modes, "
+        f"{options.threads} threads: {found['seconds']:.1f} s ({each:.1f} ms each)",
+        f"processor {found['processor_s']:.1f} s, reading and checking {reading:.1f} s of the time, memory {late:.0f} MB "
+        f"({early:.0f} MB after a tenth), file {found['file_mb']:.1f} MB",
     )
+    sys.stdout.write("\n".join(lines) + "\n")
     if options.json:
         options.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
 

@@ -178,7 +178,17 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+_FACTORS: dict[tuple[str, str], float] = {}
+"""Of units that were converted before: a table has the same ones in every row."""
+
+
 def _factor(text: str, unit: str, kind: Kind) -> float:
+    if (unit, kind.unit) not in _FACTORS:
+        _FACTORS[unit, kind.unit] = _new_factor(text, unit, kind)
+    return _FACTORS[unit, kind.unit]
+
+
+def _new_factor(text: str, unit: str, kind: Kind) -> float:
     found = _unit(text, unit, kind.expected)
     wanted = _units().parse_units(kind.unit)
     if found.dimensionality != wanted.dimensionality:

@@ -14,6 +14,7 @@ from receptance.beams import Part, Segment
 from receptance.campaign.building import build_segment
 from receptance.campaign.catalogue_models import CatalogueTable
 from receptance.campaign.deviations import Deviation
+from receptance.campaign.lines import Path as Place
 from receptance.campaign.models import AssemblyTable, PartTable, SegmentSpread, SegmentTable
 from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.propagation import Where
@@ -119,7 +120,7 @@ class Catalogue:
             return
         file = _source(holders, self.table.holders, self.campaign, "holders")
         found = holders if isinstance(holders, Mapping) else read_holders(file)
-        lines = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
+        lines: dict[Place, int] = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
         problems = Problems(lines)
         workshop = Workshop(problems, {"materials": list(self.campaign.table.materials)})
         for name, rows in found.items():
