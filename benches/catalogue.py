@@ -101,7 +101,8 @@ def main() -> None:
     lines = (
         f"seed {options.seed}, {found['tools']} tools x {found['lines']} lines, {found['modes']} modes, "
         f"{options.threads} threads: {found['seconds']:.1f} s ({each:.1f} ms each)",
-        f"processor {found['processor_s']:.1f} s, reading and checking {reading:.1f} s of the time, memory {late:.0f} MB "
+        f"processor {found['processor_s']:.1f} s, reading and checking {reading:.1f} s of the time, "
+        f"memory {late:.0f} MB "
         f"({early:.0f} MB after a tenth), file {found['file_mb']:.1f} MB",
     )
     sys.stdout.write("\n".join(lines) + "\n")
