@@ -3,6 +3,7 @@
 from receptance.assembly import Assembly
 from receptance.beams import Part, Section, Segment
 from receptance.collet import ColletJoint
+from receptance.complex_modes import DampedModes, damped_modes
 from receptance.coordinates import Coordinate
 from receptance.errors import (
     GrossSlipError,
@@ -34,6 +35,7 @@ __all__ = [
     "Assembly",
     "ColletJoint",
     "Coordinate",
+    "DampedModes",
     "GrossSlipError",
     "GroundSpring",
     "Identification",
@@ -55,6 +57,7 @@ __all__ = [
     "SingularInterfaceError",
     "SpreadJoint",
     "Unknown",
+    "damped_modes",
     "find_bands",
     "identify",
 ]

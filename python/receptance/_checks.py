@@ -99,3 +99,9 @@ def thread_count(threads: int | None) -> int:
     if count < 0 or isinstance(value, (bool, float)):
         raise ValueError(f"{source} is {value!r}, expected a whole number (0: all that this process may use)")
     return count
+
+
+def worker_count(threads: int | None) -> int:
+    """Return the number of threads of a pool in Python: as `thread_count`, with what 0 stands for."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return thread_count(threads) or allowed

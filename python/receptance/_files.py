@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TextIO
 
-__all__ = ["check_target", "write_whole"]
+__all__ = ["check_target", "streamed", "write_whole"]
 
 
 def check_target(path: Path) -> None:
@@ -78,3 +79,42 @@ def _stage(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
         os.fsync(file.fileno())
     if target.exists():
         temporary.chmod(target.stat().st_mode & 0o7777)
+
+
+@contextlib.contextmanager
+def streamed(path: Path) -> Iterator[TextIO]:
+    """Open a text file that takes the place of its target only when all is written.
+
+    An error or an interruption leaves the target as it was and no temporary file behind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from receptance._files import streamed
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     target = Path(folder) / "a.txt"
+    ...     with streamed(target) as file:
+    ...         _ = file.write("line after line")
+    ...     target.read_text()
+    'line after line'
+    """
+    check_target(path)
+    if path.exists() and not path.is_file():
+        with path.open("w", encoding="utf-8", newline="") as file:
+            yield file
+        return
+    target = path.resolve()
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    try:
+        with temporary.open("x", encoding="utf-8", newline="") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        if target.exists():
+            temporary.chmod(target.stat().st_mode & 0o7777)
+        os.replace(temporary, target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise

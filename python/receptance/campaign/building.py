@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from receptance.campaign.models import SegmentTable
     from receptance.identification.unknowns import Unknown
 
-__all__ = ["Built", "build_elements"]
+__all__ = ["Built", "build_elements", "build_segment"]
 
 
 @dataclass
@@ -44,7 +44,7 @@ def build_elements(table: CampaignTable, workshop: Workshop) -> Built:
         _keep(built.materials, name, workshop.make(("materials", name), Material, **values, name=name))
     for name, part in table.parts.items():
         segments = [
-            _segment(("parts", name, "segments", i), row, built, workshop) for i, row in enumerate(part.segments)
+            build_segment(("parts", name, "segments", i), row, built, workshop) for i, row in enumerate(part.segments)
         ]
         whole = [segment for segment in segments if segment is not None]
         if len(whole) == len(segments):
@@ -66,7 +66,8 @@ def _keep(store: dict[str, Any], name: str, made: Any) -> None:
         store[name] = made
 
 
-def _segment(path: Path, row: SegmentTable, built: Built, workshop: Workshop) -> Segment | None:
+def build_segment(path: Path, row: SegmentTable, built: Built, workshop: Workshop) -> Segment | None:
+    """Return a segment, or None after its mistakes are added."""
     values: dict[str, Any] = row.model_dump(exclude={"tolerance", "material", "core"})
     # A material with a mistake has been reported; steel in its place lets mistakes of the dimensions be found as well.
     material = built.materials.get(row.material, STEEL)

@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
 from receptance.assembly import Assembly
+from receptance.campaign.building import Built
 from receptance.campaign.conditions import Condition
 from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
@@ -15,12 +16,14 @@ from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
 
 if TYPE_CHECKING:
+    from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.diagnosis import CampaignDiagnosis
     from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.inversion import CampaignInversion
     from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
+    from receptance.campaign.stability import CampaignStability
     from receptance.campaign.transfer import CampaignTransfer
     from receptance.diagnosis import Cause, Metric
 
@@ -51,6 +54,10 @@ class Campaign:
         Response and excitation at which assemblies that were not measured are predicted.
     candidates : dict of str to Candidate
         Measurements that could be taken next.
+    cuts : dict of str to CampaignCut
+        Cuts whose stability is asked for.
+    built : Built
+        Materials, parts, joints and attachments, for assemblies that are not in the file.
     notes : tuple of str
         What a person should know.
 
@@ -77,6 +84,8 @@ class Campaign:
     conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
+    cuts: dict[str, CampaignCut] = field(default_factory=dict)
+    built: Built = field(default_factory=Built, repr=False)
     notes: tuple[str, ...] = ()
 
     @property
@@ -205,6 +214,34 @@ class Campaign:
         from receptance.campaign.prediction import predict_campaign
 
         return predict_campaign(self, identified, threads=threads, progress=progress)
+
+    def stability(
+        self,
+        identified: CampaignIdentification | None = None,
+        *,
+        cuts: Sequence[str] = (),
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> CampaignStability:
+        """Return the depths up to which cuts are stable over spindle speed, with bands, and recommended speeds.
+
+        Parameters
+        ----------
+        identified : CampaignIdentification, optional
+            From `identify`, which runs first if it is not given, anything is unknown and a tip is predicted.
+        cuts : sequence of str, optional
+            Names of some; by default all.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no cuts, no such cut, no speeds; or as in `identify`.
+        """
+        from receptance.campaign.stability import stability_of_campaign
+
+        return stability_of_campaign(self, identified, cuts=cuts, threads=threads, progress=progress)
 
     def transfer(
         self,

@@ -14,6 +14,7 @@ from receptance.identification.observations import altered
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
+    from receptance.campaign.file_models import FileFields
     from receptance.campaign.measurement_models import FRFTable, HammerTable
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
@@ -23,7 +24,7 @@ __all__ = ["deviation_share", "integrated", "observe", "placed", "read", "weighe
 _SHARE = 'a standard deviation of the FRF in percent, such as "2 %"'
 
 
-def read(table: FRFTable, folder: FilePath) -> FRF:
+def read(table: FileFields, folder: FilePath) -> FRF:
     """Return the FRF that a measurement names; one entry of it where the file holds several.
 
     Raises
@@ -72,7 +73,7 @@ def _numbered(things: Sequence[object], number: int) -> FRF:
     return frfs[number]
 
 
-def _told(frf: FRF, table: FRFTable) -> FRF:
+def _told(frf: FRF, table: FileFields) -> FRF:
     """Return the FRF with what the campaign says of it and the file does not."""
     changes: dict[str, Any] = {}
     for key, told, own in (

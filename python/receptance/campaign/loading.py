@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import math
 import re
 import tomllib
 import warnings
@@ -17,6 +18,7 @@ from receptance.campaign.building import Built, build_elements
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.candidates import build_candidate
 from receptance.campaign.conditions import Condition, parse_condition
+from receptance.campaign.cuts import build_cut
 from receptance.campaign.lines import Path, lines_of
 from receptance.campaign.measurement_models import CampaignTable
 from receptance.campaign.observations import Measurement, build_measurement
@@ -41,8 +43,12 @@ _SECTIONS = (
     "assemblies",
     "measurements",
     "candidates",
+    "cuts",
     "unknowns",
 )
+_MOST_SPEEDS = 20_000
+_NEEDED = ("materials", "parts", "assemblies")
+"""Sections without which there is nothing to describe; a file with cuts may have measured tips alone."""
 
 
 def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None) -> Campaign:
@@ -112,6 +118,8 @@ def loaded(
         name: build_candidate(name, table, built, (effects, beside), workshop, conditions) for name in table.candidates
     }
     places = _places(table, built, workshop)
+    cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, workshop) for name in table.cuts}
+    _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if problems.found:
         raise CampaignError(called or file, problems.found)
@@ -127,6 +135,8 @@ def loaded(
         conditions=conditions,
         places=places,
         candidates={name: one for name, one in possible.items() if one is not None},
+        cuts={name: one for name, one in cuts.items() if one is not None},
+        built=built,
         notes=tuple(workshop.notes),
     )
 
@@ -202,8 +212,10 @@ def _validated(data: dict[str, Any], problems: Problems) -> tuple[CampaignTable,
 
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
-    broken |= {section for section in ("materials", "parts", "assemblies") if section not in data}
+    broken |= {section for section in _NEEDED if section not in data and "cuts" not in data}
     rest = copy.deepcopy(data)
+    if "cuts" in data:
+        rest |= {section: {} for section in _NEEDED if section not in data}
     for joint in rest["joints"].values() if isinstance(rest.get("joints"), dict) else ():
         if isinstance(joint, dict):
             joint.setdefault("kind", "point")
@@ -224,7 +236,7 @@ def _prune(data: dict[str, Any], path: Path) -> None:
     table = data.get(section)
     if section in _SECTIONS and isinstance(table, dict) and len(path) > 1:
         table.pop(path[1], None)
-    elif section in ("materials", "parts", "assemblies"):
+    elif section in _NEEDED:
         data[section] = {}
     else:
         data.pop(section, None)
@@ -251,6 +263,26 @@ def _places(table: CampaignTable, built: Built, workshop: Workshop) -> dict[str,
             if response is not None and excitation is not None:
                 found[name] = (response, excitation)
     return found
+
+
+def _check_stability(table: CampaignTable, problems: Problems) -> None:
+    speeds, step = table.stability.speeds, table.stability.step
+    if speeds is not None and speeds[0] >= speeds[1]:
+        text = f"goes from {speeds[0]:g} to {speeds[1]:g} rpm, expected the lower speed first"
+        problems.add(("stability", "speeds"), text)
+    elif speeds is not None and step is not None and (speeds[1] - speeds[0]) / step > _MOST_SPEEDS:
+        text = f"is {step:g} rpm, which makes more than {_MOST_SPEEDS} speeds, expected a larger one"
+        problems.add(("stability", "step"), text)
+    rest = min(table.stability.probability, 1.0 - table.stability.probability)
+    if table.stability.number_of_draws * rest < 1.0 - 1e-9:
+        text = f"is {table.stability.number_of_draws}, too few to show a probability of {table.stability.probability:g}"
+        problems.add(("stability", "draws"), f"{text}, expected {math.ceil(1.0 / rest - 1e-9)} or more")
+    for name, cut in table.cuts.items():
+        if table.stability.method == "semi-discretisation" and cut.kind == "turning":
+            text = (
+                "is turning, which is not interrupted, and `stability.method` is semi-discretisation, expected milling"
+            )
+            problems.add(("cuts", name), text)
 
 
 def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, problems: Problems) -> None:

@@ -7,6 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag
 
 from receptance.campaign.candidate_models import CandidateTable
+from receptance.campaign.catalogue_models import CatalogueTable
+from receptance.campaign.cut_models import CutTable, StabilityTable
+from receptance.campaign.file_models import FileFields
 from receptance.campaign.joint_models import JointTable
 from receptance.campaign.models import (
     AssemblyTable,
@@ -41,7 +44,6 @@ Time = Annotated[float, Amount(KINDS["a time"])]
 TimeOrZero = Annotated[float, Amount(KINDS["a time or zero"])]
 Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
 Rate = Annotated[float, Amount(KINDS["a rate of decay"])]
-Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
 Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
 
 
@@ -60,17 +62,6 @@ class _Measured(Table):
     """level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"""
 
 
-class EntryTable(Table):
-    """Which part of a file with several FRFs, responses or excitations is meant."""
-
-    number: Annotated[int, Field(ge=0)] | None = None
-    """number from 0 of the FRF, where the file holds several"""
-    response: Which = None
-    """number from 0 of the response, or its name in the file"""
-    excitation: Which = None
-    """number from 0 of the excitation, or its name in the file"""
-
-
 class _Response(_Measured):
     response: CoordinateTable = CoordinateTable()
     """where motion was seen"""
@@ -85,35 +76,11 @@ class _Response(_Measured):
     holds velocities and says displacements, -1 the other way round"""
 
 
-class FRFTable(_Response):
+class FRFTable(FileFields, _Response):
     """A frequency response function from a file."""
 
     kind: Literal["frf"]
     """`"frf"`"""
-    file: str
-    """file beside the campaign: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
-    format: str | None = None
-    """format of the file where its ending does not tell"""
-    quantity: Literal["receptance", "mobility", "accelerance"] | None = None
-    """what was measured, where the file does not say"""
-    unit: str | None = None
-    """its unit, where the file does not say, such as `"m/s^2/N"`"""
-    entry: EntryTable = EntryTable()
-    """which part of the file, where it holds several FRFs, responses or excitations"""
-    coherence: str | None = None
-    """another file with the coherence"""
-    ignore_coherence: bool = False
-    """read the FRF without its coherence, where that is worth nothing"""
-    variables: dict[str, str] = Field(default={})
-    """which variables of an NPZ, MAT or HDF5 file of another program are `frequency_hz`, `values`, `coherence`"""
-    columns: list[str] = Field(default=[])
-    """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
-    averages: Annotated[int, Field(ge=1)] | None = None
-    """how many hits were averaged, where the file does not say"""
-    standard_deviation: str | None = None
-    """of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from coherence and averages"""
-    decay_rate: Rate | None = None
-    """of an exponential window on both channels, where the file does not say"""
     force: Force | None = None
     """amplitude of a stepped sine: joints in micro-slip are then at the level that it brings about on each line"""
 
@@ -314,9 +281,15 @@ class CampaignTable(Table):
     """measurements by name"""
     candidates: dict[Name, CandidateTable] = Field(default={})
     """measurements that could be taken next, by name"""
+    cuts: dict[Name, CutTable] = Field(default={})
+    """cuts whose stable depths are asked for, by name"""
     unknowns: dict[str, UnknownTable] = Field(default={})
     """what is to be identified, by address: `"joint.k_theta"`"""
     settings: SettingsTable = SettingsTable()
     """how the fit is done"""
     prediction: PredictionTable = PredictionTable()
     """what is predicted"""
+    stability: StabilityTable = StabilityTable()
+    """at which speeds cuts are looked at, and how sure a depth is to be"""
+    catalogue: CatalogueTable | None = None
+    """tools and holders in tables of their own, and the machine they are put into"""

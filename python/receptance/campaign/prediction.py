@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from receptance.campaign.observations import Measurement
     from receptance.campaign.tolerances import Effects
 
-__all__ = ["CampaignPrediction", "predict_campaign"]
+__all__ = ["CampaignPrediction", "applied", "predict_campaign", "prediction_lines"]
 
 _LINES = 2000
 _MOST_LINES = 1_000_000
@@ -140,7 +140,7 @@ def predict_campaign(
         say(f"predicting {name}")
         seen = measured.observation
         at = Where(seen.configuration, seen.conditions)
-        assembly = _applied(identified, seen.assembly, name, notes, measured.effects, at)
+        assembly = applied(identified, seen.assembly, name, notes, measured.effects, at)
         if isinstance(measured.observation, MeasuredFRF):
             frfs.append(_held_out_frf(name, measured, assembly, propagation, at, identified))
         else:
@@ -148,7 +148,7 @@ def predict_campaign(
     for name, assembly in unmeasured.items():
         say(f"predicting {name}")
         at = Where(name, {key: one.value for key, one in campaign.conditions.get(name, {}).items()})
-        assembly = _applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
+        assembly = applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
         found = _unmeasured(name, campaign, assembly, propagation, notes, at)
         frequencies += [found[0]] if found[0] is not None else []
         frfs.append(found[1])
@@ -169,7 +169,7 @@ def predict_campaign(
     )
 
 
-def _applied(
+def applied(
     identified: CampaignIdentification | None,
     assembly: Assembly,
     name: str,
@@ -283,7 +283,7 @@ def _unmeasured(
     name: str, campaign: Campaign, assembly: Assembly, propagation: Propagation, notes: list[str], at: Where
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
     effects = campaign.effects.get(name, {})
-    lines = _lines(campaign, assembly)
+    lines = prediction_lines(campaign, assembly)
     modes = assembly.natural_frequencies(float(lines[-1]))
     frequencies = None
     if modes.size:
@@ -308,7 +308,7 @@ def _unmeasured(
     )
 
 
-def _lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
+def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
     """Return the lines on which an assembly that was not measured is predicted."""
     asked = campaign.table.prediction
     seen = [float(measured.observation.frequency_hz[-1].real) for measured in campaign.measurements.values()]

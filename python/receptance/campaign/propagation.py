@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from receptance.identification import Identification, MeasuredFrequencies
     from receptance.identification.residuals import Unit
 
-__all__ = ["NOWHERE", "Propagation", "Scatter", "Where", "frequency_slopes", "frf_slopes", "tolerances_of"]
+__all__ = ["NOWHERE", "Moved", "Propagation", "Scatter", "Where", "frequency_slopes", "frf_slopes", "tolerances_of"]
 
 _GROWTH = 1.5
 
@@ -76,7 +76,7 @@ NOWHERE = Where()
 
 
 @dataclass(frozen=True)
-class _Moved:
+class Moved:
     """How the parameters of an assembly move with the fitted variables `(m, p)` and with unfitted errors `(m, q)`."""
 
     addresses: tuple[str, ...]
@@ -146,9 +146,9 @@ class Propagation:
         self, assembly: Assembly, modes: Sequence[int], near_hz: float, effects: Effects, at: Where = NOWHERE
     ) -> tuple[NDArray[np.float64], Scatter]:
         """Return natural frequencies of an assembly with the identified values, in Hz, and their scatter."""
-        placed = self._placed(assembly, effects, at)
+        placed = self.placed(assembly, effects, at)
         found, slope = frequency_slopes(assembly, modes, near_hz, placed.addresses)
-        return found, self._scatter(slope, placed)
+        return found, self.scatter(slope, placed)
 
     def receptance(
         self,
@@ -161,28 +161,29 @@ class Propagation:
         force: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.complex128], Scatter, Scatter]:
         """Return a receptance and the scatter of the real and of the imaginary part of its logarithm."""
-        placed = self._placed(assembly, effects, at)
+        placed = self.placed(assembly, effects, at)
         found, slope = frf_slopes(assembly, frequency_hz, response, excitation, placed.addresses, force)
-        real, imaginary = (self._scatter(part, placed) for part in (slope.real, slope.imag))
+        real, imaginary = (self.scatter(part, placed) for part in (slope.real, slope.imag))
         return found, real, imaginary
 
-    def _placed(self, assembly: Assembly, effects: Effects, at: Where) -> _Moved:
+    def placed(self, assembly: Assembly, effects: Effects, at: Where) -> Moved:
         """Return how parameters of an assembly move with the unknowns, and with errors that the fit does not know."""
         tolerances = tolerances_of(effects)
         if self.fit is None or self.variables is None:
             addresses = tuple(dict.fromkeys(address for moved in effects.values() for address in moved))
             direct = [[moved.get(address, 0.0) for moved in effects.values()] for address in addresses]
             width = len(effects)
-            return _Moved(addresses, np.zeros((len(addresses), 0)), np.reshape(direct, (-1, width)), list(effects))
+            return Moved(addresses, np.zeros((len(addresses), 0)), np.reshape(direct, (-1, width)), list(effects))
         fresh: list[str] = []
         place = Place(assembly, at.configuration, "", at.conditions)
         placed = self.fit.task.parameters.at(place, tolerances, fresh)
         values = np.array([self.fit.values[name] for name in self.variables.names])
         slope = placed.jacobian(np.append(values, np.zeros(len(fresh))))
         own = slope[:, : values.size] * self.variables.slopes(values)
-        return _Moved(placed.addresses, own, slope[:, values.size :], fresh)
+        return Moved(placed.addresses, own, slope[:, values.size :], fresh)
 
-    def _scatter(self, slope: NDArray[np.float64], moved: _Moved) -> Scatter:
+    def scatter(self, slope: NDArray[np.float64], moved: Moved) -> Scatter:
+        """Return the scatter of numbers with derivatives `(n, m)` per SI unit of the addresses of `moved`."""
         direct = dict(zip(moved.fresh, (slope @ moved.errors).T, strict=True))
         nothing = np.zeros(len(slope))
         if self.fit is None:
@@ -203,7 +204,7 @@ class Propagation:
         band_width_percent: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the weighted residuals' derivatives: to the fitted variables, and for one deviation of each error."""
-        placed = self._placed(assembly, effects, Where(observation.configuration, observation.conditions))
+        placed = self.placed(assembly, effects, Where(observation.configuration, observation.conditions))
         addresses = placed.addresses
         if isinstance(observation, MeasuredFRF):
             slope = _weighted_frf(observation, assembly, unit, addresses, band_width_percent)

@@ -86,6 +86,11 @@ KINDS = {
         Kind("an amplitude", "m", "1 um", "zero or more"),
         Kind("an angle", "rad", "1e-5 rad", "zero or more"),
         Kind("a Poisson's ratio", "", "0.22", "any", 0.5),
+        Kind("a cutting coefficient", "N/m^2", "800 MPa"),
+        Kind("a cutting coefficient or zero", "N/m^2", "300 MPa", "zero or more"),
+        Kind("an immersion", "", "0.5", "above zero", 1.0),
+        Kind("a spindle speed", "rpm", "12000 rpm"),
+        Kind("a direction", "deg", "30 deg", "any"),
     )
 }
 
@@ -173,7 +178,17 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+_FACTORS: dict[tuple[str, str], float] = {}
+"""Of units that were converted before: a table has the same ones in every row."""
+
+
 def _factor(text: str, unit: str, kind: Kind) -> float:
+    if (unit, kind.unit) not in _FACTORS:
+        _FACTORS[unit, kind.unit] = _new_factor(text, unit, kind)
+    return _FACTORS[unit, kind.unit]
+
+
+def _new_factor(text: str, unit: str, kind: Kind) -> float:
     found = _unit(text, unit, kind.expected)
     wanted = _units().parse_units(kind.unit)
     if found.dimensionality != wanted.dimensionality:
@@ -182,6 +197,8 @@ def _factor(text: str, unit: str, kind: Kind) -> float:
     if kind.unit == "Hz" and not (len(parts) == 1 and next(iter(parts)).endswith("hertz")):
         # To pint a radian is a plain number, so rad/s and rpm would pass for hertz and be wrong by 2 pi.
         raise ValueError(f"is {shown(text)}, expected {kind.expected}; write it in Hz or kHz")
+    if kind.unit == "rpm" and parts != {"revolutions_per_minute"}:
+        raise ValueError(f"is {shown(text)}, expected {kind.expected}; write it in rpm")
     if kind.unit == "1/s" and (parts & _ANGLES or any(part.endswith(("hertz", "becquerel")) for part in parts)):
         raise ValueError(f"is {shown(text)}, expected {kind.expected}; a rate of decay is in 1/s, not in Hz")
     return float((1.0 * found).to(wanted).magnitude)

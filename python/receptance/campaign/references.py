@@ -53,8 +53,11 @@ def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop:
         _check_measurement(path, measurement, folder, workshop)
     for path, candidate in _tables(data, "candidates"):
         _check_measurement(path, candidate, None, workshop)
+    for path, cut in _tables(data, "cuts"):
+        _check_cut(path, cut, folder, workshop)
     for path, unknown in _tables(data, "unknowns"):
         _check_unknown(path, unknown, workshop)
+    _check_catalogue(_dict(data.get("catalogue")), folder, workshop)
     prediction = data.get("prediction")
     if isinstance(prediction, dict):
         _check_places(("prediction",), prediction, workshop)
@@ -92,6 +95,28 @@ def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | 
     for index, name in enumerate(_list(written)):
         if isinstance(name, str):
             _check_file((*path, "file", index), name, folder, workshop)
+
+
+def _check_cut(path: Path, table: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
+    for key in ("x", "y"):
+        tip = _dict(table.get(key))
+        _known((*path, key, "assembly"), tip, "assembly", workshop, "assemblies")
+        _known((*path, key, "measurement"), tip, "measurement", workshop, "measurements")
+        for name in ("file", "coherence"):
+            if folder is not None and isinstance(tip.get(name), str):
+                _check_file((*path, key, name), tip[name], folder, workshop)
+
+
+def _check_catalogue(table: Mapping[str, Any], folder: FilePath | None, workshop: Workshop) -> None:
+    path: Path = ("catalogue",)
+    for key, sections in (("machine", ("parts", "joints")), ("attachments", ("attachments",))):
+        for index, name in enumerate(_list(table.get(key))):
+            if isinstance(name, str):
+                workshop.known((*path, key, index), name, *sections)
+    _known((*path, "joint"), table, "joint", workshop, "joints")
+    for key in ("tools", "holders"):
+        if folder is not None and isinstance(table.get(key), str):
+            _check_file((*path, key), table[key], folder, workshop)
 
 
 def _check_file(path: Path, name: str, folder: FilePath, workshop: Workshop) -> None:

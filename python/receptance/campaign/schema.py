@@ -36,12 +36,20 @@ _SECTIONS = (
     ("FrequenciesTable", '`[measurements.NAME]` with `kind = "natural frequencies"`'),
     ("CandidateFRFTable", '`[candidates.NAME]` with `kind = "frf"`'),
     ("CandidateFrequenciesTable", '`[candidates.NAME]` with `kind = "natural frequencies"`'),
-    ("EntryTable", "`entry` of a measurement"),
+    ("MillingTable", '`[cuts.NAME]` with `kind = "milling"`'),
+    ("MillingSpread", "`tolerance` of milling"),
+    ("TurningTable", '`[cuts.NAME]` with `kind = "turning"`'),
+    ("TurningSpread", "`tolerance` of turning"),
+    ("TipTable", "`x` and `y` of a cut"),
+    ("EntryTable", "`entry` of a measurement or a tip"),
     ("CoordinateTable", "`response` and `excitation`"),
     ("UnknownTable", '`[unknowns."ADDRESS"]`'),
     ("PriorTable", "`prior` of an unknown"),
     ("SettingsTable", "`[settings]`"),
     ("PredictionTable", "`[prediction]`"),
+    ("StabilityTable", "`[stability]`"),
+    ("CatalogueTable", "`[catalogue]`"),
+    ("CatalogueSpread", "`[catalogue.tolerance]`"),
 )
 _TYPES = {"string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`"}
 
@@ -55,13 +63,16 @@ def json_schema() -> dict[str, Any]:
     Examples
     --------
     >>> from receptance.campaign import json_schema
-    >>> sorted(json_schema()["required"])
-    ['assemblies', 'materials', 'parts']
+    >>> json_schema()["anyOf"]
+    [{'required': ['materials', 'parts', 'assemblies']}, {'required': ['cuts']}]
     """
     schema = CampaignTable.model_json_schema()
+    needed = schema.pop("required")
     return {
         "$schema": _DIALECT,
         "title": "receptance campaign",
+        # Cuts alone, with tips that were measured, need nothing else.
+        "anyOf": [{"required": needed}, {"required": ["cuts"]}],
         **{k: _plain(v) for k, v in schema.items() if k != "title"},
     }
 
@@ -99,7 +110,7 @@ def field_tables() -> str:
     '### The file'
     """
     schema = json_schema()
-    definitions = {"CampaignTable": schema, **schema["$defs"]}
+    definitions = {"CampaignTable": {**schema, **schema["anyOf"][0]}, **schema["$defs"]}
     missing = definitions.keys() - {name for name, _ in _SECTIONS}
     if missing:
         raise LookupError(f"tables without a heading: {', '.join(sorted(missing))}")

@@ -90,6 +90,8 @@ def _inherited(
         if name in campaign.joints:
             yield from _of_joint(name, campaign)
             continue
+        if name not in campaign.parts:
+            continue  # a spindle known by its receptances brings its own errors
         for index, segment in enumerate(campaign.parts[name].segments):
             place: Path = ("parts", name, "segments", index)
             first = f"{name}.segment[{index}]"

@@ -33,6 +33,8 @@ _KINDS = (
     "Assembly",
     "Unknown",
     "Candidate",
+    "Milling",
+    "Turning",
 )
 _Made = TypeVar("_Made")
 

@@ -9,8 +9,10 @@ from typing import Annotated
 import typer
 
 from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
+from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
+from receptance.cli.stability import stability
 from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
 from receptance.cli.sweep import sweep
@@ -32,6 +34,8 @@ for command in (example, identify, predict, transfer, diagnose, convert, schema)
 app.command()(invert)
 app.command("next")(next_step)
 app.command()(sweep)
+app.command()(stability)
+app.command()(catalogue)
 
 
 def _print_version(wanted: bool) -> None:

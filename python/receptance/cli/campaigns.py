@@ -220,4 +220,8 @@ def load_campaign(path: Path, targets: Targets) -> Campaign:
     for measured in found.measurements.values():
         for name in measured.files:
             targets.keep_off(found.file.parent / name, "a data file of the campaign")
+    for cut in found.cuts.values():
+        for tip in (cut.x, cut.y):
+            if tip is not None and tip.file:
+                targets.keep_off(found.file.parent / tip.file, "a data file of the campaign")
     return found

@@ -77,6 +77,11 @@ EXAMPLES = {
             "hammer",
             hammer,
         ),
+        Example(
+            "machine",
+            "natural frequencies of two blanks in a machine, SIMULATED; a catalogue of tools, and cuts",
+            "machine",
+        ),
     )
 }
 

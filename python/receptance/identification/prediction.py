@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
 
-__all__ = ["Forecast", "PredictedReceptance"]
+__all__ = ["Forecast", "PredictedReceptance", "VariableDraws"]
 
 _ATTEMPTS = 4
 """Times as many vectors as are wanted are drawn at most; one without a model is drawn again."""
@@ -91,6 +91,31 @@ class PredictedReceptance:
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real
         return f"PredictedReceptance({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
+
+
+class VariableDraws:
+    """Values of the unknowns of a fit that may be the true ones.
+
+    Fitted variables are normal with the covariance of the fit, within their bounds; what the data do not determine at
+    all is anywhere within them.
+    """
+
+    def __init__(self, fit: Identification) -> None:
+        self._variables = Variables(fit.unknowns)
+        self._centre = self._variables.from_values(np.array(list(fit.values.values())))
+        self._known = ~np.isinf(np.diag(fit.covariance))
+        covariance = fit.covariance[np.ix_(self._known, self._known)]
+        deviation = np.sqrt(np.diag(covariance))
+        scale = np.where(deviation > 0.0, deviation, 1.0)
+        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+        self._root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+    def values(self, random: np.random.Generator, moved: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+        """Return one draw `(p,)` in SI units; `moved` is added to the fitted variables."""
+        low, high = self._variables.limits
+        x = low + (high - low) * random.random(self._centre.size)
+        x[self._known] = self._centre[self._known] + self._root @ random.standard_normal(len(self._root))
+        return self._variables.to_values(np.clip(x + moved, low, high))
 
 
 class Forecast:
@@ -181,27 +206,15 @@ class Forecast:
     def drawn(self, draws: int, seed: int) -> list[Assembly]:
         """Return assemblies with vectors drawn from what the fit left open.
 
-        Fitted variables are normal with the covariance of the fit, within their bounds; what the data do not determine
-        at all is anywhere within them. Errors that the fit does not know are standard normal.
+        As `VariableDraws`; errors that the fit does not know are standard normal.
         """
-        variables = Variables(self._fit.unknowns)
-        low, high = variables.limits
-        centre = variables.from_values(self._values)
-        lost = np.isinf(np.diag(self._fit.covariance))
-        covariance = self._fit.covariance[np.ix_(~lost, ~lost)]
-        deviation = np.sqrt(np.diag(covariance))
-        scale = np.where(deviation > 0.0, deviation, 1.0)
-        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-        root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        drawing = VariableDraws(self._fit)
         random = np.random.default_rng(seed)
         found: list[Assembly] = []
         for _ in range(_ATTEMPTS * draws):
             if len(found) == draws:
                 break
-            x = low + (high - low) * random.random(centre.size)
-            x[~lost] = centre[~lost] + root @ random.standard_normal(int(np.count_nonzero(~lost)))
-            x = np.clip(x, low, high)
-            vector = np.append(variables.to_values(x), random.standard_normal(len(self.fresh)))
+            vector = np.append(drawing.values(random), random.standard_normal(len(self.fresh)))
             try:
                 found.append(self._placed.apply(self._bare, vector))
             except ValueError:

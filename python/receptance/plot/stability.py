@@ -6,59 +6,129 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.plot._style import COLOURS, INK, PALE, new_figure, set_up
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
-    from receptance.stability import Lobes
+    from receptance.stability import Lobes, StableCut
 
-__all__ = ["draw_lobes"]
+__all__ = ["draw_lobes", "draw_lobes_on", "draw_several_lobes"]
+
+_MOST = 8
+
+_LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
+_HIGHEST = 15.0
+"""Times the lowest limit: a few high lobes at high speed would press all others onto the axis."""
 
 
-def draw_lobes(lobes: Lobes, *, probability: float = 0.95, title: str = "") -> Figure:
-    """Draw the limit of depth over spindle speed, its band and the chatter frequency.
+def draw_lobes(lobes: Lobes, *, probability: float = 0.95, title: str = "", recommended: int = 3) -> Figure:
+    """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency.
 
     Parameters
     ----------
     lobes : Lobes
         What to draw.
     probability : float, optional
-        Of the depth that is drawn beside the limit where draws of the receptance were given.
+        Of the depth that is drawn beside the limit, and of the recommended speeds, where draws were given.
     title : str, optional
         Above the figure.
+    recommended : int, optional
+        How many recommended speeds are marked.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-    speed = lobes.speeds_rpm / 1e3
-    finite = np.isfinite(lobes.depth)
-    highest = 1e3 * np.max(lobes.depth[finite], initial=0.0)
-    lowest = 1e3 * np.min(lobes.depth[finite], initial=np.inf)
-    # A few high lobes at high speed would press all others onto the axis.
-    top = min(1.08 * highest, 12.0 * lowest) if finite.any() else 1.0
-    limit = np.where(finite, 1e3 * lobes.depth, 2.0 * top)
-    above.fill_between(speed, limit, 2.0 * top, color="#d95f02", alpha=0.12, lw=0, label="chatter")
-    above.plot(speed, limit, color="#1b4f72", lw=1.4, label="limit")
-    if lobes.lower is not None and lobes.upper is not None:
-        high = np.where(np.isfinite(lobes.upper), 1e3 * lobes.upper, 2.0 * top)
-        above.fill_between(
-            speed, 1e3 * lobes.lower, high, color="#1b4f72", alpha=0.25, lw=0, label="95 % band of the limit"
-        )
-        stable = 1e3 * lobes.stable_depth(probability)
-        above.plot(speed, stable, color="#1e8449", lw=1.2, ls="--", label=f"stable with {100 * probability:g} %")
-    above.set_ylim(0.0, top)
-    above.set_ylabel("depth of cut (mm)")
-    figure.legend(loc="outside lower center", ncols=4, frameon=False)
-    below.plot(speed, lobes.chatter_hz, ".", color="#1b4f72", ms=1.5)
-    below.set_xlabel("spindle speed (1000 rpm)")
-    below.set_ylabel("chatter (Hz)")
-    below.set_xlim(speed[0], speed[-1])
-    for axes in (above, below):
-        axes.grid(alpha=0.3)
-    if title:
-        figure.suptitle(title)
+    shown = bool(np.isfinite(lobes.chatter_hz).any())
+    figure = new_figure(9.0, 5.8 if shown else 4.6)
+    rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if shown else [figure.subplots()]
+    draw_lobes_on(rows[0], lobes, probability=probability, recommended=recommended)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    set_up(rows[0], title, "" if shown else "spindle speed (1000 rpm)", "depth of cut (mm)")
+    if shown:
+        rows[1].plot(1e-3 * lobes.speeds_rpm, lobes.chatter_hz, ".", color=_LIMIT, ms=1.5)
+        set_up(rows[1], "", "spindle speed (1000 rpm)", "chatter (Hz)")
+    rows[0].set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
     return figure
+
+
+def draw_several_lobes(
+    several: Sequence[Lobes], titles: Sequence[str], *, probability: float = 0.95, recommended: int = 3
+) -> Figure:
+    """Draw several lobes below each other, the first eight at most; one alone as `draw_lobes`."""
+    if len(several) == 1:
+        return draw_lobes(several[0], probability=probability, title=titles[0], recommended=recommended)
+    shown = list(zip(several, titles, strict=True))[:_MOST]
+    figure = new_figure(9.0, 0.6 + 3.1 * len(shown))
+    for axes, (lobes, title) in zip(figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True):
+        draw_lobes_on(axes, lobes, probability=probability, recommended=recommended)
+        set_up(axes, title, "spindle speed (1000 rpm)", "depth of cut (mm)")
+        axes.set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
+    handles = {text: line for axes in figure.axes for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def draw_lobes_on(axes: Axes, lobes: Lobes, *, probability: float = 0.95, recommended: int = 3) -> None:
+    """Draw limit, band, the depth that is stable with a probability, and recommended speeds, into axes."""
+    order = np.argsort(lobes.speeds_rpm, kind="stable")
+    speed = 1e-3 * lobes.speeds_rpm[order]
+    depth = lobes.depth[order]
+    known = lobes.draws is not None
+    chosen = probability if known else None
+    marked = lobes.recommended(probability=chosen, count=recommended) if np.isfinite(depth).any() else ()
+    top = max(_top(lobes, depth), 1.15e3 * max((cut.depth for cut in marked), default=0.0))
+    limit = _shown(depth, top)
+    axes.fill_between(speed, limit, 2.0 * top, color=_CHATTER, alpha=0.10, lw=0, label="chatter")
+    if lobes.lower is not None and lobes.upper is not None:
+        low, high = _shown(lobes.lower[order], top), _shown(lobes.upper[order], top)
+        axes.fill_between(speed, low, high, color=_LIMIT, alpha=0.22, lw=0, label="95 % band of the limit")
+    axes.plot(speed, limit, color=_LIMIT, lw=1.3, label="limit")
+    if known:
+        stable = _shown(lobes.stable_depth(probability)[order], top)
+        axes.plot(speed, stable, color=_STABLE, lw=1.3, ls="--", label=f"stable with {100 * probability:g} %")
+    _mark(axes, marked, 1e-3 * float(np.ptp(lobes.speeds_rpm)), top)
+    axes.set_ylim(0.0, top)
+
+
+def _mark(axes: Axes, marked: Sequence[StableCut], range_: float, top: float) -> None:
+    """Mark recommended speeds with their numbers, each number where no other one stands."""
+    taken: list[tuple[float, float]] = []
+    for cut in marked:
+        x, y = 1e-3 * cut.speed_rpm, 1e3 * cut.depth
+        axes.plot([x, x], [0.0, y], color=PALE, lw=0.8, zorder=1)
+        axes.plot(x, y, "v", color=INK, ms=6, zorder=4)
+        height = y + 0.04 * top
+        while any(abs(x - other) < 0.2 * range_ and abs(height - at) < 0.06 * top for other, at in taken):
+            height -= 0.065 * top
+        taken.append((x, height))
+        text = f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm"
+        right = x > np.mean(axes.get_xlim())
+        axes.annotate(
+            text,
+            (x, height),
+            xytext=(-7 if right else 7, 0),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            fontsize=8.5,
+            color=INK,
+            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
+        )
+
+
+def _top(lobes: Lobes, depth: NDArray[np.float64]) -> float:
+    finite = np.isfinite(depth)
+    if not finite.any():
+        return 1.0
+    highest = lobes.upper if lobes.upper is not None else lobes.depth
+    most = np.max(highest[np.isfinite(highest)], initial=float(depth[finite].max()))
+    return float(1e3 * min(1.1 * most, _HIGHEST * depth[finite].min()))
+
+
+def _shown(depth: NDArray[np.float64], top: float) -> NDArray[np.float64]:
+    return np.minimum(1e3 * depth, 2.0 * top)

@@ -1,19 +1,24 @@
 """Stability of cutting: lobes from receptances, by the mean force and by semi-discretisation."""
 
 from receptance.stability.cutting import Milling, Turning
-from receptance.stability.lobes import Lobes, receptance_matrix, stability_lobes
+from receptance.stability.lobes import Lobes, StableCut, stability_lobes
+from receptance.stability.modal_lobes import semi_discretised_lobes
 from receptance.stability.modal_model import TipModes
+from receptance.stability.receptances import receptance_draws, receptance_matrix
 from receptance.stability.semi_discretisation import floquet_multiplier, semi_discretised_limit
 from receptance.stability.zeroth_order import critical_depths
 
 __all__ = [
     "Lobes",
     "Milling",
+    "StableCut",
     "TipModes",
     "Turning",
     "critical_depths",
     "floquet_multiplier",
+    "receptance_draws",
     "receptance_matrix",
     "semi_discretised_limit",
+    "semi_discretised_lobes",
     "stability_lobes",
 ]

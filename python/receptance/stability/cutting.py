@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -82,6 +82,32 @@ class Milling:
         if self.feed == "up":
             return 0.0, float(np.arccos(1.0 - 2.0 * self.immersion))
         return float(np.arccos(2.0 * self.immersion - 1.0)) if self.immersion < 1.0 else 0.0, np.pi
+
+    def drawn(self, draws: int, *, k_t: float = 0.0, k_n: float = 0.0, seed: int = 0) -> tuple[Milling, ...]:
+        """Return cuts whose coefficients may be the true ones.
+
+        Parameters
+        ----------
+        draws : int
+            How many.
+        k_t, k_n : float, optional
+            Standard deviations of the logarithms of the coefficients, so 0.1 for 10 %; independent of each other.
+        seed : int, optional
+            Of what is drawn.
+
+        Raises
+        ------
+        ValueError
+            A negative spread, or no draws.
+
+        Examples
+        --------
+        >>> cuts = Milling(teeth=2, k_t=6e8, k_n=2e8).drawn(1000, k_t=0.1, seed=1)
+        >>> f"{np.std(np.log([cut.k_t for cut in cuts])):.2f}, {cuts[0].k_n:.1e}"
+        '0.10, 2.0e+08'
+        """
+        t, n = _factors("Milling", draws, {"k_t": k_t, "k_n": k_n}, seed)
+        return tuple(replace(self, k_t=self.k_t * a, k_n=self.k_n * b) for a, b in zip(t, n, strict=True))
 
     def directional(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force over depth and displacement between two passes of a tooth, for one tooth at an angle in the cut.
@@ -179,7 +205,21 @@ class Turning:
             raise ValueError(f"Turning: angle_deg is {angle:g}, expected between -90 and 90 degrees")
         object.__setattr__(self, "angle_deg", angle)
 
+    def drawn(self, draws: int, *, k: float = 0.0, seed: int = 0) -> tuple[Turning, ...]:
+        """Return cuts whose coefficient may be the true one; as `Milling.drawn`."""
+        (factors,) = _factors("Turning", draws, {"k": k}, seed)
+        return tuple(replace(self, k=self.k * factor) for factor in factors)
+
     @property
     def share(self) -> float:
         """Share of the force that acts along the thickness of the chip."""
         return float(np.cos(np.deg2rad(self.angle_deg)))
+
+
+def _factors(owner: str, draws: int, spreads: dict[str, float], seed: int) -> list[list[float]]:
+    """Draws of what coefficients are to be multiplied with, for each spread."""
+    if isinstance(draws, bool) or not isinstance(draws, (int, np.integer)) or draws < 1:
+        raise ValueError(f"{owner}: draws is {draws!r}, expected a whole number of at least 1")
+    shares = [_checks.not_negative(owner, f"the spread of {name}", value) for name, value in spreads.items()]
+    random = np.random.default_rng(seed).standard_normal((len(shares), draws))
+    return [np.exp(share * row).tolist() for share, row in zip(shares, random, strict=True)]

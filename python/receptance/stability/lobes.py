@@ -2,23 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from receptance import _checks
-from receptance.frf import FRF
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.zeroth_order import critical_depths, limit_over_speed
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Lobes", "receptance_matrix", "stability_lobes"]
+__all__ = ["Lobes", "StableCut", "ensemble", "stability_lobes", "with_draws"]
+
+_Cut = TypeVar("_Cut", Milling, Turning, Milling | Turning)
+_Tip = TypeVar("_Tip")
 
 _FEWEST_DRAWS = 20
 _LEVEL = 0.95
+
+
+_SHOULDER = 0.9
+"""Share of a recommended depth that speeds around it must allow as well."""
+_PROMINENCE = 0.2
+"""Logarithm of the depth by which a lobe must stand out to be one of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StableCut:
+    """A recommended spindle speed.
+
+    Attributes
+    ----------
+    speed_rpm : float
+        The speed.
+    depth : float
+        Depth in m that is stable there, with the probability.
+    probability : float or None
+        With which it is stable; None where nothing is known of the receptance's errors.
+    lowest_rpm, highest_rpm : float
+        Speeds around it at which nine tenths of the depth are stable with that probability too.
+    chatter_hz : float
+        Frequency of the vibration that would begin above the limit there.
+    """
+
+    speed_rpm: float
+    depth: float
+    probability: float | None
+    lowest_rpm: float
+    highest_rpm: float
+    chatter_hz: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,14 +99,39 @@ class Lobes:
         share = _checks.number("Lobes", "probability", probability)
         if not 0.0 < share < 1.0:
             raise ValueError(f"Lobes: probability is {share:g}, expected between 0 and 1")
-        if self.draws is None:
-            raise ValueError("Lobes: no draws of the receptance were given, so nothing is known of probabilities")
+        draws = self._known_draws()
         least = int(np.ceil(1.0 / min(share, 1.0 - share)))
-        if len(self.draws) < least:
+        if len(draws) < least:
             raise ValueError(
-                f"Lobes: {len(self.draws)} draws cannot show a probability of {share:g}, expected {least} or more"
+                f"Lobes: {len(draws)} draws cannot show a probability of {share:g}, expected {least} or more"
             )
-        return np.quantile(self.draws, 1.0 - share, axis=0, method="lower")
+        return np.quantile(draws, 1.0 - share, axis=0, method="lower")
+
+    def stable_probability(self, depth: ArrayLike) -> NDArray[np.float64]:
+        """Probability that a depth is stable, at each speed.
+
+        Parameters
+        ----------
+        depth : array_like
+            Depths in m, one number, one for each speed `(n,)`, or `(k, 1)` for all of them at each speed.
+
+        Returns
+        -------
+        ndarray
+            `(n,)` or `(k, n)`, share of the draws whose limit is higher.
+
+        Raises
+        ------
+        ValueError
+            Without draws of the receptance, or with depths that do not fit the speeds.
+        """
+        draws = self._known_draws()
+        depths = np.asarray(depth, dtype=np.float64)
+        if depths.ndim > 2 or (depths.ndim and depths.shape[-1] not in (1, self.speeds_rpm.size)):
+            raise ValueError(
+                f"Lobes: depth has shape {depths.shape}, expected one number, ({self.speeds_rpm.size},) or (k, 1)"
+            )
+        return np.asarray(np.mean(draws.reshape(len(draws), *(1,) * (depths.ndim == 2), -1) > depths, axis=0))
 
     def best(self, *, probability: float | None = None) -> tuple[float, float]:
         """Speed in rpm and depth in m of the deepest stable cut, with a probability if one is given.
@@ -80,70 +141,68 @@ class Lobes:
         ValueError
             Where no speed has a finite limit, or as `stable_depth`.
         """
+        depth, finite = self._finite(probability)
+        index = int(np.argmax(np.where(finite, depth, -np.inf)))
+        return float(self.speeds_rpm[index]), float(depth[index])
+
+    def recommended(self, *, probability: float | None = 0.95, count: int = 5) -> tuple[StableCut, ...]:
+        """Spindle speeds that allow the deepest cuts, one for each lobe, the deepest first.
+
+        Parameters
+        ----------
+        probability : float or None, optional
+            With which the depth is to be stable; None takes the receptance as exact.
+        count : int, optional
+            At most so many.
+
+        Raises
+        ------
+        ValueError
+            As `best`.
+        """
+        from scipy.signal import find_peaks
+
+        depth, finite = self._finite(probability)
+        order = np.argsort(self.speeds_rpm, kind="stable")
+        depth = np.where(finite, depth, np.min(depth))[order]
+        speeds, chatter = self.speeds_rpm[order], self.chatter_hz[order]
+        height = np.log(np.maximum(depth, np.finfo(np.float64).tiny))
+        low = [height.min() - 2.0 * _PROMINENCE]
+        # Lobes that end with the range of speeds count as well.
+        peaks = find_peaks(np.concatenate([low, height, low]), prominence=_PROMINENCE)[0] - 1
+        found = []
+        for top in sorted(peaks.tolist(), key=lambda i: -depth[i])[:count]:
+            first, last = _around(depth >= _SHOULDER * depth[top], top)
+            cut = StableCut(
+                speed_rpm=float(speeds[top]),
+                depth=float(depth[top]),
+                probability=probability,
+                lowest_rpm=float(speeds[first]),
+                highest_rpm=float(speeds[last]),
+                chatter_hz=float(chatter[top]),
+            )
+            found.append(cut)
+        return tuple(found)
+
+    def _known_draws(self) -> NDArray[np.float64]:
+        if self.draws is None:
+            raise ValueError("Lobes: no draws of the receptance were given, so nothing is known of probabilities")
+        return self.draws
+
+    def _finite(self, probability: float | None) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         depth = self.depth if probability is None else self.stable_depth(probability)
         finite = np.isfinite(depth)
         if not finite.any():
             raise ValueError("Lobes: no speed has a finite limit of depth")
-        index = int(np.argmax(np.where(finite, depth, -np.inf)))
-        return float(self.speeds_rpm[index]), float(depth[index])
+        return depth, finite
 
 
-def receptance_matrix(
-    x: FRF | None, y: FRF | None = None, *, xy: FRF | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Return lines and the receptance matrix of the tip in x and y from FRFs measured one by one.
-
-    Parameters
-    ----------
-    x, y : FRF
-        Drive points in the direction of feed and across it; one may be missing, which takes that direction as rigid.
-        Any form; one response and one excitation each.
-    xy : FRF, optional
-        Between the two, taken as equal both ways; zero by default.
-
-    Returns
-    -------
-    frequency_hz, receptance : ndarray
-        `(n,)`, and `(n, 2, 2)` in m/N. Lines are those that all FRFs have.
-
-    Raises
-    ------
-    ValueError
-        Nothing given, FRFs with several entries, or lines that do not match.
-    """
-    given = {name: frf for name, frf in (("x", x), ("y", y), ("xy", xy)) if frf is not None}
-    if not given or not ({"x", "y"} & set(given)):
-        raise ValueError("stability: neither x nor y was given, expected an FRF of at least one direction")
-    parts = {}
-    for name, frf in given.items():
-        if not isinstance(frf, FRF):
-            raise TypeError(f"stability: {name} is {type(frf).__name__}, expected an FRF")
-        if frf.values.shape[1:] != (1, 1):
-            raise ValueError(
-                f"stability: {name} has entries {frf.values.shape[1:]}, expected one response and one excitation"
-            )
-        if frf.decay_rate:
-            raise ValueError(
-                f"stability: {name} has an exponential window of {frf.decay_rate:g} 1/s, so it is no receptance of the "
-                "tip; fit modes first"
-            )
-        part = frf.masked().to("receptance")
-        keep = part.frequency_hz > 0.0
-        parts[name] = part.frequency_hz[keep], part.values[keep, 0, 0]
-    lines = next(iter(parts.values()))[0]
-    for name, (own, _) in parts.items():
-        lines = lines[np.isin(lines, own)]
-        if lines.size < 2:
-            raise ValueError(
-                f"stability: {name} shares {lines.size} lines with the other FRFs, expected at least 2; resample one"
-            )
-    matrix = np.zeros((lines.size, 2, 2), np.complex128)
-    for name, places in (("x", [(0, 0)]), ("y", [(1, 1)]), ("xy", [(0, 1), (1, 0)])):
-        if name in parts:
-            own, values = parts[name]
-            for i, j in places:
-                matrix[:, i, j] = values[np.isin(own, lines)]
-    return lines, matrix
+def _around(true: NDArray[np.bool_], index: int) -> tuple[int, int]:
+    """First and last index of the run of true values around one of them."""
+    wrong = np.flatnonzero(~true)
+    place = int(np.searchsorted(wrong, index))
+    first = int(wrong[place - 1]) + 1 if place else 0
+    return first, (int(wrong[place]) if place < wrong.size else true.size) - 1
 
 
 def stability_lobes(
@@ -153,6 +212,7 @@ def stability_lobes(
     *,
     speeds_rpm: ArrayLike,
     draws: ArrayLike | None = None,
+    cuts: Sequence[Milling | Turning] | None = None,
 ) -> Lobes:
     """Return the limit of depth over spindle speed from the receptance of the tool tip.
 
@@ -172,6 +232,8 @@ def stability_lobes(
         Spindle speeds `(k,)`.
     draws : array_like, optional
         Receptances that may be the true one, `(m,)` more than `receptance`; at least 20.
+    cuts : sequence of Milling or Turning, optional
+        Cuts that may be the true one (`Milling.drawn`), as many as draws of the receptance; without such, at least 20.
 
     Returns
     -------
@@ -211,24 +273,47 @@ def stability_lobes(
     matrix = _shaped(owner, "receptance", receptance, lines.size, cut)
     teeth = cut.teeth if isinstance(cut, Milling) else 1
     depth, chatter = limit_over_speed(teeth, speeds, lines, *critical_depths(cut, lines, matrix))
-    notes = _on_ends(lines, chatter)
+    plain = Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, notes=_on_ends(lines, chatter))
+    if draws is None and cuts is None:
+        return plain
+    several = None
+    if draws is not None:
+        given = list(np.asarray(draws))
+        several = [_shaped(owner, f"draws[{i}]", one, lines.size, cut) for i, one in enumerate(given)]
+    limits = [
+        limit_over_speed(teeth, speeds, lines, *critical_depths(own, lines, one))[0]
+        for own, one in ensemble(owner, cut, matrix, several, cuts)
+    ]
+    return with_draws(plain, np.array(limits))
+
+
+def with_draws(lobes: Lobes, draws: NDArray[np.float64] | None) -> Lobes:
+    """Return lobes with a band from the limits of each draw `(m, n)`."""
     if draws is None:
-        return Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, notes=notes)
-    several = list(np.asarray(draws))
-    if len(several) < _FEWEST_DRAWS:
-        raise ValueError(f"{owner}: {len(several)} draws, expected at least {_FEWEST_DRAWS}")
-    limits = np.array(
-        [
-            limit_over_speed(
-                teeth, speeds, lines, *critical_depths(cut, lines, _shaped(owner, f"draws[{i}]", one, lines.size, cut))
-            )[0]
-            for i, one in enumerate(several)
-        ]
-    )
-    low, high = (np.quantile(limits, q, axis=0, method="nearest") for q in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
-    return Lobes(
-        speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, lower=low, upper=high, draws=limits, notes=notes
-    )
+        return lobes
+    low, high = (np.quantile(draws, q, axis=0, method="nearest") for q in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
+    return replace(lobes, lower=low, upper=high, draws=draws)
+
+
+def ensemble(
+    owner: str, cut: _Cut, tip: _Tip, draws: Sequence[_Tip] | None, cuts: Sequence[_Cut] | None
+) -> list[tuple[_Cut, _Tip]]:
+    """Return cuts and tips that may be the true ones, together; what there are no draws of is as it stands.
+
+    Raises
+    ------
+    ValueError
+        Too few, not as many of the one as of the other, or cuts of another kind.
+    """
+    count = len((cuts if draws is None else draws) or ())
+    if count < _FEWEST_DRAWS:
+        raise ValueError(f"{owner}: {count} draws, expected at least {_FEWEST_DRAWS}")
+    if cuts is not None and len(cuts) != count:
+        raise ValueError(f"{owner}: {len(cuts)} cuts for {count} draws of the receptance, expected as many")
+    for i, own in enumerate(cuts or ()):
+        if type(own) is not type(cut) or getattr(own, "teeth", 1) != getattr(cut, "teeth", 1):
+            raise ValueError(f"{owner}: cuts[{i}] is {own!r}, expected a cut of the kind and the teeth of {cut!r}")
+    return [(cut if cuts is None else cuts[i], tip if draws is None else draws[i]) for i in range(count)]
 
 
 def _shaped(owner: str, name: str, values: ArrayLike, lines: int, cut: Milling | Turning) -> NDArray[np.complex128]:

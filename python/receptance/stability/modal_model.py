@@ -100,6 +100,47 @@ class TipModes:
             shapes=shapes,
         )
 
+    @classmethod
+    def drawn_from_estimates(
+        cls, x: Sequence[ModeEstimate], y: Sequence[ModeEstimate] = (), *, draws: int = 200, seed: int = 0
+    ) -> tuple[TipModes, ...]:
+        """Return modes that may be the true ones, from the standard errors of `from_estimates`.
+
+        Frequencies, damping ratios and modal constants are log-normal, all independent of each other.
+
+        Raises
+        ------
+        ValueError
+            A standard error that is not finite: the lines do not determine the mode; or as `from_estimates`.
+        """
+        middle = cls.from_estimates(x, y)
+        both = [*x, *y]
+        shares = np.array(
+            [
+                [
+                    one.frequency_standard_error_hz / one.frequency_hz,
+                    one.damping_standard_error / one.damping_ratio,
+                    one.modal_constant_standard_error.real / one.modal_constant.real,
+                ]
+                for one in both
+            ]
+        )
+        wrong = np.flatnonzero(~np.isfinite(shares).all(axis=1))
+        if wrong.size:
+            raise ValueError(
+                f"TipModes: the mode at {both[wrong[0]].frequency_hz:g} Hz has standard errors that are not finite, so "
+                "nothing is known of its errors"
+            )
+        factors = np.exp(shares * np.random.default_rng(seed).standard_normal((draws, *shares.shape)))
+        return tuple(
+            cls(
+                frequency_hz=middle.frequency_hz * one[:, 0],
+                damping_ratio=np.minimum(middle.damping_ratio * one[:, 1], 0.99),
+                shapes=middle.shapes * np.sqrt(one[:, 2:]),
+            )
+            for one in factors
+        )
+
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Receptance `(n, 2, 2)` of the tip in x and y, in m/N, at lines `(n,)` in Hz."""
         w = 2.0 * np.pi * _checks.frequencies(frequency_hz)[:, None]

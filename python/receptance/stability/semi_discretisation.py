@@ -31,6 +31,12 @@ _FEWEST = 24
 _FEWEST_IN_CUT = 12
 _MOST = 2000
 _EVALUATIONS = 60
+_NEAR = 1.15
+"""Factor by which a crossing near a depth is sought."""
+_CLOSE = 1e-3
+"""Relative accuracy of the limits of draws, whose spread is far larger."""
+_LEAST = 1e-4
+"""Share of the largest depth below which nothing is sought."""
 """Most to refine one limit by."""
 
 
@@ -137,6 +143,30 @@ def semi_discretised_limit(
         rate = _checks.positive(owner, "speeds_rpm", speed, unit="rpm")
         limits.append(_first_crossing(_Pair(cut, tip, rate, _steps(cut, tip, rate, steps)), tried, close))
     return np.array(limits)
+
+
+def limit_near(cut: Milling, tip: TipModes, speed_rpm: float, depth: float, most: float) -> float:
+    """Return the crossing into instability nearest to a depth, for draws around what it is the limit of.
+
+    Where a draw is still stable at `most` it is infinite.
+    """
+    map_ = _PassingMap(cut, tip, speed_rpm, _nodes(cut, _steps(cut, tip, speed_rpm, None)))
+
+    def excess(depth: float) -> float:
+        return map_.largest(depth) - 1.0
+
+    low = high = min(depth, most)
+    if excess(low) > 0.0:
+        while excess(low) > 0.0:
+            low, high = low / _NEAR, low
+            if low < _LEAST * most:
+                return 0.0
+    else:
+        while excess(high) <= 0.0:
+            if high >= most:
+                return float("inf")
+            low, high = high, min(high * _NEAR, most)
+    return float(brentq(excess, low, high, xtol=_CLOSE * high, maxiter=_EVALUATIONS))
 
 
 def _steps(cut: Milling, tip: TipModes, speed: float, steps: int | None) -> int:

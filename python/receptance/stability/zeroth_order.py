@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 __all__ = ["critical_depths", "limit_over_speed"]
 
+_SHARES = (0.5, 0.2, 0.05)
+"""Of the largest 1/depth: what is above comes first."""
+
 
 def critical_depths(
     cut: Milling | Turning, frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128]
@@ -42,7 +45,9 @@ def critical_depths(
         eigenvalues = -cut.k * cut.share * receptance[:, 0, 0][:, None]
     else:
         turn = np.array([0.0]), np.array([2.0 * np.pi])
-        eigenvalues = _eigenvalues(receptance @ cut.directional_mean(*turn)[0])
+        mean = cut.directional_mean(*turn)[0]
+        # One product of all rows is faster than one for each line.
+        eigenvalues = _eigenvalues((receptance.reshape(-1, 2) @ mean).reshape(receptance.shape))
     # 1 = a (1 - e^{-i w T}) mu, with the eigenvalue mu of G A: 1/a is real where Re(1/mu) = (1 - cos wT) a.
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / eigenvalues
@@ -94,18 +99,9 @@ def limit_over_speed(
     order = np.argsort(-speeds_rpm, kind="stable")
     period = 60.0 / (teeth * speeds_rpm[order])
     inverse_limit, chatter = np.zeros(period.size), np.full(period.size, np.nan)
-    for column in range(depth.shape[1]):
-        chatters = np.isfinite(depth[:, column])
-        first = np.flatnonzero(chatters[:-1] & chatters[1:])
-        if not first.size:
-            continue
-        share = phase[:, column] / (2.0 * np.pi)
-        # The phase goes on continuously along a branch; its step is less than half a turn.
-        waves = share[first], share[first] + np.mod(share[first + 1] - share[first] + 0.5, 1.0) - 0.5
-        ends = frequency_hz[first], frequency_hz[first + 1]
-        inverse = 1.0 / depth[first, column], 1.0 / depth[first + 1, column]
-        for lobe in range(-1, int(np.ceil(frequency_hz[-1] * period[-1])) + 1):
-            _take_lobe(inverse_limit, chatter, period, lobe, waves, ends, inverse)
+    pieces = _pieces(frequency_hz, depth, phase)
+    if len(pieces):
+        _take_pieces(inverse_limit, chatter, period, pieces)
     limit = np.full(period.size, np.inf)
     np.divide(1.0, inverse_limit, out=limit, where=inverse_limit > 0.0)
     back = np.empty_like(order)
@@ -113,35 +109,70 @@ def limit_over_speed(
     return limit[back], chatter[back]
 
 
-_Ends = tuple["NDArray[np.float64]", "NDArray[np.float64]"]
+def _pieces(
+    frequency_hz: NDArray[np.float64], depth: NDArray[np.float64], phase: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Pieces between two lines that can chatter, `(n, 6)`: frequency, waves and 1/depth at both ends."""
+    found = []
+    for column in range(depth.shape[1]):
+        chatters = np.isfinite(depth[:, column])
+        first = np.flatnonzero(chatters[:-1] & chatters[1:])
+        share = phase[:, column] / (2.0 * np.pi)
+        # The phase goes on continuously along a branch; its step is less than half a turn.
+        step = np.mod(share[first + 1] - share[first] + 0.5, 1.0) - 0.5
+        ends = frequency_hz[first], frequency_hz[first + 1], share[first], share[first] + step
+        found.append(np.stack([*ends, 1.0 / depth[first, column], 1.0 / depth[first + 1, column]], axis=1))
+    return np.concatenate(found)
 
 
-def _take_lobe(
+def _take_pieces(
     inverse_limit: NDArray[np.float64],
     chatter: NDArray[np.float64],
     period: NDArray[np.float64],
-    lobe: int,
-    waves: _Ends,
-    ends: _Ends,
-    inverse: _Ends,
+    pieces: NDArray[np.float64],
 ) -> None:
-    """Raise 1/limit to that of one lobe at the times between teeth that its pieces pass."""
-    times = [(lobe + each) / f for each, f in zip(waves, ends, strict=True)]
-    low, high = np.minimum(*times), np.maximum(*times)
+    """Raise 1/limit to that of all pieces: low ones first, the others only at times that no lower one passes."""
+    highest = pieces[:, 4:].max(axis=1)
+    largest, rest = highest.max(), np.arange(period.size)
+    for share in (*_SHARES, 0.0):
+        bound = share * largest
+        own = pieces[highest >= bound]
+        times = period[rest]
+        lobes = np.arange(-1.0, np.ceil(own[:, 1].max() * times[-1]) + 1.0)
+        values = inverse_limit[rest], chatter[rest]
+        _take_lobes(*values, times, lobes, own)
+        inverse_limit[rest], chatter[rest] = values
+        pieces, highest = pieces[highest < bound], highest[highest < bound]
+        rest = rest[values[0] < bound]
+        if not rest.size or not len(pieces):
+            return
+
+
+def _take_lobes(
+    inverse_limit: NDArray[np.float64],
+    chatter: NDArray[np.float64],
+    period: NDArray[np.float64],
+    lobes: NDArray[np.float64],
+    pieces: NDArray[np.float64],
+) -> None:
+    """Raise 1/limit to that of all lobes at the times between teeth that their pieces pass."""
+    times = (lobes[:, None, None] + pieces[:, 2:4]) / pieces[:, :2]
+    low, high = times.min(axis=2), times.max(axis=2)
     begin, end = np.searchsorted(period, low, "left"), np.searchsorted(period, high, "right")
-    count = np.where(high > 0.0, end - begin, 0)
-    piece = np.repeat(np.arange(count.size), count)
-    if not piece.size:
+    count = np.where(high > 0.0, end - begin, 0).ravel()
+    passing = np.repeat(np.arange(count.size), count)
+    if not passing.size:
         return
-    index = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count) + begin[piece]
+    index = np.arange(passing.size) - np.repeat(np.cumsum(count) - count, count) + begin.ravel()[passing]
+    lobe, piece = lobes[passing // len(pieces)], pieces[passing % len(pieces)]
     # f T - share - lobe is zero: linear along the piece.
-    rest = [f[piece] * period[index] - each[piece] - lobe for each, f in zip(waves, ends, strict=True)]
-    at = np.divide(rest[0], rest[0] - rest[1], out=np.zeros(piece.size), where=rest[0] != rest[1]).clip(0.0, 1.0)
-    value = inverse[0][piece] + at * (inverse[1] - inverse[0])[piece]
+    rest = [piece[:, i] * period[index] - piece[:, 2 + i] - lobe for i in (0, 1)]
+    at = np.divide(rest[0], rest[0] - rest[1], out=np.zeros(index.size), where=rest[0] != rest[1]).clip(0.0, 1.0)
+    value = piece[:, 4] + at * (piece[:, 5] - piece[:, 4])
     # The last of several pieces at one time is the largest.
     rising = np.argsort(value, kind="stable")
     index, value = index[rising], value[rising]
     better = value > inverse_limit[index]
     index, rising = index[better], rising[better]
     inverse_limit[index] = value[better]
-    chatter[index] = (ends[0][piece] + at * (ends[1] - ends[0])[piece])[rising]
+    chatter[index] = (piece[:, 0] + at * (piece[:, 1] - piece[:, 0]))[rising]

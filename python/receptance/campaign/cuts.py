@@ -1,0 +1,167 @@
+"""From the cuts of a campaign to coefficients with their spread, and to where the receptance of the tip is from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from receptance.frf import FRF
+from receptance.identification import MeasuredFRF
+from receptance.stability import Milling, Turning
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from receptance.campaign.cut_models import CutTable, TipTable
+    from receptance.campaign.lines import Path
+    from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.observations import Measurement
+    from receptance.campaign.workshop import Workshop
+
+__all__ = ["CampaignCut", "Tip", "build_cut"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tip:
+    """Where the receptance of a tool tip in one direction comes from.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    assembly : str
+        Name of the assembly that is predicted; empty where the tip was measured.
+    frf : FRF or None
+        What was measured.
+    file : str
+        Name of the file that it was read from; empty where it is a measurement of the campaign or predicted.
+    """
+
+    name: str
+    assembly: str = ""
+    frf: FRF | None = None
+    file: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignCut:
+    """A cut of a campaign.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the file.
+    cut : Milling or Turning
+        The cut.
+    spread : dict of str to float
+        Standard deviations of the logarithms of its coefficients.
+    x, y : Tip
+        The tip in the direction of feed (the chip's thickness in turning) and across it; y is None where it is rigid.
+    """
+
+    name: str
+    cut: Milling | Turning
+    x: Tip
+    y: Tip | None = None
+    spread: dict[str, float] = field(default_factory=dict)
+
+    def drawn(self, draws: int, seed: int) -> tuple[Milling, ...] | tuple[Turning, ...] | None:
+        """Return cuts that may be the true one; None where the coefficients are exact."""
+        if not any(self.spread.values()):
+            return None
+        return self.cut.drawn(draws, **self.spread, seed=seed)
+
+
+def build_cut(
+    name: str,
+    table: CampaignTable,
+    assemblies: Mapping[str, object],
+    measurements: Mapping[str, Measurement],
+    folder: FilePath,
+    workshop: Workshop,
+) -> CampaignCut | None:
+    """Return a cut, or None after its mistakes are added."""
+    own, path = table.cuts[name], ("cuts", name)
+    cut = workshop.make(path, _cut, own)
+    spread = {
+        key: deviation.of(getattr(own, key)) / getattr(own, key)
+        for key, deviation in own.tolerance
+        if deviation is not None and getattr(own, key) > 0.0
+    }
+    x = _tip((*path, "x"), own.x, assemblies, measurements, folder, workshop)
+    y = x if own.kind == "milling" else None
+    if own.kind == "milling" and own.y == "rigid":
+        y = None
+    elif own.kind == "milling" and not isinstance(own.y, str):
+        y = _tip((*path, "y"), own.y, assemblies, measurements, folder, workshop)
+    if cut is None or x is None or workshop.problems.at(path):
+        return None
+    return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
+
+
+def _cut(table: CutTable) -> Milling | Turning:
+    if table.kind == "turning":
+        return Turning(k=table.k, angle_deg=table.angle)
+    return Milling(teeth=table.teeth, k_t=table.k_t, k_n=table.k_n, immersion=table.immersion, feed=table.feed)
+
+
+def _tip(
+    path: Path,
+    table: TipTable,
+    assemblies: Mapping[str, object],
+    measurements: Mapping[str, Measurement],
+    folder: FilePath,
+    workshop: Workshop,
+) -> Tip | None:
+    given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
+    if len(given) != 1:
+        found = " and ".join(given) or "neither an assembly, a measurement nor a file"
+        workshop.problems.add(path, f"has {found}, expected one of the three")
+        return None
+    if table.assembly is not None:
+        return (
+            Tip(name=f"predicted, {table.assembly}", assembly=table.assembly) if table.assembly in assemblies else None
+        )
+    if table.measurement is not None:
+        if table.measurement not in measurements:
+            return None
+        frf = workshop.make((*path, "measurement"), _measured, measurements[table.measurement], workshop, path)
+        return None if frf is None else Tip(name=f"measured, {table.measurement}", frf=frf)
+    if workshop.problems.at(path):
+        return None
+    frf = workshop.make((*path, "file"), _read, table, folder)
+    if frf is None:
+        return None
+    for note in frf.notes:
+        workshop.note(path, note)
+    return Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
+
+
+def _measured(measured: Measurement, workshop: Workshop, path: Path) -> FRF:
+    """Return a measured FRF of the campaign on the lines that count."""
+    seen = measured.observation
+    if not isinstance(seen, MeasuredFRF):
+        raise ValueError(f'is "{measured.name}", natural frequencies, expected a measured FRF')
+    if seen.frequency_hz.dtype.kind == "c":
+        raise ValueError(f'is "{measured.name}", with an exponential window, so it is no receptance of the tip')
+    if "theta" in (seen.response.direction, seen.excitation.direction):
+        raise ValueError(f'is "{measured.name}", a rotation or of a moment, expected a translation over a force')
+    if measured.sensor is not None:
+        workshop.note(path, f"the mass of {measured.sensor} is in it, which was on the tip when it was measured")
+    variance = None if seen.standard_deviation is None else seen.standard_deviation**2
+    return FRF(
+        frequency_hz=seen.frequency_hz,
+        values=seen.receptance,
+        log_variance=variance,
+        correlated_lines=seen.correlated_lines,
+        label=measured.name,
+    )
+
+
+def _read(table: TipTable, folder: FilePath) -> FRF:
+    from receptance.campaign import frf_files
+
+    return frf_files.weighed(frf_files.read(table, folder), frf_files.deviation_share(table.standard_deviation)).to(
+        "receptance"
+    )

@@ -1,0 +1,256 @@
+"""Predictions for a catalogue: the tip of every tool, its modes, and how sure they are, one after the other."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance import _checks
+from receptance.campaign.draws import Draws
+from receptance.campaign.prediction import applied
+from receptance.campaign.problems import CampaignError
+from receptance.campaign.propagation import Propagation
+from receptance.catalogue.line_modes import LineModes, line_modes
+from receptance.errors import ReceptanceError
+from receptance.identification.spread import quantile
+from receptance.terminals import MeasuredPart, ModalPart
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.assembly import Assembly
+    from receptance.campaign.identification import CampaignIdentification
+    from receptance.catalogue.building import Catalogue, Described
+    from receptance.catalogue.rows import ToolRow
+
+__all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
+
+_LINES = 2000
+_WAITING = 4
+"""Tools for each worker that are under way at a time."""
+_RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolPrediction:
+    """The predicted tip of one tool.
+
+    Attributes
+    ----------
+    row : ToolRow
+        The tool.
+    assembly : Assembly
+        In the machine, with the identified values.
+    frequency_hz, receptance : ndarray
+        `(n,)` lines and the receptance of the tip in m/N.
+    deviation : ndarray
+        `(n,)` standard deviation of the logarithm of its magnitude, to first order.
+    drawn : ndarray
+        `(draws, n)` logarithms of the magnitude of draws; none where none were asked for.
+    modes : ndarray
+        `(k, 3)` of the modes that stand out: natural frequency in Hz, damping ratio, dynamic stiffness in N/m.
+    modes_deviation : ndarray
+        `(k, 3)` standard deviations of their logarithms.
+    level : float
+        Of the intervals.
+    notes : tuple of str
+        What a person should know.
+    """
+
+    row: ToolRow
+    assembly: Assembly
+    frequency_hz: NDArray[np.float64]
+    receptance: NDArray[np.complex128]
+    deviation: NDArray[np.float64]
+    modes: NDArray[np.float64]
+    modes_deviation: NDArray[np.float64]
+    level: float
+    drawn: NDArray[np.float64] = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def modes_interval(self) -> NDArray[np.float64]:
+        """`(k, 3, 2)` lower and upper ends."""
+        reach = np.exp(quantile(self.level, None) * self.modes_deviation)
+        return np.stack([self.modes / reach, self.modes * reach], axis=-1)
+
+    @property
+    def most_flexible(self) -> int | None:
+        """Which mode has the least dynamic stiffness; None where none stands out."""
+        return int(np.argmin(self.modes[:, 2])) if len(self.modes) else None
+
+    def band(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper magnitude `(n,)`: of the draws where there are some, else to first order.
+
+        The latter holds as long as no resonance moves by more than about half its width; the intervals of modes hold
+        there too.
+        """
+        middle = np.log(np.abs(self.receptance))
+        if len(self.drawn):
+            low, high = np.quantile(self.drawn, [0.5 - 0.5 * self.level, 0.5 + 0.5 * self.level], axis=0)
+            return np.exp(np.minimum(low, middle)), np.exp(np.maximum(high, middle))
+        half = quantile(self.level, None) * self.deviation
+        with np.errstate(over="ignore"):
+            return np.exp(middle - half), np.exp(middle + half)
+
+
+def predict_catalogue(
+    catalogue: Catalogue,
+    identified: CampaignIdentification | None = None,
+    *,
+    draws: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Iterator[ToolPrediction]:
+    """Predict the tip of every tool of a catalogue, one after the other in its order.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        Tools, holders, machine.
+    identified : CampaignIdentification, optional
+        From `Campaign.identify`, which runs first if it is not given and anything is unknown.
+    draws : int, optional
+        For the band of the receptance; none makes it linear. Modes have linear intervals always.
+    seed : int, optional
+        Of what is drawn.
+    threads : int, optional
+        Tools that are calculated at a time; by default RECEPTANCE_THREADS or as many as this process may use threads.
+    progress : callable, optional
+        Called with a line of text now and then.
+
+    Yields
+    ------
+    ToolPrediction
+        Only few are in memory at a time.
+
+    Raises
+    ------
+    CampaignError
+        Nothing says up to which frequency to predict, or as `Campaign.identify`; a tool that cannot be predicted is
+        named.
+    """
+    campaign = catalogue.campaign
+    say = progress or (lambda _: None)
+    if identified is None and campaign.unknowns:
+        identified = campaign.identify(threads=threads, progress=progress)
+    propagation = Propagation(None, [], []) if identified is None else identified.propagation
+    work = _Work(catalogue, identified, propagation, Draws(propagation, draws, seed))
+    workers = _checks.worker_count(threads)
+    waiting: deque[Future[ToolPrediction]] = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            rows = iter(catalogue.tools)
+            for number in range(len(catalogue)):
+                while len(waiting) < _WAITING * workers and (row := next(rows, None)) is not None:
+                    waiting.append(pool.submit(work.predict, row))
+                if number % 50 == 0:
+                    say(f"tool {number + 1} of {len(catalogue)}")
+                yield waiting.popleft().result()
+        finally:
+            for rest in waiting:
+                rest.cancel()
+
+
+class _Work:
+    """What is the same for all tools."""
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        identified: CampaignIdentification | None,
+        propagation: Propagation,
+        draws: Draws,
+    ) -> None:
+        self.catalogue, self.identified, self.propagation, self.draws = catalogue, identified, propagation, draws
+        self.lines = catalogue_lines(catalogue)
+        self.level = catalogue.campaign.table.prediction.level
+        spindle = catalogue.spindle
+        self.residuals: tuple[str, ...] = ()
+        if isinstance(spindle, MeasuredPart) and spindle.covariance is not None:
+            owner = spindle.name or "part"
+            self.residuals = tuple(f"{owner}.{field}" for field in _RESIDUALS)
+            self.covariance = spindle.covariance[np.isin(spindle.frequency_hz, self.lines)]
+
+    def predict(self, row: ToolRow) -> ToolPrediction:
+        try:
+            return self._predict(self.catalogue.described(row))
+        except (ValueError, ReceptanceError) as error:
+            text = f"line {row.line}, {row.name} cannot be predicted: {error}"
+            raise CampaignError.about(self.catalogue.file, text) from error
+
+    def _predict(self, own: Described) -> ToolPrediction:
+        notes: list[str] = []
+        assembly = applied(self.identified, own.assembly, own.row.name, notes, own.effects, own.at)
+        moved = self.propagation.placed(assembly, own.effects, own.at)
+        addresses = [*moved.addresses, *self.residuals]
+        found, slope = assembly.derivatives(self.lines, addresses, threads=1)
+        count = len(moved.addresses)
+        table = self._table_variance(slope[:, count:])
+        modes = line_modes(self.lines, found)
+        deviation = self.propagation.scatter((slope[:, :count] / found[:, None]).real, moved).total
+        return ToolPrediction(
+            row=own.row,
+            assembly=assembly,
+            frequency_hz=self.lines,
+            receptance=found,
+            deviation=np.hypot(deviation, np.sqrt(table) / np.abs(found)),
+            modes=modes.values,
+            modes_deviation=self._of_modes(modes, slope[:, :count], table, moved),
+            level=self.level,
+            drawn=self._drawn(own, np.sqrt(table)),
+            notes=tuple(notes),
+        )
+
+    def _table_variance(self, slope: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Variance of the real and of the imaginary part, each, on each line, from that of a measured spindle."""
+        if not self.residuals:
+            return np.zeros(self.lines.size)
+        return np.asarray(np.einsum("ni,nij,nj->n", slope, self.covariance, slope.conj()).real)
+
+    def _of_modes(
+        self, modes: LineModes, slope: NDArray[np.complex128], table: NDArray[np.float64], moved: Any
+    ) -> NDArray[np.float64]:
+        flat = modes.log_slopes(slope).reshape(3 * len(modes), -1)
+        total = self.propagation.scatter(flat, moved).total.reshape(-1, 3)
+        return np.asarray(np.sqrt(total**2 + modes.log_variances(table)))
+
+    def _drawn(self, own: Described, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Logarithms of the magnitude of draws; those of the table's noise are from line to line."""
+        if not self.draws.count:
+            return np.zeros((0, self.lines.size))
+        random = np.random.default_rng([self.draws.seed, own.row.line])
+        rows = []
+        for one in self.draws.assemblies(own.assembly, own.effects, own.at):
+            if one is not None:
+                parts = random.standard_normal((2, self.lines.size))
+                rows.append(one.receptance(self.lines, threads=1) + noise * (parts[0] + 1j * parts[1]))
+        if 2 * len(rows) < self.draws.count:
+            raise ReceptanceError(f"only {len(rows)} of {self.draws.count} draws have a model")
+        return np.asarray(np.log(np.abs(np.array(rows))))
+
+
+def catalogue_lines(catalogue: Catalogue) -> NDArray[np.float64]:
+    """Return the lines on which all tools are predicted: those of a measured spindle, or as `prediction` says."""
+    campaign = catalogue.campaign
+    asked = campaign.table.prediction
+    seen = [float(measured.observation.frequency_hz[-1].real) for measured in campaign.measurements.values()]
+    spindle = catalogue.spindle
+    if isinstance(spindle, MeasuredPart):
+        own = np.asarray(spindle.frequency_hz)
+        low, high = asked.lower or 0.0, asked.upper or np.inf
+        return np.asarray(own[(own >= low) & (own <= high)])
+    band = spindle.band_hz if isinstance(spindle, ModalPart) else None
+    upper = asked.upper or (band[1] if band else max(seen, default=None))
+    if upper is None:
+        text = "nothing says up to which frequency to predict, expected `prediction.upper`"
+        raise CampaignError.about(campaign.file, text)
+    lower = asked.lower or (band[0] if band else upper / _LINES)
+    step = asked.step or (upper - lower) / (_LINES - 1)
+    return lower + step * np.arange(int((upper - lower) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)

@@ -1,0 +1,155 @@
+"""The command `catalogue`: the tips of all tools of a catalogue."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.text import Text
+
+from receptance._files import check_target, write_whole
+from receptance.cli._tables import table
+from receptance.cli.campaigns import File
+from receptance.cli.campaigns import _loaded as load_campaign
+from receptance.cli.running import InputError, Plot, Targets, input_errors, output, with_progress
+from receptance.errors import ReceptanceError, ReceptanceWarning
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from receptance.campaign import Campaign
+    from receptance.catalogue import ToolPrediction
+    from receptance.catalogue.writing import Reduced
+
+__all__ = ["catalogue"]
+
+_SHOWN = 20
+_DRAWS = 60
+"""For the bands of figures, where a resonance may move by more than its width."""
+
+
+def catalogue(
+    campaign: File,
+    tools: Annotated[Path | None, typer.Argument(metavar="TOOLS.csv", help="By default as the campaign says.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.csv", help="Write the modes of all tools with their intervals."),
+    ] = None,
+    holders: Annotated[
+        Path | None, typer.Option("--holders", metavar="FILE.csv", help="Holders; by default as the campaign says.")
+    ] = None,
+    plot: Plot = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", metavar="FOLDER", help="Write a figure for each tool, NAME.png.")
+    ] = None,
+    frfs: Annotated[
+        Path | None, typer.Option("--frfs", metavar="FOLDER", help="Write the receptance of each tool, NAME.csv.")
+    ] = None,
+) -> None:
+    """Predict the tip of every tool of a catalogue in the machine of a campaign, with intervals of its modes."""
+    targets = Targets(None, plot)
+    if out is not None:
+        with input_errors():
+            check_target(out)
+    for folder in (figures, frfs):
+        if folder is not None and not folder.is_dir():
+            raise InputError(f"there is no folder {folder}")
+    from receptance.campaign import CampaignError
+
+    begun = time.perf_counter()
+    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        read = load_campaign(campaign, targets)
+        _keep_off(read, out, tools, holders)
+        found = with_progress(lambda say: _run(read, tools, holders, out, figures, frfs, say))
+    if plot is not None:
+        from receptance.plot.catalogue import draw_catalogue
+
+        targets.write({}, lambda: draw_catalogue(found, read.title))
+    console = output()
+    _print(console, found, time.perf_counter() - begun)
+    if out is not None:
+        console.print(f"Modes: {out}", soft_wrap=True)
+    for name, folder in (("Figures", figures), ("Receptances", frfs)):
+        if folder is not None:
+            console.print(f"{name}: {folder}", soft_wrap=True)
+    targets.name(console)
+
+
+def _keep_off(read: Campaign, out: Path | None, *given: Path | None) -> None:
+    """Nothing that is read may be written over."""
+    table = read.table.catalogue
+    written = (table.tools, table.holders) if table is not None else ()
+    folder = read.file.parent
+    for path in (read.file, *(one for one in given if one), *(folder / name for name in written if name)):
+        if out is not None and out.resolve() == path.resolve():
+            raise InputError(f"--out names {out}, which is read; give another file")
+
+
+def _run(
+    read: Campaign,
+    tools: Path | None,
+    holders: Path | None,
+    out: Path | None,
+    figures: Path | None,
+    frfs: Path | None,
+    say: Callable[[str], None],
+) -> list[Reduced]:
+    from receptance.catalogue import Catalogue, predict_catalogue
+    from receptance.catalogue.writing import reduced, write_modes
+
+    chosen = Catalogue(read, tools, holders)
+    predictions = predict_catalogue(chosen, draws=_DRAWS if figures else 0, progress=say)
+    if out is not None:
+        predictions = write_modes(out, predictions)
+    return list(reduced(_with_files(predictions, figures, frfs)))
+
+
+def _with_files(
+    predictions: Iterator[ToolPrediction], figures: Path | None, frfs: Path | None
+) -> Iterator[ToolPrediction]:
+    """Write the files of each tool while predictions go through."""
+    from receptance.catalogue.writing import as_frf, file_name
+    from receptance.io import write
+    from receptance.plot import as_image
+    from receptance.plot.catalogue import draw_tool
+
+    for one in predictions:
+        name = file_name(one.row.name)
+        if figures is not None:
+            write_whole({figures / f"{name}.png": as_image(draw_tool(one), "png")})
+        if frfs is not None:
+            write(frfs / f"{name}.csv", as_frf(one))
+        yield one
+
+
+def _print(console: Console, found: list[Reduced], seconds: float) -> None:
+    rows = []
+    for one in found[:_SHOWN]:
+        if one.values is None or one.interval is None:
+            rows.append([one.name, one.holder, "none", "", "", "", "", ""])
+            continue
+        ends = one.interval
+        rows.append(
+            [
+                one.name,
+                one.holder,
+                f"{one.values[0]:.0f}",
+                f"{ends[0, 0]:.0f} to {ends[0, 1]:.0f}",
+                f"{100 * one.values[1]:.2f}",
+                f"{100 * ends[1, 0]:.2f} to {100 * ends[1, 1]:.2f}",
+                f"{1e-6 * one.values[2]:.3g}",
+                f"{1e-6 * ends[2, 0]:.3g} to {1e-6 * ends[2, 1]:.3g}",
+            ]
+        )
+    columns = ["<tool", "<holder", "Hz", "interval", "damping %", "interval", "N/\u00b5m", "interval"]
+    console.print(table("The most flexible mode of each tool: frequency, damping, dynamic stiffness", columns, rows))
+    if len(found) > _SHOWN:
+        console.print(f"and {len(found) - _SHOWN} more", soft_wrap=True)
+    for note in dict.fromkeys(note for one in found[:_SHOWN] for note in one.notes):
+        console.print(Text(f"note: {note}"), soft_wrap=True)
+    console.print(f"{len(found)} tools in {seconds:.1f} s", soft_wrap=True)

@@ -1,0 +1,124 @@
+"""Figures of catalogues: the tip of one tool, and all tools at a glance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.plot._style import COLOURS, INK, PALE, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from receptance.catalogue import ToolPrediction
+    from receptance.catalogue.writing import Reduced
+
+__all__ = ["draw_catalogue", "draw_tool"]
+
+_NAMED, _BARS = 15, 80
+"""Up to so many tools their names are written, and intervals drawn."""
+_DECADES = 3.5
+
+
+def draw_tool(one: ToolPrediction) -> Figure:
+    """Draw the receptance of a predicted tip with its band, and its modes with theirs.
+
+    Parameters
+    ----------
+    one : ToolPrediction
+        From `predict_catalogue`; with draws the band holds where resonances move by more than their width too.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = new_figure(9.0, 5.0)
+    axes = figure.subplots()
+    size = 1e6 * np.abs(one.receptance)
+    low, high = (1e6 * side for side in one.band())
+    kind = f"{100 * one.level:g} % band" + ("" if len(one.drawn) else ", to first order")
+    axes.fill_between(one.frequency_hz, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=kind)
+    axes.plot(one.frequency_hz, size, color=COLOURS[0], lw=1.3, label="predicted")
+    top = 3.0 * float(np.max(size))
+    axes.set_yscale("log")
+    axes.set_ylim(max(float(np.min(size)) / 2.0, top * 10.0**-_DECADES), top)
+    axes.set_xlim(one.frequency_hz[0], one.frequency_hz[-1])
+    interval = one.modes_interval
+    for number, (frequency, damping, stiffness) in enumerate(one.modes):
+        height = 1e6 / stiffness
+        axes.errorbar(
+            frequency,
+            height,
+            xerr=[[frequency - interval[number, 0, 0]], [interval[number, 0, 1] - frequency]],
+            yerr=[[height - 1e6 / interval[number, 2, 1]], [1e6 / interval[number, 2, 0] - height]],
+            fmt="o",
+            color=INK,
+            ms=4,
+            lw=1.0,
+            capsize=2,
+            label="modes" if number == 0 else None,
+        )
+        half = 50.0 * (interval[number, 1, 1] - interval[number, 1, 0])
+        text = f"{frequency:.0f} Hz\n{100 * damping:.2f} \u00b1 {half:.2g} %\n{1e-6 * stiffness:.3g} N/\u00b5m"
+        right = frequency > 0.85 * one.frequency_hz[-1]
+        axes.annotate(
+            text,
+            (frequency, height),
+            xytext=(-8 if right else 8, 4),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            fontsize=8,
+            color=INK,
+        )
+    set_up(axes, f"{one.row.name} in {one.row.holder}", "frequency (Hz)", "receptance of the tip (\u00b5m/N)")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def draw_catalogue(tools: Sequence[Reduced], title: str = "") -> Figure:
+    """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency.
+
+    Parameters
+    ----------
+    tools : sequence of Reduced
+        What was kept of each.
+    title : str, optional
+        Above the figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = new_figure(9.0, 5.8)
+    axes = figure.subplots()
+    shown = [one for one in tools if one.values is not None and one.interval is not None]
+    holders = list(dict.fromkeys(one.holder for one in shown))
+    few = len(shown) <= _BARS
+    for index, holder in enumerate(holders):
+        own = [one for one in shown if one.holder == holder]
+        values = np.array([one.values for one in own])
+        ends = np.array([one.interval for one in own])
+        x, y = values[:, 0], 1e-6 * values[:, 2]
+        # Beyond five holders colours repeat, with another marker.
+        colour, marker = COLOURS[index % len(COLOURS)], "osD^v"[index // len(COLOURS) % 5]
+        if few:
+            bars = {
+                "xerr": np.abs(ends[:, 0].T - x),
+                "yerr": np.abs(1e-6 * ends[:, 2].T - y),
+            }
+            axes.errorbar(x, y, **bars, fmt=marker, color=colour, ms=5, lw=0.9, capsize=2, label=holder)
+        else:
+            axes.plot(x, y, marker, color=colour, ms=2.5, alpha=0.5, label=holder)
+        for one, place in zip(own, zip(x, y, strict=True), strict=True) if len(shown) <= _NAMED else ():
+            axes.annotate(one.name, place, xytext=(5, 5), textcoords="offset points", fontsize=8, color=INK)
+    axes.set_yscale("log")
+    hidden = len(tools) - len(shown)
+    if hidden:
+        axes.text(0.01, 0.01, f"{hidden} without a mode", transform=axes.transAxes, fontsize=8, color=PALE)
+    set_up(axes, title, "natural frequency of the most flexible mode (Hz)", "its dynamic stiffness (N/\u00b5m)")
+    axes.grid(visible=True, color="#E6E6E6", linewidth=0.8)
+    if len(holders) <= 25:
+        figure.legend(loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+    return figure

@@ -1,0 +1,217 @@
+"""Cuts in campaign files: what they refuse, lobes of measured and of predicted tips, and the command."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from campaign_text import TEXT, changed, load
+from receptance.campaign import CampaignError
+from receptance.campaign.draws import Draws
+from receptance.campaign.propagation import Where
+from receptance.cli import main
+from receptance.stability import Milling, TipModes, stability_lobes
+
+TIP = TipModes(frequency_hz=[922.0, 1900.0], damping_ratio=[0.03, 0.02], shapes=[[5.0, 0.0], [4.0, 0.0]])
+LINES = np.arange(200.0, 3000.0, 2.0)
+MEASURED = """
+[stability]
+speeds = ["8000 rpm", "26000 rpm"]
+step = "250 rpm"
+draws = 40
+
+[cuts.slot]
+kind = "milling"
+teeth = 2
+k_t = "600 MPa"
+k_n = "200 N/mm^2"
+x = { file = "tip.csv", standard_deviation = "2 %" }
+y = "rigid"
+"""
+PREDICTED = """
+[prediction]
+upper = "4 kHz"
+step = "10 Hz"
+
+[stability]
+speeds = ["8000 rpm", "26000 rpm"]
+step = "500 rpm"
+draws = 40
+
+[cuts.rough]
+kind = "milling"
+teeth = 3
+immersion = 0.5
+feed = "up"
+k_t = "800 MPa"
+k_n = "300 MPa"
+x = { assembly = "longest" }
+
+[cuts.boring]
+kind = "turning"
+k = "1.2 GPa"
+angle = "20 deg"
+tolerance = { k = "10 %" }
+x = { assembly = "longest" }
+"""
+TURNED = '[cuts.b]\nkind = "turning"\nk = "1 GPa"\nangle = "90 deg"\nx = { file = "tip.csv" }\n'
+DAMPED = (("[joints.joint]", '[joints.joint]\nc_theta = "1 N m s/rad"\nloss_factor = 0.02'),)
+
+
+def write_tip(folder: Path) -> None:
+    values = TIP.receptance(LINES)[:, 0, 0]
+    rows = [f"{f:g},{g.real:.9e},{g.imag:.9e}" for f, g in zip(LINES, values, strict=True)]
+    head = "frequency [Hz],receptance real [m/N],receptance imaginary [m/N]"
+    (folder / "tip.csv").write_text("\n".join([head, *rows]) + "\n")
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert isinstance(end.value.code, int)
+    return end.value.code
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("teeth = 2", "teeth = 0", "cuts.slot.teeth: is 0, expected at least 1"),
+        ("teeth = 2", "teeth = 2.5", "cuts.slot.teeth: is 2.5, expected a whole number"),
+        ("teeth = 2", "teeth = 2\nimmersion = 1.2", "cuts.slot.immersion: is 1.2, expected at most 1"),
+        ("teeth = 2", "teeth = 2\nimmersion = 0", "cuts.slot.immersion: is 0, expected more than zero"),
+        ("teeth = 2", 'teeth = 2\nfeed = "climb"', 'cuts.slot.feed: is "climb", expected one of "up", "down"'),
+        ('"600 MPa"', '"-600 MPa"', 'cuts.slot.k_t: is "-600 MPa", expected more than zero'),
+        ('"600 MPa"', '"600 N"', 'cuts.slot.k_t: is "600 N", a force, expected a cutting coefficient'),
+        ('"200 N/mm^2"', '"-1 MPa"', 'cuts.slot.k_n: is "-1 MPa", expected zero or more'),
+        ('"rigid"', '"stiff"', 'cuts.slot.y: is "stiff", expected a table, "as x" or "rigid"'),
+        ('"tip.csv"', '"tipp.csv"', 'cuts.slot.x.file: is "tipp.csv", which is not there'),
+        ('file = "tip.csv", ', 'assembly = "long", ', 'cuts.slot.x.assembly: is "long", which is not an assembly'),
+        ('file = "tip.csv", ', "", "cuts.slot.x: has neither an assembly, a measurement nor a file"),
+        ('kind = "milling"', 'kind = "drilling"', 'cuts.slot: has the kind "drilling", expected one of'),
+        ('"8000 rpm"', '"130 Hz"', 'stability.speeds[0]: is "130 Hz", expected a spindle speed'),
+        ('"8000 rpm"', '"80000 rpm"', "stability.speeds: goes from 80000 to 26000 rpm, expected the lower speed first"),
+        ("draws = 40", "draws = 40\nprobability = 0.99", "stability.draws: is 40, too few to show a"),
+        ('"250 rpm"', '"0.1 rpm"', "stability.step: is 0.1 rpm, which makes more than 20000 speeds"),
+        ("[cuts.slot]", TURNED + "[cuts.slot]", "cuts.b: angle_deg is 90"),
+    ],
+)  # fmt: skip
+def test_mistakes(tmp_path: Path, old: str, new: str, words: str) -> None:
+    write_tip(tmp_path)
+    assert MEASURED.count(old) == 1
+    with pytest.raises(CampaignError) as error:
+        load(tmp_path, MEASURED.replace(old, new))
+    assert words in str(error.value)
+
+
+def test_several_mistakes_at_once_and_what_is_missing_without_cuts(tmp_path: Path) -> None:
+    write_tip(tmp_path)
+    with pytest.raises(CampaignError) as error:
+        load(tmp_path, MEASURED.replace("teeth = 2", "teeth = 0").replace('"600 MPa"', '"0 MPa"'))
+    assert len(error.value.problems) == 2
+    with pytest.raises(CampaignError, match="3 mistakes"):
+        load(tmp_path, 'title = "nothing"\n')
+
+
+def test_a_measured_tip_alone(tmp_path: Path) -> None:
+    """With a file nothing else is needed, and the limit is that of `stability_lobes`."""
+    write_tip(tmp_path)
+    found = load(tmp_path, MEASURED).stability()
+    (one,) = found.cuts
+    expected = stability_lobes(
+        Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, TIP.receptance(LINES), speeds_rpm=np.arange(8e3, 26.1e3, 250.0)
+    )
+    np.testing.assert_allclose(one.lobes.depth, expected.depth, rtol=1e-6)
+    assert one.lobes.draws is not None
+    assert one.lobes.draws.shape == (40, 73)
+    assert one.recommended[0].probability == 0.95
+    assert found.identified is None
+    exact = load(tmp_path, MEASURED.replace(', standard_deviation = "2 %"', "")).stability().cuts[0]
+    assert exact.probability is None
+    assert [note.split(":")[0] for note in exact.notes] == [
+        "measured, tip.csv",
+        "nothing is known of the errors of tip and coefficients, so there is no band",
+    ]
+
+
+def test_predicted_tips(tmp_path: Path) -> None:
+    read = load(tmp_path, changed(*DAMPED) + PREDICTED)
+    found = read.stability()
+    rough, boring = found.cuts
+    assert found.identified is not None
+    assert rough.lobes.draws is not None
+    assert rough.lobes.lower is not None
+    assert (rough.lobes.lower <= rough.lobes.depth).mean() > 0.9
+    # The coefficient's spread is in the turning cut as well.
+    for cut in (rough, boring):
+        assert cut.depth.min() < cut.lobes.depth.min()
+    data = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    assert [one["name"] for one in data["cuts"]] == ["rough", "boring"]
+    assert data["cuts"][0]["tips"] == {"x": "predicted, longest", "y": "predicted, longest"}
+    assert read.stability(found.identified, cuts=["boring"]).cuts[0].lobes.depth.tolist() == boring.lobes.depth.tolist()
+    assert len(found.plot().axes) == 2
+
+
+def test_draws_scatter_as_propagation_says(tmp_path: Path) -> None:
+    """Sampled against linear: standard deviations of natural frequencies, and what two assemblies share."""
+    known = ('"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n', "")
+    read = load(tmp_path, changed(known, ("[joints.joint]", '[joints.joint]\nk_y = "5e8 N/m"')))
+    identified = read.identify()
+    draws = Draws(identified.propagation, 400, seed=1)
+    drawn = {}
+    for name in ("long", "longest"):
+        assembly, effects = read.assemblies[name], read.effects[name]
+        at = Where(name)
+        linear = identified.propagation.frequencies(identified.fit.apply(assembly), (1,), 2e3, effects, at)[1].total
+        several = draws.assemblies(assembly, effects, at)
+        drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in several if one is not None])
+        assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)
+    # The same joint, holder and material: what differs is the overhang's own error.
+    assert np.corrcoef(drawn["long"], drawn["longest"])[0, 1] > 0.3
+    again = Draws(identified.propagation, 400, seed=1).assemblies(assembly, effects, at)
+    assert again[3] == several[3]
+
+
+def test_semi_discretisation(tmp_path: Path) -> None:
+    write_tip(tmp_path)
+    text = MEASURED.replace(
+        'step = "250 rpm"\ndraws = 40',
+        'step = "6000 rpm"\ndraws = 20\nmethod = "semi-discretisation"\nlargest_depth = "20 mm"',
+    )
+    text = text.replace('"200 N/mm^2"', '"200 MPa"\nimmersion = 0.1\ntolerance = { k_t = "10 %" }')
+    (one,) = load(tmp_path, text).stability().cuts
+    mean = load(tmp_path, text.replace("semi-discretisation", "mean force")).stability().cuts[0]
+    assert one.lobes.draws is not None
+    # Of the same order where the mean force says so at all, and not the same.
+    finite = np.isfinite(one.lobes.depth) & np.isfinite(mean.lobes.depth)
+    ratio = one.lobes.depth[finite] / mean.lobes.depth[finite]
+    assert ((ratio > 0.3) & (ratio < 2.0)).all()
+    assert np.abs(ratio - 1.0).max() > 0.01
+    with pytest.raises(CampaignError, match="turning, which is not interrupted"):
+        load(tmp_path, text + '[cuts.t]\nkind = "turning"\nk = "1 GPa"\nx = { file = "tip.csv" }\n')
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_tip(tmp_path)
+    Path("c.toml").write_text(MEASURED)
+    assert call(monkeypatch, "stability", "c.toml", "--json", "s.json", "--plot", "s.png") == 0
+    said = capsys.readouterr().out
+    assert "slot: 2 teeth, slot; x: measured, tip.csv, rigid across it" in said
+    assert "Recommended speeds" in said
+    assert Path("s.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 40
+    assert call(monkeypatch, "stability", "c.toml", "--cut", "slit") == 2
+    assert 'there is no cut "slit"' in capsys.readouterr().err
+    assert call(monkeypatch, "stability", "c.toml", "--json", "tip.csv") == 2
+    Path("c.toml").write_text(MEASURED.replace('speeds = ["8000 rpm", "26000 rpm"]', ""))
+    assert call(monkeypatch, "stability", "c.toml") == 2
+    assert "there are no spindle speeds" in capsys.readouterr().err
+    Path("c.toml").write_text(TEXT)
+    assert call(monkeypatch, "stability", "c.toml") == 2
+    assert "there is no cut, expected [cuts.NAME]" in capsys.readouterr().err

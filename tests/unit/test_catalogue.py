@@ -1,0 +1,261 @@
+"""Catalogues: rows and their mistakes, assemblies, predictions against draws and a measured spindle, the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
+from receptance import Assembly, MeasuredPart, Part, damped_modes
+from receptance.campaign import CampaignError
+from receptance.campaign.draws import Draws
+from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
+from receptance.catalogue.building import Described
+from receptance.cli import main
+
+SEED = 20261121
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    return load(tmp_path_factory.mktemp("machine"))
+
+
+@pytest.fixture(scope="module")
+def identified(machine: Any) -> Any:
+    return machine.identify()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("T1,er32", "T1,er23", 'line 2, T1.holder: is "er23", which is not known, expected one of'),
+        ("T1,er32,carbide", "T1,er32,carbid", '(did you mean "carbide"?)'),
+        ("T2,shrink", "T1,shrink", 'line 3, name: is "T1", as in line 2, expected another name'),
+        ("T2,shrink", ",shrink", "line 3, name: is empty"),
+        ("80,12,40", "-80,12,40", 'line 3, overhang: is "-80 mm", expected more than zero'),
+        ("80,12,40", "long,12,40", 'is "long mm", expected a length'),
+        ("80,12,40", "80,12,90", 'line 3, "flute length": is 90 mm, expected at most the overhang, 80 mm'),
+        ("12,40,80,4", "12,40,,4", 'line 3, "effective diameter": is empty, and the tool has flutes'),
+        ("12,40,80,4", "12,40,180,4", 'is "180", expected a percentage over 0 and up to 100'),
+        ("12,40,80,4", "12,40,80,0", 'line 3, teeth: is "0", expected a whole number from 1 to 1000'),
+        ("12,40,80,4,80", "12,40,80,4", "line 3: has 8 cells, expected 9"),
+        ("overhang [mm]", "overhang", 'has no unit, expected one such as "overhang [mm]"'),
+        ("overhang [mm]", "overhang [N]", "a force, expected a length"),
+        ("overhang [mm]", "overhnag [mm]", 'there is no column "overhang"'),
+        ("teeth", "teth", 'is no known column (did you mean "teeth"?)'),
+        ("teeth,torque [N m]", "bore [mm],teeth", "line 3, T2: inner_diameter is 0.04 m"),
+    ],
+)
+def test_mistakes_of_tools(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert TOOLS.count(old) == 1
+    text = TOOLS.replace(old, new).replace("40,80,4,80", "40,80,40,80") if "bore" in new else TOOLS.replace(old, new)
+    with pytest.raises(CampaignError) as error:
+        Catalogue(load(tmp_path, tools=text))
+    assert words in str(error.value)
+
+
+def test_several_mistakes_come_together(tmp_path: Path) -> None:
+    text = TOOLS.replace("T1,er32", "T1,er23").replace("T3,er32", "T3,er33")
+    with pytest.raises(CampaignError, match="2 mistakes"):
+        Catalogue(load(tmp_path, tools=text))
+    with pytest.raises(CampaignError, match=r'line 2, shrink\[0\]\.material: is "stel"'):
+        Catalogue(load(tmp_path, holders=HOLDERS.replace("12,steel", "12,stel")))
+    with pytest.raises(CampaignError, match='is "taper", the name of something else'):
+        Catalogue(load(tmp_path, holders=HOLDERS.replace("shrink", "taper")))
+    with pytest.raises(CampaignError, match="there is no row below the header"):
+        Catalogue(load(tmp_path, tools=TOOLS.splitlines()[0]))
+    with pytest.raises(CampaignError, match=r'catalogue\.machine\[0\]: is "tapr", which is not a part or a joint'):
+        load(tmp_path, text=TEXT.replace('machine = ["taper"', 'machine = ["tapr"'))
+    with pytest.raises(CampaignError, match="there is no \\[catalogue\\]"):
+        Catalogue(load(tmp_path, text=TEXT.split("[catalogue]")[0]))
+
+
+def test_a_table_as_a_spreadsheet_writes_it(tmp_path: Path) -> None:
+    """Semicolons, decimal commas and a byte order mark say the same."""
+    plain = tmp_path / "plain.csv"
+    plain.write_text(TOOLS.replace(",60,", ",60.5,"))
+    other = tmp_path / "other.csv"
+    head, *rows = TOOLS.replace(",60,", ",60.5,").splitlines()
+    text = "\n".join([head.replace(",", ";"), *(row.replace(",", ";").replace(".", ",") for row in rows)])
+    other.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert read_tools(other) == read_tools(plain)
+    one = read_tools(plain)[0]
+    assert (one.overhang, one.effective_diameter, one.teeth) == (pytest.approx(0.0605), pytest.approx(0.0096), 4)
+    assert one.conditions == {"torque": 80.0}
+    holders = tmp_path / "holders.csv"
+    holders.write_text(HOLDERS)
+    assert [segment.outer_diameter for segment in read_holders(holders)["shrink"]] == [0.032, 0.04]
+
+
+def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
+    one, two, three = Catalogue(machine)
+    assert isinstance(one, Described)
+    assert list(one.assembly.elements) == ["tool", "collet", "er32", "taper", "spindle"]
+    tool = one.assembly.elements["tool"]
+    assert isinstance(tool, Part)
+    assert [s.outer_diameter for s in tool.segments] == [pytest.approx(0.0096), 0.012]
+    assert [s.length for s in tool.segments] == [pytest.approx(0.03), pytest.approx(0.03)]
+    assert list(two.assembly.elements)[2] == "shrink"
+    assert len(three.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
+    # Errors: its own dimensions, and the material's, which the fit knows under the same name.
+    assert one.effects["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
+    assert one.effects["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
+    assert "materials.carbide.youngs_modulus" in set(one.effects) & set(machine.effects["short"])
+    assert one.effects["attachments.front.k_y"] == {"front.k_y": pytest.approx(1.25e7)}
+
+
+def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
+    """Peaks of 2000 lines against the complex modes: values and derivatives."""
+    assert abs(identified.fit.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
+    for one in predict_catalogue(Catalogue(machine), identified, threads=1):
+        addresses = ["collet.k_theta", "collet.c_theta", "front.k_y", "tool.segment[0].length"]
+        values, slopes = one.assembly.derivatives(one.frequency_hz, addresses)
+        modes = line_modes(one.frequency_hz, values)
+        exact = damped_modes(one.assembly, 5500.0, addresses)
+        scale = np.array([one.assembly.get(address) for address in addresses])
+        assert len(modes) >= 3
+        for found, slope in zip(modes.values, modes.log_slopes(slopes), strict=True):
+            if found[2] > 10.0 * modes.values[:, 2].min():
+                continue  # a bump beside a resonance
+            nearest = int(np.argmin(np.abs(exact.frequency_hz - found[0])))
+            expected = [exact.frequency_hz[nearest], exact.damping_ratio[nearest], exact.dynamic_stiffness[nearest]]
+            np.testing.assert_allclose(found[[0, 2]], [expected[0], expected[2]], rtol=2e-3)
+            np.testing.assert_allclose(found[1], expected[1], rtol=0.02)
+            np.testing.assert_allclose(slope * scale, exact.log_slopes[nearest] * scale, rtol=0.05, atol=0.02)
+
+
+def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
+    """Standard deviations of the modes against the complex modes of 150 draws of everything."""
+    print(f"seed {SEED}")
+    catalogue = Catalogue(machine)
+    draws = Draws(identified.propagation, 150, SEED)
+    for one, own in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
+        found = []
+        for assembly in draws.assemblies(own.assembly, own.effects, own.at):
+            assert assembly is not None
+            modes = damped_modes(assembly, 5200.0, threads=1)
+            values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)
+            found.append(np.log([values[np.argmin(np.abs(values[:, 0] - f))] for f in one.modes[:, 0]]))
+        spread = np.std(found, axis=0)
+        visible = one.modes[:, 2] < 10.0 * one.modes[:, 2].min()
+        assert visible.sum() >= 3
+        np.testing.assert_allclose(one.modes_deviation[visible], spread[visible], rtol=0.25)
+
+
+def _as_table(own: Assembly, lines: Any, covariance: Any = None) -> MeasuredPart:
+    """The spindle of an assembly as a table of receptances at its nose."""
+    from receptance import Coordinate
+
+    spindle = Assembly([own.elements["spindle"]], own.attachments.values())
+    places = [Coordinate("spindle", 0.0, "y"), Coordinate("spindle", 0.0, "theta")]
+    matrix = spindle.receptance(lines, response=places, excitation=places)
+    return MeasuredPart(frequency_hz=lines, matrix=matrix, covariance=covariance, name="nose")
+
+
+def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> None:
+    """The same tips, and the variance of its lines in the intervals, against tables with noise."""
+    print(f"seed {SEED}")
+    whole = next(predict_catalogue(Catalogue(machine), identified))
+    lines = whole.frequency_hz
+    table = _as_table(machine.built.assemblies["short"], lines)
+    share = 0.001 * np.abs(np.stack([table.matrix[:, 0, 0], table.matrix[:, 1, 1], table.matrix[:, 0, 1]], axis=1))
+    covariance = np.einsum("ni,ij->nij", share**2, np.eye(3)).astype(complex)
+    bare = TEXT.replace('machine = ["taper", "spindle"]\nattachments = ["front", "rear"]', 'machine = ["taper"]')
+    text = bare.replace('tolerance = { overhang = "0.1 mm", diameter = "0.05 %", effective_diameter = "1 %" }', "")
+    text = text.replace('tolerance = { youngs_modulus = "1 %", density = "0.5 %" }', "")
+    text = text.replace('tolerance = { k_theta = "5 %", c_theta = "20 %" }', "")
+    exact = load(tmp_path, text=text)
+    noisy = _as_table(machine.built.assemblies["short"], lines, covariance)
+    fit = exact.identify()
+    one = next(predict_catalogue(Catalogue(exact, spindle=noisy), fit))
+    np.testing.assert_allclose(one.receptance, whole.receptance, rtol=1e-3)
+    # Tables that err like this one: the modes scatter as the intervals say, the fit's own part left out.
+    rng = np.random.default_rng(SEED)
+    found = []
+    for _ in range(100):
+        real, imaginary = share * rng.standard_normal((2, lines.size, 3))
+        error = real + 1j * imaginary
+        matrix = table.matrix + np.stack([error[:, [0, 2]], error[:, [2, 1]]], axis=1)
+        drawn = MeasuredPart(frequency_hz=lines, matrix=matrix, name="nose")
+        values = Assembly([*list(one.assembly.elements.values())[:-1], drawn]).receptance(lines, threads=1)
+        window = [np.argmin(np.abs(lines - f)) for f in one.modes[:1, 0]]
+        modes = line_modes(lines, one.receptance)
+        found.append([modes.log_slopes((values - one.receptance)[:, None])[0, :, 0], window])
+    spread = np.std([row[0] for row in found], axis=0)
+    alone = next(predict_catalogue(Catalogue(exact, spindle=_as_table(machine.built.assemblies["short"], lines)), fit))
+    of_table = np.sqrt(one.modes_deviation[0] ** 2 - alone.modes_deviation[0] ** 2)
+    np.testing.assert_allclose(of_table, spread, rtol=0.25)
+    assert (one.deviation > alone.deviation).all()
+
+
+def test_errors_that_go_together() -> None:
+    covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
+    errors = errors_of("spindle", ["a.b", "a.c"], covariance)
+    rows = np.array([[moved.get("a.b", 0.0), moved.get("a.c", 0.0)] for moved in errors.values()])
+    np.testing.assert_allclose(rows.T @ rows, covariance, rtol=1e-12)
+    with pytest.raises(ValueError, match="covariance has shape"):
+        errors_of("spindle", ["a.b"], covariance)
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert isinstance(end.value.code, int)
+    return end.value.code
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    load(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    Path("figures").mkdir()
+    Path("frfs").mkdir()
+    arguments = ["--out", "m.csv", "--plot", "o.png", "--figures", "figures", "--frfs", "frfs"]
+    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    said = capsys.readouterr().out
+    assert "The most flexible mode of each tool" in said
+    assert "3 tools in" in said
+    rows = list(csv.DictReader(Path("m.csv").read_text().splitlines()))
+    assert {row["name"] for row in rows} == {"T1", "T2", "T3"}
+    first = rows[0]
+    low, middle, high = (float(first[f"frequency{end} [Hz]"]) for end in (" lower", "", " upper"))
+    assert low < middle < high
+    assert sum(row["most flexible"] == "yes" for row in rows) == 3
+    assert {path.name for path in Path("figures").iterdir()} == {"T1.png", "T2.png", "T3.png"}
+    assert Path("o.png").read_bytes().startswith(b"\x89PNG")
+    Path("cut.toml").write_text(
+        '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\n[cuts.a]\nkind = "milling"\nteeth = 2\nk_t = "800 MPa"\n'
+        'k_n = "300 MPa"\ntolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'
+    )
+    assert call(monkeypatch, "stability", "cut.toml", "--json", "s.json") == 0
+    assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
+
+
+def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """A tool that has no model in the middle of the catalogue leaves no file, and the old one as it was."""
+    load(tmp_path, text=TEXT.replace('k_y = "6e8 N/m"', 'k_y = "6e8 N/m"\nk_ytheta = "2.9e7 N/rad"'))
+    monkeypatch.chdir(tmp_path)
+    Path("m.csv").write_text("old")
+    from receptance.catalogue import prediction
+
+    original = prediction._Work._predict
+
+    def fails(self: Any, own: Any) -> Any:
+        if own.row.name == "T3":
+            raise ValueError("no such luck")
+        return original(self, own)
+
+    monkeypatch.setattr(prediction._Work, "_predict", fails)
+    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv") == 2
+    assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
+    assert Path("m.csv").read_text() == "old"
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
+    assert call(monkeypatch, "catalogue", ".", "--out", "tools.csv") == 2
+    assert "which is read" in capsys.readouterr().err
