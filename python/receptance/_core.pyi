@@ -38,6 +38,10 @@ __all__ = [
     "natural_frequencies",
     "receptance",
     "reduce_joint",
+    "sweep_joint",
+    "sweep_joint_misfit",
+    "sweep_models",
+    "sweep_models_misfit",
 ]
 
 _Lines = NDArray[np.float64] | NDArray[np.complex128]
@@ -141,4 +145,40 @@ def fit_models(
     evaluations: int,
     threads: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]: ...
+def sweep_joint(
+    reduction: NDArray[np.float64],
+    angular_frequency: _Lines,
+    reference: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    out: NDArray[np.float64] | NDArray[np.complex128],
+    threads: int,
+) -> None: ...
+def sweep_joint_misfit(
+    reduction: NDArray[np.float64],
+    angular_frequency: _Lines,
+    reference: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    measured: NDArray[np.complex128],
+    weights: NDArray[np.float64],
+    logarithmic: bool,
+    threads: int,
+) -> NDArray[np.float64]: ...
+def sweep_models(
+    ties: tuple[Any, ...],
+    points: NDArray[np.float64],
+    angular_frequency: _Lines,
+    values: NDArray[np.float64],
+    out: NDArray[np.float64] | NDArray[np.complex128],
+    threads: int,
+) -> None: ...
+def sweep_models_misfit(
+    ties: tuple[Any, ...],
+    points: NDArray[np.float64],
+    angular_frequency: _Lines,
+    values: NDArray[np.float64],
+    measured: NDArray[np.complex128],
+    weights: NDArray[np.float64],
+    logarithmic: bool,
+    threads: int,
+) -> NDArray[np.float64]: ...
 def instruction_set() -> str: ...

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from receptance.coordinates import Coordinate
     from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 
-__all__ = ["FRFResidual", "FrequencyResidual", "InfeasibleError", "Pair", "Residual", "Unit"]
+__all__ = ["FRFResidual", "FrequencyResidual", "InfeasibleError", "Pair", "Place", "Residual", "Unit"]
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """What a residual of 1 means: one logarithm is a factor of e, one relative is twice a natural frequency."""
@@ -132,7 +132,7 @@ class _Factors:
         return np.ones(self._angular.size, dtype=np.complex128)
 
 
-class _Place:
+class Place:
     """A coordinate that stays on its step between two segments when a length changes."""
 
     def __init__(self, assembly: Assembly, place: Coordinate) -> None:
@@ -171,7 +171,7 @@ class FRFResidual:
     ) -> None:
         select: NDArray[np.bool_] | slice = slice(None) if chosen is None else chosen
         self._model = _Model(frf.assembly, variables)
-        self._places = [_Place(frf.assembly, place) for place in (frf.response, frf.excitation)]
+        self._places = [Place(frf.assembly, place) for place in (frf.response, frf.excitation)]
         self._options: Any = {"threads": threads, "force": None if frf.force is None else frf.force[select]}
         self.unit = unit
         self._percentage = unit == "percent"

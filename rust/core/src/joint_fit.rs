@@ -33,6 +33,22 @@ pub(crate) enum Reduction<'a> {
     Series(&'a [f64]),
 }
 
+impl<'a> Reduction<'a> {
+    /// A table of so many rows, for so many lines.
+    pub(crate) fn new(rows: usize, values: &'a [f64], lines: usize) -> Result<Self> {
+        match rows {
+            REDUCTION_PLANES if values.len() == rows * lines => Ok(Self::Planes(values)),
+            SERIES_ROWS if !values.is_empty() && values.len().is_multiple_of(rows) => {
+                Ok(Self::Series(values))
+            }
+            _ => {
+                let expected = format!("{REDUCTION_PLANES} rows of {lines} lines, or {SERIES_ROWS}");
+                Err(Error::Index { what: "reduction", index: 0, value: rows as f64, expected })
+            }
+        }
+    }
+}
+
 /// A measured receptance beside the model reduced to one joint.
 #[derive(Copy, Clone)]
 pub struct Reduced<'a> {
@@ -64,16 +80,7 @@ impl<'a> Reduced<'a> {
                 return Err(Error::Index { what: "reduction array", index, value: length as f64, expected });
             }
         }
-        let reduction = match rows {
-            REDUCTION_PLANES if reduction.len() == rows * lines => Reduction::Planes(reduction),
-            SERIES_ROWS if !reduction.is_empty() && reduction.len().is_multiple_of(rows) => {
-                Reduction::Series(reduction)
-            }
-            _ => {
-                let expected = format!("{REDUCTION_PLANES} rows of {lines} lines, or {SERIES_ROWS}");
-                return Err(Error::Index { what: "reduction", index: 0, value: rows as f64, expected });
-            }
-        };
+        let reduction = Reduction::new(rows, reduction, lines)?;
         Ok(Self { reduction, frequencies, measured, weights, reference })
     }
 

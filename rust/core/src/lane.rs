@@ -136,6 +136,23 @@ impl<S: Simd> C<S> {
         Self { simd: s, re: s.mul_add_e_f64s(self.re, b, c.re), im: s.mul_add_e_f64s(self.im, b, c.im) }
     }
 
+    /// Times a real number a lane.
+    #[inline(always)]
+    pub fn mul_real(self, b: S::f64s) -> Self {
+        Self { simd: self.simd, re: self.simd.mul_f64s(self.re, b), im: self.simd.mul_f64s(self.im, b) }
+    }
+
+    /// The lanes in the order from which `interleave_shfl` makes real and imaginary parts in turns.
+    #[inline(always)]
+    pub fn woven(self) -> Self {
+        let mut lanes = [Complex64::ZERO; MAX_LANES];
+        self.store(&mut lanes);
+        let parts: &[f64] = bytemuck::cast_slice(&lanes);
+        let parts = S::as_simd_f64s(parts).0;
+        let [re, im] = self.simd.deinterleave_shfl_f64s([parts[0], parts[1]]);
+        Self { simd: self.simd, re, im }
+    }
+
     /// `c - self * b`.
     #[inline(always)]
     pub fn neg_mul_add(self, b: Self, c: Self) -> Self {

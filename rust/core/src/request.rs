@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::frequencies::Frequencies;
 use crate::kernel::Segment;
-use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
+use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Spring, Table};
 use crate::overlap::{self, Beside, Overlap};
 use crate::section::column;
 use num_complex::Complex64;
@@ -162,26 +162,10 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Resul
 fn check_interfaces(model: &Model, lines: &Frequencies) -> Result<()> {
     let degrees = model.motion.degrees();
     for (row, (_, spring)) in model.joints.iter().enumerate() {
-        if spring.statically_regular(degrees) {
-            continue;
-        }
-        for line in lines.iter() {
-            let iw = Complex64::I * line;
-            let entry =
-                |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
-            let (y, theta, both) = (entry(0), entry(1), entry(2));
-            let (size, determinant) =
-                if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
-            if determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0 {
-                return Err(Error::SingularInterface {
-                    element: "joint",
-                    row,
-                    frequency_hz: line.re / core::f64::consts::TAU,
-                    k_y: y.re,
-                    k_theta: theta.re,
-                    k_ytheta: both.re,
-                });
-            }
+        if let Some((line, [k_y, k_theta, k_ytheta])) = singular_at(spring, degrees, lines) {
+            let frequency_hz = line.re / core::f64::consts::TAU;
+            let element = "joint";
+            return Err(Error::SingularInterface { element, row, frequency_hz, k_y, k_theta, k_ytheta });
         }
     }
     for (row, overlap) in model.overlaps.iter().enumerate() {
@@ -190,6 +174,27 @@ fn check_interfaces(model: &Model, lines: &Frequencies) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The first line on which a joint leaves a motion free, and the real parts of its stiffness there.
+pub(crate) fn singular_at(
+    spring: &Spring,
+    degrees: usize,
+    lines: &Frequencies,
+) -> Option<(Complex64, [f64; 3])> {
+    if spring.statically_regular(degrees) {
+        return None;
+    }
+    lines.iter().find_map(|line| {
+        let iw = Complex64::I * line;
+        let entry =
+            |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
+        let (y, theta, both) = (entry(0), entry(1), entry(2));
+        let (size, determinant) =
+            if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
+        let singular = determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0;
+        singular.then_some((line, [y.re, theta.re, both.re]))
+    })
 }
 
 /// An overlap that leaves a motion free.

@@ -180,7 +180,11 @@ impl<'a, const D: usize> Job<'a, D> {
         self.loads.len() - 1
     }
 
-    fn run(&self, lines: &Frequencies, threads: usize) -> Result<Response> {
+    /// Evaluates all lines.
+    ///
+    /// # Errors
+    /// A line on which something is not finite.
+    pub(crate) fn run(&self, lines: &Frequencies, threads: usize) -> Result<Response> {
         let [pairs, wide, forces] = self.a_line();
         let count = lines.len();
         // Zeros that nobody has written yet where the memory is new: the threads that fill it share that work too.

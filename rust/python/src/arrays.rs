@@ -49,7 +49,7 @@ pub fn c_contiguous<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>) -> PyR
 }
 
 /// The slice of an array, or an error that names it.
-pub fn contiguous<'a, T, E>(name: &str, slice: Result<&'a [T], E>) -> PyResult<&'a [T]> {
+pub fn contiguous<T, E>(name: &str, slice: Result<T, E>) -> PyResult<T> {
     slice.map_err(|_| PyValueError::new_err(format!("{name}: expected a C-contiguous array")))
 }
 
@@ -70,6 +70,12 @@ pub fn indices(name: &str, array: &PyReadonlyArray1<'_, f64>) -> PyResult<Vec<us
 pub fn coordinates(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Coordinate>> {
     let rows = table(name, array, 2)?.chunks_exact(2);
     rows.map(|row| Ok(Coordinate { node: index(name, row[0])?, direction: index(name, row[1])? })).collect()
+}
+
+/// Response and excitation, two rows of (node, direction).
+pub fn response_and_excitation(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[Coordinate; 2]> {
+    <[Coordinate; 2]>::try_from(coordinates("points", array)?)
+        .map_err(|_| PyValueError::new_err("points: expected two rows, response and excitation"))
 }
 
 /// Rows of (table, row, column).

@@ -1,6 +1,6 @@
 //! The functions of the extension that fit parameters of whole models.
 
-use crate::arrays::{c_contiguous, contiguous, coordinates, indices, parameter, table};
+use crate::arrays::{c_contiguous, contiguous, indices, parameter, response_and_excitation, table};
 use crate::errors::CoreError;
 use crate::functions::shaped;
 use num_complex::Complex64;
@@ -17,7 +17,7 @@ type Row<'py, T> = PyReadonlyArray1<'py, T>;
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
 
 /// Tables, entries that move and how fast, addresses.
-type Ties<'py> = ((Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>), Rows<'py>, Rows<'py>);
+pub(crate) type Ties<'py> = ((Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>, Rows<'py>), Rows<'py>, Rows<'py>);
 
 /// Lines, measured, weights, coordinates (response, excitation), ties.
 type Receptance<'py> = (Row<'py, Complex64>, Row<'py, Complex64>, Row<'py, f64>, Rows<'py>, Ties<'py>);
@@ -25,7 +25,8 @@ type Receptance<'py> = (Row<'py, Complex64>, Row<'py, Complex64>, Row<'py, f64>,
 /// Modes, measured, weights, ties.
 type Frequencies<'py> = (Row<'py, f64>, Row<'py, f64>, Row<'py, f64>, Ties<'py>);
 
-fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
+/// Tables as functions of so many unknowns.
+pub(crate) fn tied<'a>(ties: &'a Ties, count: usize) -> PyResult<Tied<'a>> {
     let ((segments, joints, masses, grounds, overlaps), rates, addresses) = ties;
     let tables = Tables {
         segments: table("segments", segments, section::column::COUNT)?,
@@ -71,10 +72,7 @@ fn campaign<'a>(
     let count = variables.logarithmic.len();
     let mut observed = Vec::new();
     for (w, measured, weights, points, ties) in receptances {
-        let points = coordinates("points", points)?;
-        let [response, excitation] = points[..] else {
-            return Err(PyValueError::new_err("points: expected two rows, response and excitation"));
-        };
+        let [response, excitation] = response_and_excitation(points)?;
         let seen = Seen::Receptance {
             w: contiguous("angular_frequency", w.as_slice())?,
             measured: contiguous("measured", measured.as_slice())?,

@@ -13,7 +13,8 @@ use receptance_core::{Observed, Reduced, Stop, Variables};
 /// Columns of a spring.
 const COLUMNS: usize = 7;
 
-fn seven(name: &str, values: &[f64]) -> PyResult<[f64; COLUMNS]> {
+/// The columns of a joint.
+pub(crate) fn seven(name: &str, values: &[f64]) -> PyResult<[f64; COLUMNS]> {
     <[f64; COLUMNS]>::try_from(values)
         .map_err(|_| PyValueError::new_err(format!("{name}: {} values, expected {COLUMNS}", values.len())))
 }

@@ -5,6 +5,7 @@ mod campaigns;
 mod errors;
 mod fits;
 mod functions;
+mod sweeps;
 
 use pyo3::prelude::*;
 
@@ -19,4 +20,6 @@ mod _core {
     use super::fits::{fit_joint, joint_normal_matrix, joint_residual};
     #[pymodule_export]
     use super::functions::{instruction_set, natural_frequencies, receptance, reduce_joint};
+    #[pymodule_export]
+    use super::sweeps::{sweep_joint, sweep_joint_misfit, sweep_models, sweep_models_misfit};
 }

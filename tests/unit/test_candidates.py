@@ -1,0 +1,198 @@
+"""Many candidates in one call are the assemblies with these values, on whichever road."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from properties.test_invariance import rich
+from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, PointJoint, Segment, Unknown, _core, identify
+from receptance._candidates import Candidates, candidates_of
+
+SEED = 8
+FIELDS = PointJoint.columns_of
+LINES = np.linspace(20.0, 6000.0, 333)
+WINDOWED = LINES - 3.0j
+JOINT = tuple(f"joint.{field}" for field in FIELDS)
+SOME = ("tool.segment[1].length", "holder.segment[*].youngs_modulus", "joint.k_y", "sensor.mass")
+NOSE = Coordinate("holder", 0.0)
+
+
+def plain() -> Assembly:
+    """Return tool, joint and holder without anything that keeps the core from series."""
+    steel = replace(STEEL, loss_factor=0.003)
+    tool = Part([Segment(length=0.06, outer_diameter=0.012, material=steel)], name="tool")
+    holder = Part([Segment(length=0.09, outer_diameter=0.05, material=steel)], name="holder")
+    return Assembly([tool, PointJoint(k_y=1e8, k_theta=1e5, name="joint"), holder])
+
+
+def joints(count: int, kind: str) -> np.ndarray:
+    """Return rows of joints from soft to stiff: elastic, viscous, coupled, lossy or all of it."""
+    print(f"seed {SEED}")
+    draw = np.random.default_rng(SEED)
+    rows = np.zeros((count, len(FIELDS)))
+    rows[:, :2] = 10.0 ** draw.uniform([6.0, 3.0], [10.0, 7.0], (count, 2))
+    if kind in ("viscous", "coupled", "all"):
+        rows[:, 3:5] = 10.0 ** draw.uniform([0.0, -3.0], [4.0, 1.0], (count, 2))
+    if kind in ("coupled", "all"):
+        rows[:, 2] = draw.uniform(-0.9, 0.9, count) * np.sqrt(rows[:, 0] * rows[:, 1])
+        rows[:, 5] = draw.uniform(-0.9, 0.9, count) * np.sqrt(rows[:, 3] * rows[:, 4])
+    if kind in ("lossy", "all"):
+        rows[:, 6] = draw.uniform(0.0, 0.1, count)
+    return rows
+
+
+def one_by_one(
+    assembly: Assembly, addresses: tuple[str, ...], rows: np.ndarray, lines: np.ndarray, **points: Any
+) -> np.ndarray:
+    """Return the receptances of the assemblies themselves."""
+    values = (dict(zip(addresses, row.tolist(), strict=True)) for row in rows)
+    return np.array([assembly.replace(one).receptance(lines, **points) for one in values])
+
+
+def assert_agrees(found: Candidates, rows: np.ndarray, h: np.ndarray) -> None:
+    """Compare all that comes out with the receptances of the assemblies."""
+    got = found.receptance(rows)
+    assert np.max(np.abs(got / h - 1.0)) <= 1e-9
+    assert np.max(np.abs(found.magnitude(rows) / np.abs(h) - 1.0)) <= 1e-9
+    draw = np.random.default_rng(SEED)
+    measured = h[0] * (1.0 + 0.05 * draw.standard_normal(h.shape[1])) * np.exp(0.05j * draw.standard_normal(h.shape[1]))
+    weights = draw.uniform(0.1, 10.0, h.shape[1])
+    for residual, each in (("logarithm", np.log(measured / h)), ("complex", 1e9 * (measured - h))):
+        expected = np.sum(np.abs(weights * each) ** 2, axis=1)
+        scale = 1.0 if residual == "logarithm" else 1e18
+        misfit = scale * found.misfit(rows, measured, weights, residual=residual)
+        np.testing.assert_allclose(misfit, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["elastic", "viscous", "coupled", "lossy", "all"])
+@pytest.mark.parametrize("lines", [LINES, WINDOWED], ids=["real", "windowed"])
+def test_joints_are_the_assemblies_with_them(kind: str, lines: np.ndarray) -> None:
+    rows = joints(7, kind)
+    found = candidates_of(plain(), JOINT, lines)
+    assert found.road == "joint"
+    assert_agrees(found, rows, one_by_one(plain(), JOINT, rows, lines))
+
+
+def test_joints_between_any_coordinates_of_any_assembly() -> None:
+    rows = joints(9, "all")
+    found = candidates_of(rich(), JOINT, LINES, NOSE, Coordinate(direction="theta"))
+    h = one_by_one(rich(), JOINT, rows, LINES, response=NOSE, excitation=Coordinate(direction="theta"))
+    assert_agrees(found, rows, h)
+
+
+def test_what_does_not_differ_stays() -> None:
+    rows = joints(3, "viscous")[:, [1, 3]]
+    addresses = ("joint.k_theta", "joint.c_y")
+    assert_agrees(candidates_of(rich(), addresses, LINES), rows, one_by_one(rich(), addresses, rows, LINES))
+
+
+@pytest.mark.parametrize("points", [{}, {"response": NOSE, "excitation": Coordinate("tool", 0.02)}])
+def test_any_parameters_run_as_whole_models(points: dict[str, Coordinate]) -> None:
+    own = np.array([rich().get(name) for name in SOME])
+    rows = own * np.random.default_rng(SEED).uniform(0.8, 1.2, (6, own.size))
+    found = candidates_of(rich(), SOME, LINES, **points)
+    assert found.road == "models"
+    assert_agrees(found, rows, one_by_one(rich(), SOME, rows, LINES, **points))
+
+
+def test_what_the_tables_do_not_tell_runs_assembly_by_assembly() -> None:
+    rods = Assembly(list(plain().elements.values()), motion="axial")
+    addresses = ("joint.k_y", "tool.segment[0].length")
+    rows = np.array([[1e8, 0.06], [3e8, 0.05]])
+    found = candidates_of(rods, addresses, LINES)
+    assert found.road == "assemblies"
+    assert_agrees(found, rows, one_by_one(rods, addresses, rows, LINES))
+
+
+@pytest.mark.parametrize("addresses", [JOINT[:2], (*JOINT[:2], "tool.segment[0].outer_diameter")])
+def test_neither_threads_nor_calls_change_a_bit(addresses: tuple[str, ...]) -> None:
+    rows = np.column_stack([joints(301, "viscous")[:, :2], np.linspace(0.01, 0.02, 301)])[:, : len(addresses)]
+    measured = plain().receptance(LINES)
+    whole = candidates_of(plain(), addresses, LINES, threads=1)
+    cut = candidates_of(plain(), addresses, LINES, threads=2)
+    cut.per_call = 17
+    np.testing.assert_array_equal(whole.receptance(rows), cut.receptance(rows))
+    np.testing.assert_array_equal(whole.magnitude(rows), cut.magnitude(rows))
+    for residual in ("logarithm", "complex"):
+        np.testing.assert_array_equal(
+            whole.misfit(rows, measured, residual=residual), cut.misfit(rows, measured, residual=residual)
+        )
+    assert whole.receptance(rows[:0]).shape == (0, LINES.size)
+    assert whole.misfit(rows[:0], measured).shape == (0,)
+
+
+@pytest.mark.parametrize("lines", [LINES[:1], LINES[:7], LINES[:8], LINES[:65]])
+def test_any_number_of_lines_and_joints(lines: np.ndarray) -> None:
+    rows = joints(3, "viscous")
+    assert_agrees(candidates_of(plain(), JOINT, lines), rows, one_by_one(plain(), JOINT, rows, lines))
+
+
+def test_candidates_that_are_none_have_no_numbers_and_harm_no_other() -> None:
+    rows = joints(6, "viscous")
+    good = candidates_of(plain(), JOINT, LINES).receptance(rows)
+    rows[1, 2] = 2.0 * np.sqrt(rows[1, 0] * rows[1, 1])  # indefinite
+    rows[2, [0, 3]] = 0.0  # holds nothing in y
+    rows[4, 6] = -0.1
+    found = candidates_of(plain(), JOINT, LINES)
+    none = np.array([False, True, True, False, True, False])
+    for numbers in (found.receptance(rows), found.magnitude(rows), found.misfit(rows, good[0])[:, None]):
+        np.testing.assert_array_equal(np.isnan(numbers).all(axis=1), none)
+        np.testing.assert_array_equal(np.isnan(numbers).any(axis=1), none)
+    np.testing.assert_array_equal(found.receptance(rows)[~none], good[~none])
+    bored = candidates_of(plain(), ("tool.segment[0].inner_diameter", "joint.k_y"), LINES)
+    numbers = bored.receptance([[0.0, 1e8], [0.02, 1e8]])
+    assert np.isfinite(numbers[0]).all()
+    assert np.isnan(numbers[1]).all()
+
+
+def test_the_misfit_is_twice_the_cost_of_a_fit() -> None:
+    rows = joints(1, "viscous")[:, :2]
+    h = one_by_one(plain(), JOINT[:2], rows, LINES)[0] * np.exp(0.01 * np.sin(LINES))
+    frf = MeasuredFRF(assembly=plain(), frequency_hz=LINES, receptance=h, standard_deviation=0.02)
+    fit = identify(
+        frf,
+        [Unknown(address="joint.k_y", lower=1e6, upper=1e10), Unknown(address="joint.k_theta", lower=1e3, upper=1e7)],
+    )
+    values = [[fit.values[name] for name in JOINT[:2]]]
+    misfit = candidates_of(plain(), JOINT[:2], LINES).misfit(values, h, np.full(LINES.size, 50.0))
+    assert misfit[0] == pytest.approx(2.0 * min(start.cost for start in fit.starts), rel=1e-6)
+
+
+def test_what_is_wrong_is_said() -> None:
+    found = candidates_of(plain(), JOINT[:2], LINES)
+    for values, words in (
+        ([[1e8]], r"expected \(m, 2\)"),
+        ([[1e8, np.nan]], r"values\[0\]: joint.k_theta is nan"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            found.receptance(values)
+    h = plain().receptance(LINES)
+    for arguments, words in (
+        ((h[1:],), "measured: shape"),
+        ((h, np.ones(3)), "weights: shape"),
+        ((0.0 * h,), "zero has no logarithm"),
+        ((h, None, "magnitude"), "expected 'logarithm' or 'complex'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            found.misfit([[1e8, 1e5]], *arguments)
+    with pytest.raises(ValueError, match="different ones"):
+        candidates_of(plain(), (JOINT[0], JOINT[0]), LINES)
+    with pytest.raises(ValueError, match="nothing"):
+        candidates_of(plain(), ("joint.nothing",), LINES)
+
+
+def test_the_core_refuses_what_does_not_belong_together() -> None:
+    reduction, w = plain().reduced_to_joint("joint", LINES)
+    reference, rows = np.array(plain().elements["joint"].columns()), joints(2, "elastic")
+    with pytest.raises(ValueError, match="out: shape"):
+        _core.sweep_joint(reduction, w, reference, rows, np.empty((2, 5)), 1)
+    with pytest.raises(ValueError, match="joints: shape"):
+        _core.sweep_joint(reduction, w, reference, rows[:, :3].copy(), np.empty((2, w.size)), 1)
+    with pytest.raises(ValueError, match="C-contiguous"):
+        _core.sweep_joint(reduction, w, reference, rows, np.empty((w.size, 2)).T, 1)
+    with pytest.raises(ValueError, match="measured receptance or weights"):
+        _core.sweep_joint_misfit(reduction, w, reference, rows, np.ones(3, complex), np.ones(w.size), True, 1)
