@@ -30,7 +30,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pairs import FIT_LINES, Pair, all_pairs
+from pairs import FIT_LINES, Pair, all_pairs, compiled
 from pairs.fits import Share, scipy_share
 from pairs.threads import machine_gain
 from receptance import _core
@@ -215,6 +215,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(heading(pair))
         rows.append(measure(pair, rounds, least))
         print(line(rows[-1]), flush=True)
+
+    if reason := compiled.skipped():
+        print(f"\nskipped: the closed forms in compiled loops; {reason}")
 
     shared: dict[str, Any] = {"rounds": rounds, "machine": about}
     if any(pair.subject.startswith("identification") for pair in chosen):

@@ -3,6 +3,7 @@
 from .chain import BothEndsSeries, TipSeries
 from .identification import Fit, LogResidual, identify
 from .joint import Joint, Substructures, tip_receptance
+from .joint_sweep import JointSweep
 from .natural import natural_frequencies
 from .riccati import TransferChain, chain_tip_receptance, tip_by_stiffness
 from .segment import segment_receptance
@@ -12,6 +13,7 @@ __all__ = [
     "BothEndsSeries",
     "Fit",
     "Joint",
+    "JointSweep",
     "LogResidual",
     "Series",
     "Substructures",

@@ -7,10 +7,10 @@ series, our minors) is inside the time unless a name says otherwise.
 
 from __future__ import annotations
 
-from . import campaigns, fits, frequencies, receptances, threads
+from . import campaigns, compiled, fits, frequencies, receptances, sweeps, threads
 from .pair import Pair, largest_difference
 
-__all__ = ["Pair", "all_pairs", "largest_difference"]
+__all__ = ["Pair", "all_pairs", "compiled", "largest_difference"]
 
 LINES, FIT_LINES, THREAD_LINES, CAMPAIGN_LINES = 5_000, 12_000, 50_000, 2_500
 
@@ -20,9 +20,12 @@ def all_pairs(share: int = 1) -> list[Pair]:
     return [
         *receptances.segment_pairs(LINES // share),
         *receptances.chain_pairs(LINES // share),
+        *receptances.long_chain_pairs(THREAD_LINES // share),
         *receptances.joint_pairs(LINES // share),
         *frequencies.mode_pairs(),
         *fits.identification_pairs(FIT_LINES // share),
         *campaigns.campaign_pairs(CAMPAIGN_LINES // share, campaigns.STARTS if share == 1 else 2),
+        *sweeps.sweep_pairs(sweeps.LINES // share, sweeps.CANDIDATES // share),
+        *compiled.compiled_pairs(LINES // share),
         *threads.thread_pairs(THREAD_LINES // share),
     ]

@@ -98,6 +98,26 @@ def chain_pairs(lines: int) -> Iterator[Pair]:
     )
 
 
+def long_chain_pairs(lines: int) -> Iterator[Pair]:
+    """Yield the pairs of the ten-segment chain on many lines, on one thread and on two."""
+    f, w = sweep(lines)
+    table = ten_segments()
+    tip = [Coordinate(direction="y"), Coordinate(direction="theta")]
+    digits = f >= STIFFNESS_FROM_HZ
+    for threads, on in ((1, ""), (2, ", two threads")):
+        yield Pair(
+            subject=f"ten-segment chain, tip 2x2, many lines{on}",
+            against="closed-form 2x2 stiffness Riccati",
+            ours=lambda threads=threads: chain().receptance(f, response=tip, excitation=tip, threads=threads),
+            reference=lambda: reference.tip_by_stiffness(w, table),
+            difference=lambda a, b: largest_difference(a[digits], b[digits]),
+            tolerance=1e-8,
+            lines=lines,
+            segments=len(table),
+            threads=threads,
+        )
+
+
 def joint_pairs(lines: int) -> Iterator[Pair]:
     """Yield the pairs of tool, joint and holder, and what derivatives cost us."""
     f, w = sweep(lines)

@@ -1,0 +1,156 @@
+"""How times grow with lines, segments, candidates and threads, as a figure: ``python benches/scaling.py --plot FILE``.
+
+Each point is the least of several calls, ours beside the NumPy reference on one thread.
+"""
+
+from __future__ import annotations
+
+import os
+
+if __name__ == "__main__":
+    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import numpy_reference as reference
+from numpy_reference.cases import segment_row, ten_segments, tool_and_holder
+from pairs.models import chain, coupled, part, segment_addresses, sweep
+from pairs.sweeps import joints, measured, swept
+from receptance import Assembly, Coordinate
+from receptance._files import check_target, write_whole
+from roofline import least
+
+TIP = [Coordinate(direction="y"), Coordinate(direction="theta")]
+LINES = (100, 1_000, 10_000, 100_000)
+SEGMENTS = (1, 3, 10, 30, 100)
+CANDIDATES = (1, 10, 100, 1_000, 10_000)
+AT_LINES = 1_000
+THREADS = tuple(range(1, min(os.cpu_count() or 1, 16) + 1))
+ENOUGH_S = 0.3
+"""About how long each point is measured."""
+
+
+class Point(NamedTuple):
+    """One measured point: panel, curve, abscissa, seconds."""
+
+    panel: str
+    curve: str
+    x: int
+    seconds: float
+
+
+def seconds(call: Callable[[], object], quick: bool) -> float:
+    """Return the least seconds of a call."""
+    return least(call, 1 if quick else max(3, min(100, int(ENOUGH_S / least(call, 1)))))
+
+
+def measure(quick: bool = False) -> Iterator[Point]:
+    """Yield all points; fewer and rougher ones where it is only to be tried out."""
+    few = slice(0, 2) if quick else slice(None)
+
+    def points(panel: str, x: int, calls: dict[str, Callable[[], Any]]) -> Iterator[Point]:
+        for curve, call in calls.items():
+            yield Point(panel, curve, x, seconds(call, quick))
+
+    for count in LINES[few]:
+        f, w = sweep(count)
+        tip = {
+            "receptance": lambda f=f: chain().receptance(f, response=TIP, excitation=TIP, threads=1),
+            "NumPy, closed form": lambda w=w: reference.tip_by_stiffness(w, ten_segments()),
+        }
+        yield from points("lines, ten segments", count, tip)
+    f, w = sweep(AT_LINES)
+    for count in SEGMENTS[few]:
+        table = np.array([segment_row(i, 0.2 / count, 0.012 + 0.02 * i / count) for i in range(count)])
+        bar = Assembly([part(table, "bar")])
+        tip = {
+            "receptance": lambda bar=bar: bar.receptance(f, response=TIP, excitation=TIP, threads=1),
+            "NumPy, closed form": lambda table=table: reference.tip_by_stiffness(w, table),
+        }
+        yield from points(f"segments, {AT_LINES:,} lines", count, tip)
+    seen, own = measured(w), swept(AT_LINES, 1)
+    plain = reference.JointSweep(w, reference.Substructures(*tool_and_holder(), w[-1]), True, seen)
+    for count in CANDIDATES[few]:
+        rows = joints("viscous", count)
+        misfit = {
+            "receptance": lambda rows=rows: own.misfit(rows, seen),
+            "NumPy, matrix products": lambda rows=rows: plain.misfits(rows, np.ones(AT_LINES)),
+        }
+        yield from points(f"candidates (misfit), {AT_LINES:,} lines", count, misfit)
+    rows, (f, _), slopes = joints("viscous", 1_000), sweep(50_000), segment_addresses(coupled())
+    for count in THREADS[few]:
+        many = swept(AT_LINES, count)
+        work = {
+            "misfits of 1,000 joints": lambda many=many: many.misfit(rows, seen),
+            "tool, joint and holder, 50,000 lines": lambda count=count: coupled().receptance(f, threads=count),
+            "with 40 derivatives": lambda count=count: coupled().derivatives(f, slopes, threads=count),
+        }
+        yield from points("threads", count, work)
+
+
+def figure(points: Sequence[Point]) -> Any:
+    """Return the figure: seconds over each abscissa, and how many times faster more threads are."""
+    from matplotlib.figure import Figure
+
+    panels = list(dict.fromkeys(point.panel for point in points))
+    drawn = Figure(figsize=(11.0, 7.5), layout="constrained")
+    for axes, panel in zip(drawn.subplots(2, 2).ravel(), panels, strict=True):
+        own = [point for point in points if point.panel == panel]
+        for curve in dict.fromkeys(point.curve for point in own):
+            x = np.array([point.x for point in own if point.curve == curve])
+            y = np.array([point.seconds for point in own if point.curve == curve])
+            if panel == "threads":
+                axes.plot(x, y[0] / y, "o-", label=curve)
+            else:
+                axes.loglog(x, 1e3 * y, "o-", label=curve)
+        axes.set_xlabel(panel)
+        axes.set_ylabel("times one thread" if panel == "threads" else "ms a call")
+        if panel == "threads":
+            ticks = sorted({point.x for point in own})
+            axes.plot(ticks, ticks, color="0.7", zorder=0)
+            axes.set_xticks(ticks)
+            axes.set_ylim(bottom=0.0)
+        axes.grid(visible=True, which="major", color="0.9")
+        axes.legend(frameon=False)
+    return drawn
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print, and write what is asked for."""
+    parser = argparse.ArgumentParser(description="How times grow with lines, segments, candidates and threads.")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (PNG, SVG or PDF)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the points")
+    parser.add_argument("--quick", action="store_true", help="few points: to try it out")
+    options = parser.parse_args(arguments)
+    for name, target in (("--plot", options.plot), ("--json", options.json)):
+        try:
+            if target:
+                check_target(target)
+        except OSError as error:
+            parser.error(f"{name}: {error}")
+    load = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
+    print(f"least of several calls, {load}")
+    found = []
+    for point in measure(options.quick):
+        found.append(point)
+        print(f"{point.panel:<40}{point.curve:<40}{point.x:>9,}{1e3 * point.seconds:>12.3f} ms", flush=True)
+    if options.json:
+        write_whole({options.json: f"{json.dumps([point._asdict() for point in found], indent=2)}\n".encode()})
+    if options.plot:
+        from io import BytesIO
+
+        content = BytesIO()
+        figure(found).savefig(content, format=options.plot.suffix.lstrip(".") or "png", dpi=150)
+        write_whole({options.plot: content.getvalue()})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
