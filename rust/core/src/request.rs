@@ -280,7 +280,7 @@ pub(crate) fn singular_at(
         let (size, determinant) =
             if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
         let singular = determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0;
-        singular.then(|| (line, [y.re, theta.re, both.re]))
+        singular.then_some((line, [y.re, theta.re, both.re]))
     })
 }
 
