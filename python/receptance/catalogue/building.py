@@ -21,7 +21,8 @@ from receptance.campaign.propagation import Where
 from receptance.campaign.tolerances import Effects, assembly_effects
 from receptance.campaign.workshop import Workshop, expected
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
-from receptance.terminals import MeasuredPart, ModalPart
+from receptance.modal_parts import ModalPart
+from receptance.terminals import MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

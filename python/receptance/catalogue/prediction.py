@@ -18,7 +18,8 @@ from receptance.campaign.propagation import Propagation
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.errors import ReceptanceError
 from receptance.identification.spread import quantile
-from receptance.terminals import MeasuredPart, ModalPart
+from receptance.modal_parts import ModalPart
+from receptance.terminals import MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

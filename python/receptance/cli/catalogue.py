@@ -13,8 +13,7 @@ from rich.text import Text
 
 from receptance._files import check_target, write_whole
 from receptance.cli._tables import table
-from receptance.cli.campaigns import File
-from receptance.cli.campaigns import load_campaign
+from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import InputError, Plot, Targets, input_errors, output, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 

@@ -10,8 +10,7 @@ import typer
 from rich.text import Text
 
 from receptance.cli._tables import table
-from receptance.cli.campaigns import File
-from receptance.cli.campaigns import load_campaign
+from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import Json, Plot, Targets, input_errors, output, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.stability import Milling
