@@ -119,7 +119,7 @@ def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) ->
 
 def carrying(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
     """Return the assembly with more attached to it."""
-    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points])
+    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points], motion=assembly.motion)
 
 
 def no_address(address: str, assembly: Assembly, what: str = "is no parameter of this assembly") -> str:

@@ -274,7 +274,9 @@ def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     values = fit.values
     if not direction.names:
         joints = tuple(f"{name}.k_" for name in fit.model.joints)
-        stiff = [u.name for u in fit.model.unknowns if u.address.startswith(joints) and not isinstance(u, Move)]
+        stiff = [
+            u.name for u in fit.task.parameters.unknowns if u.address.startswith(joints) and not isinstance(u, Move)
+        ]
         return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
     parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
     null = {name: one.start for name, one in parameters.items()}

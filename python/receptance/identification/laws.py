@@ -90,6 +90,9 @@ class Law(Unknown):
         None for a constant. The exponent is called `<name> ~ <condition>`.
     free : bool, optional
         A value for each configuration, called `<name> @ <configuration>`; bounds, start and prior are the same.
+    along : str, optional
+        Of a free one: name of a condition. A configuration that took no part in the fit has the value between those
+        of its two neighbours in that condition, on a straight line.
     individual : float, optional
         Standard deviation of the natural logarithm of the part that every configuration has of its own: 0.05 where
         clamping again changes a stiffness by 5 %. That part is called `<name> @ <configuration>` and is
@@ -110,6 +113,7 @@ class Law(Unknown):
 
     powers: tuple[Power, ...] = ()
     free: bool = False
+    along: str = ""
     individual: float = 0.0
 
     def __post_init__(self) -> None:
@@ -123,6 +127,8 @@ class Law(Unknown):
         object.__setattr__(self, "individual", _checks.not_negative(owner, "individual", self.individual))
         if self.free and (powers or self.individual):
             raise ValueError(f"{owner}: it is free and has powers or individual parts, expected one of the two")
+        if not isinstance(self.along, str) or (self.along and not self.free):
+            raise ValueError(f"{owner}: along is {self.along!r}, expected the name of a condition, of a free law only")
 
     @property
     def plain(self) -> bool:
