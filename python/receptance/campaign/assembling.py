@@ -44,11 +44,11 @@ def _plain(path: Path, table: AssemblyTable, built: Built, workshop: Workshop) -
     if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
         return None
     chain = [elements[name] for name in table.chain]
-    bare = workshop.make((*path, "chain"), Assembly, chain)
+    bare = workshop.make((*path, "chain"), Assembly, chain, motion=table.motion)
     if bare is None or not table.attachments:
         return bare
     on = [points[name] for name in table.attachments]
-    return workshop.make((*path, "attachments"), Assembly, chain, on)
+    return workshop.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
 
 
 def _changed(path: Path, assembly: Assembly, table: AssemblyTable, built: Built, workshop: Workshop) -> Assembly | None:
@@ -94,6 +94,10 @@ def check_unknowns(table: CampaignTable, built: Built, workshop: Workshop) -> No
 def place(path: Path, table: CoordinateTable, assembly: Assembly, workshop: Workshop) -> Coordinate | None:
     """Return a coordinate that the assembly has, or None after its mistakes are added."""
     if workshop.problems.at(path):
+        return None
+    if assembly.motion == "axial" and table.direction.endswith("theta"):
+        problems = workshop.problems
+        problems.add((*path, "direction"), f'is "{table.direction}", and nothing turns in axial motion; expected "+y"')
         return None
     position = parse_position(table.position)
     parts = {name: element for name, element in assembly.elements.items() if isinstance(element, Part)}

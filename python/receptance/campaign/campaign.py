@@ -51,6 +51,8 @@ class Campaign:
         Response and excitation at which assemblies that were not measured are predicted.
     candidates : dict of str to Candidate
         Measurements that could be taken next.
+    templates : dict of str to str
+        Of measurements at the levels of a series: their names in the file, such as "axial {level}".
     notes : tuple of str
         What a person should know.
 
@@ -77,6 +79,7 @@ class Campaign:
     conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
+    templates: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property

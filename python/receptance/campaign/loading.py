@@ -22,6 +22,7 @@ from receptance.campaign.measurement_models import CampaignTable
 from receptance.campaign.observations import Measurement, build_measurement
 from receptance.campaign.problems import CampaignError, Problem, Problems, translate
 from receptance.campaign.references import check_references
+from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tolerances import Effects, assembly_effects, effects_beside
 from receptance.campaign.workshop import Workshop
 from receptance.coordinates import Coordinate
@@ -114,7 +115,7 @@ def loaded(
     places = _places(table, built, workshop)
     _check_weights(measurements, table, problems)
     if problems.found:
-        raise CampaignError(called or file, problems.found)
+        raise CampaignError(called or file, problems.told())
     for warning in dict.fromkeys(workshop.warnings):
         warnings.warn(warning, ReceptanceWarning, stacklevel=3)
     return Campaign(
@@ -127,6 +128,9 @@ def loaded(
         conditions=conditions,
         places=places,
         candidates={name: one for name, one in possible.items() if one is not None},
+        templates={
+            str(path[1]): str(inside[1]) for path, inside in problems.written.items() if path[0] == "measurements"
+        },
         notes=tuple(workshop.notes),
     )
 
@@ -148,7 +152,7 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
             points = [built.attachments[one] for one in measurement.attachments]
             found[name] = (with_sensor(carrying(assembly, *points), sensor, at), at)
     if problems.found:
-        raise CampaignError("the campaign", problems.found)
+        raise CampaignError("the campaign", problems.told())
     return found
 
 
@@ -156,7 +160,10 @@ def _described(
     data: dict[str, Any], problems: Problems, folder: FilePath | None
 ) -> tuple[CampaignTable, Workshop, Built]:
     """Return the tables, and what could be built from them; files are sought where a folder is given."""
-    table, named, broken = _validated(data, problems)
+    spelled = spelled_out(data, problems)
+    problems.written.update(spelled.written)
+    data = spelled.data
+    table, named, broken = _validated(data, problems, spelled.unknown)
     workshop = Workshop(problems, named, broken)
     check_references(data, folder, workshop)
     built = build_elements(table, workshop)
@@ -196,13 +203,15 @@ def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
         return data, {}
 
 
-def _validated(data: dict[str, Any], problems: Problems) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
+def _validated(
+    data: dict[str, Any], problems: Problems, unknown: frozenset[str]
+) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
     """Return the tables that are right, the names of all, and the sections of which nothing can be known."""
     from pydantic import ValidationError
 
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
-    broken |= {section for section in ("materials", "parts", "assemblies") if section not in data}
+    broken |= {section for section in ("materials", "parts", "assemblies") if section not in data} | unknown
     rest = copy.deepcopy(data)
     for joint in rest["joints"].values() if isinstance(rest.get("joints"), dict) else ():
         if isinstance(joint, dict):

@@ -57,7 +57,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             if not points:
                 return
             laid = [_laid_out(one, points, model, share) for one in points]
-            # What lies along the stretch grows as what lies at the point falls, so that at both ends an unknown is the whole.
+            # As what lies along the stretch grows, what lies at the point falls: at both ends an unknown is the whole.
             along = _moved(p["log_along"], laid, {one.name: [-1.0, 1.0] for one in laid})
             changed = _with(model, [*laid, *(spread if also else ())])
             name = f"points {title}" + (", more at one end of the others" if also else "")

@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 
 from receptance._files import write_whole
-from receptance.examples.simulated import free_free, hammer
+from receptance.examples.simulated import free_free, hammer, taper
 
 __all__ = ["EXAMPLES", "Example", "write"]
 
@@ -76,6 +76,12 @@ EXAMPLES = {
             "raw time records of hammer hits at three overhangs, SIMULATED; the longest held out",
             "hammer",
             hammer,
+        ),
+        Example(
+            "taper",
+            "a holder in its taper at 26 drawbar forces, along and across, SIMULATED; four forces held out",
+            "taper",
+            taper,
         ),
     )
 }

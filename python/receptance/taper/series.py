@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -196,6 +196,22 @@ class ForceSeries:
         if abs(change) > half:
             direction = "rises" if change > 0.0 else "falls"
         return Trend(direction=direction, change=change, interval=(change - half, change + half), p_value=p)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return values, trends with their evidence and laws as plain values, for JSON."""
+        low, high = self.exponent_interval
+        return {
+            "statement": self.sentence(),
+            "force": self.force.tolist(),
+            "values": self.values.tolist(),
+            "standard_errors": self.standard_errors.tolist(),
+            "trend": asdict(self.trend()),
+            "slope_trend": asdict(self.slope_trend()),
+            "law": asdict(self.law),
+            "laws": [asdict(law) for law in self.laws],
+            "exponent_interval": [low, high],
+            "scatter": self.scatter,
+        }
 
     def sentence(self) -> str:
         """What the series says, in words."""

@@ -57,7 +57,7 @@ def observations(
         assembly, band = holder.radial(1e9, 1e9, 5e3, 5e3, **springs), RADIAL_BAND_HZ
     found = []
     for number, rig in _levels(motion, chosen):
-        frf = rig.measure(seed_of(chosen, number))[1]
+        frf = rig.windowed(seed_of(chosen, number))
         for i in range(len(rig.seen)):
             found.append(
                 MeasuredFRF.from_frf(
