@@ -249,6 +249,12 @@ class _Fields:
         return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
 
     def _resolved(self, node: Any) -> dict[str, Any]:
-        while isinstance(node, dict) and "$ref" in node:
-            node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+        while isinstance(node, dict):
+            choices = [one for one in node.get("anyOf", ()) if one != {"type": "null"}]
+            if len(choices) == 1:  # a table that may be left out
+                node = choices[0]
+            elif "$ref" in node:
+                node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+            else:
+                break
         return node if isinstance(node, dict) else {}

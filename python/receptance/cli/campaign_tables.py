@@ -33,7 +33,8 @@ _WIDE = 116
 def print_identification(console: Console, found: CampaignIdentification) -> None:
     """Print what was fitted, the parameters, what is left, advice and notes."""
     _heading(console, found.campaign, "identified")
-    console.print(_measurements(found.campaign))
+    for item in _measurements(found.campaign):
+        console.print(item)
     for item in _parameters(found):
         console.print(item)
     _list(console, "Advice", found.fit.advice)
@@ -69,11 +70,13 @@ def _heading(console: Console, campaign: Campaign, what: str) -> None:
         print_sentences(console, [campaign.table.description.strip()])
 
 
-def _measurements(campaign: Campaign) -> Group:
-    """Return what was measured; a column that says nothing new is left out."""
+def _measurements(campaign: Campaign) -> Iterable[Group]:
+    """Yield what was measured; a column that says nothing new is left out."""
+    if campaign.templates:
+        yield measured_over_levels(campaign, _content)
     measured = [one for name, one in campaign.measurements.items() if name not in campaign.templates]
     if not measured:
-        return measured_over_levels(campaign, _content)
+        return
     columns = {
         "<name": [one.name for one in measured],
         "<assembly": [one.assembly for one in measured],
@@ -85,7 +88,7 @@ def _measurements(campaign: Campaign) -> Group:
         del columns["<assembly"]
     if not any(one.sensor for one in measured):
         del columns["<sensor"]
-    return table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
+    yield table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
 
 
 def _content(measured: Measurement) -> str:

@@ -79,7 +79,7 @@ def measured_over_levels(campaign: Campaign, content: Callable[[Measurement], st
         contents = dict.fromkeys(content(one) for one in own)
         what = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
         rows.append((template, str(len(own)), str(sum(one.held_out for one in own)), what))
-    return table("Measurements", ("<name", "levels", "held out", "<what"), rows)
+    return table("Measurements at levels", ("<name", "levels", "held out", "<what"), rows)
 
 
 def left_over_levels(templates: Mapping[str, str], rows: Sequence[tuple[str, NDArray[np.float64], str]]) -> Group:

@@ -19,6 +19,9 @@ __all__ = ["SUPPORT_CAUSES"]
 
 _PIECES = (6, 5, 4, 3, 2)
 """Into how many a stretch of contact is divided."""
+_COUNT = 6
+_FADING = 2.3
+"""How far contact falls off between two springs that have been taken to be at points: to a tenth."""
 _FIELDS = ("k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta")
 _TRACE = math.log(1e-3)
 """Logarithm of what lies along the stretch over what lies at the point, where nothing is believed to be there."""
@@ -32,7 +35,7 @@ class _Pieces:
     springs: tuple[GroundSpring, ...]
     shares: tuple[float, ...]
     places: tuple[float, ...]
-    """Of the middles, from -1 at the beginning of the stretch to 1 at its end."""
+    """Of the middles along the stretch."""
 
 
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -52,16 +55,17 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant("more at one end", _with(model, own).plus(uneven[1]))
         yield Variant("more at the ends, and more at one of them", _with(model, own).plus(*uneven))
         spread = own
-    for title, share in (("fading towards the other one", 1.0), ("each over its half of the stretch", 0.5)):
-        for also in (False, True) if spread and points else (False,):
-            if not points:
-                return
-            laid = [_laid_out(one, points, model, share) for one in points]
-            # As what lies along the stretch grows, what lies at the point falls: at both ends an unknown is the whole.
-            along = _moved(p["log_along"], laid, {one.name: [-1.0, 1.0] for one in laid})
-            changed = _with(model, [*laid, *(spread if also else ())])
-            name = f"points {title}" + (", more at one end of the others" if also else "")
-            yield Variant(name, changed.plus(along, *(uneven if also else ())))
+    if not points:
+        return
+    laid = [_laid_out(one, points, model) for one in points]
+    # As what lies along the stretch grows, what lies at the point falls: at both ends an unknown is the whole.
+    along = (
+        _moved(p["log_along"], laid, {one.name: [-1.0] + [1.0] * _COUNT for one in laid}),
+        _moved(p["fading"], laid, {one.name: [0.0, *(0.5 - x for x in one.places[1:])] for one in laid}),
+    )
+    yield Variant("not at points", _with(model, laid).plus(*along))
+    if spread:
+        yield Variant("not at points, and not evenly", _with(model, [*laid, *spread]).plus(*along, *uneven))
 
 
 def _wanted(model: Model) -> list[GroundSpring]:
@@ -107,7 +111,7 @@ def _divided(spring: GroundSpring) -> _Pieces:
 
 
 def _within(pieces: list[_Pieces]) -> list[_Pieces]:
-    """Return pieces with their places, from the first beginning to the last end of all."""
+    """Return pieces with their places, from -1 at the first beginning to 1 at the last end of all."""
     springs = [spring for one in pieces for spring in one.springs]
     first = min(float(one.position) for one in springs)
     whole = max(float(one.position) + one.length for one in springs) - first
@@ -119,19 +123,31 @@ def _within(pieces: list[_Pieces]) -> list[_Pieces]:
     ]
 
 
-def _laid_out(spring: GroundSpring, both: list[GroundSpring], model: Model, share: float) -> _Pieces:
-    """Return a spring at a point, and another one from there over a share of the stretch, fading where it is all."""
+def _laid_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _Pieces:
+    """Return a spring at a point, and others from there to where the other one is, less and less.
+
+    Places are shares of the way.
+    """
     first, last = sorted(_position(one, model) for one in both)
     if first == last:
         raise UndecidableError("the springs to ground are at one point")
-    place, length = _position(spring, model), share * (last - first)
-    points = 12
-    weights = [1.0 - (i + 0.5) / points if share == 1.0 else 0.5 for i in range(points)]
-    weights = [w * w for w in weights]
-    begin = place if place == first else place - length
-    ordered = tuple(weights if place == first else reversed(weights))
-    along = replace(spring, position=begin, length=length, weights=ordered, name=_named(spring, 1))
-    return _Pieces(spring.name, (spring, along), (1.0, math.exp(_TRACE)), (-1.0, 1.0))
+    each = (last - first) / _COUNT
+    places = tuple((i + 0.5) / _COUNT for i in range(_COUNT))
+    onwards = _position(spring, model) == first
+    springs = [
+        replace(
+            spring,
+            position=first + i * each if onwards else last - (i + 1) * each,
+            length=each,
+            points=2,
+            weights=(),
+            name=_named(spring, i + 1),
+        )
+        for i in range(_COUNT)
+    ]
+    weights = [math.exp(-_FADING * x) for x in places]
+    shares = (1.0, *(math.exp(_TRACE) * weight / sum(weights) for weight in weights))
+    return _Pieces(spring.name, (spring, *springs), shares, (0.0, *places))
 
 
 def _named(spring: GroundSpring, number: int) -> str:
@@ -196,6 +212,7 @@ SUPPORT_CAUSES = (
             Parameter(name="log_ends", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
             Parameter(name="log_tilt", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
             Parameter(name="log_along", unit="", lower=0.0, upper=9.0, typical=2.3),
+            Parameter(name="fading", unit="", lower=-5.0, upper=8.0, typical=0.0, secondary=True),
         ),
         change=_contact,
         meaning="a part is held elsewhere along its contact than the model says: more at an end, or not at points",
