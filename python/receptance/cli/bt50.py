@@ -26,6 +26,7 @@ def print_bt50(console: Console, study: BT50Study) -> None:
     print_sentences(console, [SOURCE + ".", PROVENANCE])
     parts = (
         ("axial", "Axial", _axial(study)),
+        ("diagnosis", "What a diagnosis says of the rigid holder", None),
         ("damping", "Axial damping, half-power and circle", _damping(study)),
         ("radial", "Radial", _radial(study)),
         ("trends", "Over drawbar force", trends(study.series)),

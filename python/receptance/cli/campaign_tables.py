@@ -33,9 +33,7 @@ _WIDE = 116
 def print_identification(console: Console, found: CampaignIdentification) -> None:
     """Print what was fitted, the parameters, what is left, advice and notes."""
     _heading(console, found.campaign, "identified")
-    for item in _measurements(found.campaign):
-        console.print(item)
-    for item in _parameters(found):
+    for item in (*_measurements(found.campaign), *_parameters(found)):
         console.print(item)
     _list(console, "Advice", found.fit.advice)
     _notes(console, found.campaign, found.notes)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from receptance.diagnosis import Candidate
+    from receptance.studies.bt50.diagnosed import Diagnosed
     from receptance.studies.bt50.study import BT50Study
 
 __all__ = ["PROVENANCE", "SOURCE", "damping_errors", "findings"]
@@ -26,6 +28,7 @@ def findings(study: BT50Study) -> tuple[tuple[str, str], ...]:
     """Return what each sentence is about, and the sentence."""
     return (
         *(("axial", text) for text in _axial(study)),
+        *(("diagnosis", text) for one in study.diagnosed for text in _diagnosis(one)),
         *(("damping", text) for text in _damping(study)),
         *(("radial", text) for text in _radial(study)),
         *(("trends", series.sentence() + ".") for series in study.series.values()),
@@ -74,6 +77,45 @@ def _axial(study: BT50Study) -> list[str]:
         f"{left.rigid_rms_percent:.2g} % rms before, {left.elastic_rms_percent:.2g} % after the model got the body's "
         "elasticity.",
     ]
+
+
+def _diagnosis(one: Diagnosed) -> list[str]:
+    """Say what the diagnosis says; which cause it is stands in its verdict alone."""
+    verdict = one.verdict
+    forces = ", ".join(f"{force:g}" for force in one.seen_kn)
+    said = [
+        f"`diagnose` was given the {one.motion} FRFs at {forces} kN, the rigid holder with its springs free at each of "
+        f"them, and all causes of its catalogue. It answers: {verdict.verdict}. The rigid holder leaves "
+        f"{verdict.adequacy.misfit:.3g} times what noise and floor explain"
+        + ("." if verdict.adequacy_after is None else f", the best explanation {verdict.adequacy_after.misfit:.2f}.")
+    ]
+    if one.certain:
+        causes = "; ".join(f"{cause.meaning} ({cause.id}, {_sizes(cause)})" for cause in one.certain)
+        where = "In every explanation" if verdict.ambiguous_between else "The explanation"
+        said.append(f"{where}: {causes}.")
+    if verdict.ambiguous_between:
+        said.append(
+            "These data cannot tell what acts with it: " + ", ".join(verdict.ambiguous_between) + "."
+            if one.certain
+            else "These data cannot tell which: " + ", ".join(verdict.ambiguous_between) + "."
+        )
+    if one.gain is not None:
+        low, high = one.gain.interval
+        said.append(
+            f"At the {len(one.left_out_kn)} forces that it was not given: {one.gain.metric}, "
+            f"{one.gain.held_out_before:.3g} before and {one.gain.held_out_after:.3g} after, better by "
+            f"{low:.3g} to {high:.3g}."
+        )
+    if verdict.next_measurement is not None:
+        said.append(f"It would next {verdict.next_measurement.action}: {verdict.next_measurement.reason}.")
+    return said
+
+
+def _sizes(cause: Candidate) -> str:
+    return ", ".join(
+        f"{name.partition('.')[2]} {value:.3g} ({low:.3g} to {high:.3g})"
+        for name, (value, low, high) in cause.parameters.items()
+    )
 
 
 def _damping(study: BT50Study) -> list[str]:

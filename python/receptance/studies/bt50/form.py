@@ -47,6 +47,18 @@ def as_dict(study: BT50Study) -> dict[str, Any]:
                 }
                 for one in study.left_out
             ],
+            "diagnosis": [
+                {
+                    "motion": one.motion,
+                    "model": "rigid holder",
+                    "seen_kn": list(one.seen_kn),
+                    "left_out_kn": list(one.left_out_kn),
+                    "in_every_explanation": [cause.id for cause in one.certain],
+                    **one.verdict.to_dict(),
+                    "gain": None if one.gain is None else dataclasses.asdict(one.gain),
+                }
+                for one in study.diagnosed
+            ],
             "damping_matters_hz": {
                 one.motion: [list(band) for band in one.differs_hz] for one in study.damping_ignored
             },
