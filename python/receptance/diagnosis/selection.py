@@ -296,6 +296,20 @@ def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     return [{**values, **one} for one in different]
 
 
+def _from_alone(
+    selection: Selection, direction: Direction, steps: tuple[tuple[Cause, str], ...], root: Fit
+) -> list[dict[str, float]]:
+    """Return where a fit of causes together begins from the end of the added one alone."""
+    if not steps:
+        return []
+    return [
+        {**root.values, **one.fit.values, **{name: root.values[name] for name in root.values if name not in base}}
+        for base in [selection.base.values]
+        for one in selection.singles
+        if one.steps[0] == direction.step_name
+    ]
+
+
 def _fitted(
     selection: Selection,
     steps: tuple[tuple[Cause, str], ...],
@@ -321,7 +335,8 @@ def _fitted(
                 continue
             found.append(_explanation(selection, steps, direction.step_name, fit))
             continue
-        there = explore(direction.variant.model, _starts(direction, root), threads=threads)
+        starts = [*_starts(direction, root), *_from_alone(selection, direction, steps, root)]
+        there = explore(direction.variant.model, starts, threads=threads)
         if there.ends:
             explored.append((direction, there))
     explored.sort(key=lambda pair: pair[1].chi_square)
