@@ -35,15 +35,15 @@ class Diagnosed:
         Forces that the diagnosis saw, and those at which improvement was measured.
     verdict : Verdict
         What `receptance.diagnosis.diagnose` returned, with all causes of the catalogue.
-    gain : Gain or None
-        Improvement at the forces that were left out.
+    gains : tuple of Gain
+        Improvement at the forces that were left out, in several metrics.
     """
 
     motion: str
     seen_kn: tuple[float, ...]
     left_out_kn: tuple[float, ...]
     verdict: Verdict
-    gain: Gain | None
+    gains: tuple[Gain, ...]
 
     @property
     def certain(self) -> tuple[Candidate, ...]:
@@ -89,5 +89,5 @@ def diagnosed(
         seen_kn=tuple(1e-3 * force for force in chosen),
         left_out_kn=tuple(dict.fromkeys(1e-3 * one.conditions["drawbar force"] for one in rest)),
         verdict=verdict,
-        gain=improvement(verdict.selection, verdict.explanation, rest, ()),
+        gains=improvement(verdict.selection, verdict.explanation, rest, ()),
     )

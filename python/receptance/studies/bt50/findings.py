@@ -99,13 +99,13 @@ def _diagnosis(one: Diagnosed) -> list[str]:
             if one.certain
             else "These data cannot tell which: " + ", ".join(verdict.ambiguous_between) + "."
         )
-    if one.gain is not None:
-        low, high = one.gain.interval
-        said.append(
-            f"At the {len(one.left_out_kn)} forces that it was not given: {one.gain.metric}, "
-            f"{one.gain.held_out_before:.3g} before and {one.gain.held_out_after:.3g} after, better by "
-            f"{low:.3g} to {high:.3g}."
-        )
+    gains = "; ".join(
+        f"{gain.metric}, {gain.held_out_before:.3g} before and {gain.held_out_after:.3g} after, better by "
+        f"{gain.interval[0]:.3g} to {gain.interval[1]:.3g}"
+        for gain in one.gains
+    )
+    if gains:
+        said.append(f"At the {len(one.left_out_kn)} forces that it was not given: {gains}.")
     if verdict.next_measurement is not None:
         said.append(f"It would next {verdict.next_measurement.action}: {verdict.next_measurement.reason}.")
     return said

@@ -55,7 +55,7 @@ def as_dict(study: BT50Study) -> dict[str, Any]:
                     "left_out_kn": list(one.left_out_kn),
                     "in_every_explanation": [cause.id for cause in one.certain],
                     **one.verdict.to_dict(),
-                    "gain": None if one.gain is None else dataclasses.asdict(one.gain),
+                    "gains": [dataclasses.asdict(gain) for gain in one.gains],
                 }
                 for one in study.diagnosed
             ],
