@@ -71,6 +71,11 @@ class Trend:
     interval: tuple[float, float]
     p_value: float
 
+    @property
+    def rarity(self) -> str:
+        """How often chance alone would do that, in words."""
+        return "p < 0.001" if self.p_value < 1e-3 else f"p = {self.p_value:.2g}"
+
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.direction} by {self.change:.3g} ({low:.3g} to {high:.3g}, p = {self.p_value:.2g})"
@@ -224,11 +229,13 @@ class ForceSeries:
         ends = f"n between {low:.2f} and {high:.2f}"
         if low == _EXPONENTS[0] or high == _EXPONENTS[1]:
             ends += " (open)"
-        whole = self.trend()
+        whole, slope = self.trend(), self.slope_trend()
         share = 100.0 / float(np.mean(self.values))
         text = f"{self.name} {whole.direction}"
         if whole.direction != "not determined":
-            text += f" by {share * whole.change:+.2g} % of its mean"
+            text += f" by {share * whole.change:+.2g} % of its mean ({whole.rarity})"
+        text += f", its slope {slope.direction if slope.direction != 'not determined' else 'is not determined'}"
+        text += f" ({slope.rarity})"
         law = self.law
         best = law.name if law.name != "power" else f"K0 + a F^n, n = {law.exponent:.2f}"
         return f"{text}; best law {best}; in K0 + a F^n {ends}, {side}"

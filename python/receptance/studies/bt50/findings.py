@@ -31,7 +31,7 @@ def findings(study: BT50Study) -> tuple[tuple[str, str], ...]:
         *(("diagnosis", text) for one in study.diagnosed for text in _diagnosis(one)),
         *(("damping", text) for text in _damping(study)),
         *(("radial", text) for text in _radial(study)),
-        *(("trends", series.sentence() + ".") for series in study.series.values()),
+        *(("trends", text) for text in _trends(study)),
         *(("use", text) for text in _use(study)),
     )
 
@@ -151,6 +151,24 @@ def _radial(study: BT50Study) -> list[str]:
         f"deviations. Left-out levels, both modes: {left.rigid_rms_percent:.2g} % rms with the rigid holder's springs "
         f"of the levels themselves, {left.elastic_rms_percent:.2g} % with laws of the elastic one's.",
     ]
+
+
+def _trends(study: BT50Study) -> list[str]:
+    """Say what each parameter does over force, and what becomes of the paper's claims."""
+    said = [f"{series.sentence()}." for series in study.series.values()]
+    claims = (
+        ('stiffness rises with force in both directions (its "positive reinforce")', "k_", "rises", ("z1", "x1", "x2")),
+        ("damping rises along the axis", "c_", "rises", ("z1",)),
+        ("damping falls across", "c_", "falls", ("x1", "x2")),
+    )
+    for claim, kind, direction, ends in claims:
+        own = {end: study.series[f"elastic {kind}{end}"].trend() for end in ends}
+        shown = ", ".join(f"{kind}{end} {trend.direction} ({trend.rarity})" for end, trend in own.items())
+        holds = all(trend.direction == direction for trend in own.values())
+        said.append(
+            f"The paper says: {claim}. On the virtual rig that {'holds' if holds else 'does not hold'}: {shown}."
+        )
+    return said
 
 
 def _use(study: BT50Study) -> list[str]:
