@@ -14,8 +14,8 @@ from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
+from receptance.diagnosis.starts import starts_of, starts_together
 from receptance.errors import ReceptanceError
-from receptance.identification.laws import Move
 from receptance.identification.observations import MeasuredFRF
 
 __all__ = ["Explanation", "Selection", "select"]
@@ -29,11 +29,11 @@ _ANOTHER = 20.0
 _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
+_HOPELESS = 20.0
+"""Misfit from which on a promise to first order says little, and every cause is tried in addition."""
 """Causes that are tried in addition to each of them."""
 _FRESH_FROM = 0.3
 """Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
-_LARGE = 3.0
-"""Large sizes from which fits begin are so many times the typical one."""
 _SETTLED = 1e-9
 _LEAST = 4
 """So many explanations are fitted on all lines in any case."""
@@ -166,8 +166,21 @@ def select(
         selection.several += roots
     if not any(one.adequacy.passed for one in selection.explanations):
         _begun_anew(selection, seed, threads, say)
+    _ended(selection, threads)
     _pruned(selection, threads)
     return selection
+
+
+def _ended(selection: Selection, threads: int | None) -> None:
+    """Let the fit of the best explanation go on where its evaluations were used up: beside it nothing is named."""
+    best = selection.explanations[0] if selection.explanations else None
+    if best is None or best.fit.converged or not best.adequacy.passed:
+        return
+    again = _explanation(
+        selection, best.steps[:-1], best.steps[-1], refit(best.fit.model, best.fit.values, threads=threads)
+    )
+    target = selection.singles if len(best.steps) == 1 else selection.several
+    target[:] = _best_each([again, *(one for one in target if one is not best)])
 
 
 def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
@@ -264,52 +277,6 @@ def _chosen(found: Sequence[Direction], penalty: float) -> list[Direction]:
     return sorted(chosen, key=lambda one: -promised(one))
 
 
-def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
-    """Return where fits of a cause begin: at its null, where its direction points, and at larger sizes.
-
-    What only says where and how it acts begins as given too: to first order it is known but vaguely.
-
-    What has no number of its own changes the joint instead: its stiffnesses begin at several times what they were.
-    """
-    values = fit.values
-    if not direction.names:
-        joints = tuple(f"{name}.k_" for name in fit.model.joints)
-        stiff = [
-            u.name for u in fit.task.parameters.unknowns if u.address.startswith(joints) and not isinstance(u, Move)
-        ]
-        return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
-    parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
-    null = {name: one.start for name, one in parameters.items()}
-    starts = [null]
-    if direction.step:
-        starts.append({**null, **direction.step})
-        starts.append({name: null[name] if one.secondary else starts[-1][name] for name, one in parameters.items()})
-    for times in (_LARGE, -_LARGE):
-        large = {
-            name: one.typical
-            if one.secondary
-            else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
-            for name, one in parameters.items()
-        }
-        starts.append(large)
-    different = [one for i, one in enumerate(starts) if one not in starts[:i]]
-    return [{**values, **one} for one in different]
-
-
-def _from_alone(
-    selection: Selection, direction: Direction, steps: tuple[tuple[Cause, str], ...], root: Fit
-) -> list[dict[str, float]]:
-    """Return where a fit of causes together begins from the end of the added one alone."""
-    if not steps:
-        return []
-    return [
-        {**root.values, **one.fit.values, **{name: root.values[name] for name in root.values if name not in base}}
-        for base in [selection.base.values]
-        for one in selection.singles
-        if one.steps[0] == direction.step_name
-    ]
-
-
 def _fitted(
     selection: Selection,
     steps: tuple[tuple[Cause, str], ...],
@@ -335,7 +302,8 @@ def _fitted(
                 continue
             found.append(_explanation(selection, steps, direction.step_name, fit))
             continue
-        starts = [*_starts(direction, root), *_from_alone(selection, direction, steps, root)]
+        alone = [one.fit for one in selection.singles if steps and one.steps[0] == direction.step_name]
+        starts = [*starts_of(direction, root), *starts_together(selection.base, alone, root)]
         there = explore(direction.variant.model, starts, threads=threads)
         if there.ends:
             explored.append((direction, there))
@@ -402,14 +370,14 @@ def _added(
         others = [cause for cause in causes if cause.id not in root.ids]
         variants, _ = _variants(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
-        promising = [
-            one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)
-        ]
+        least = max(selection.threshold, 0.0)
+        far = root.adequacy.misfit > _HOPELESS
+        promising = [one for one in directed if far or one.score > selection.penalty * one.count + least]
         open_ = open_ or bool(promising)
         ranked = _chosen(promising, selection.penalty)
         own: list[Direction] = []
         for direction in ranked:
-            if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):
+            if (far or len(own) < _MORE) and all(direction.cause.id != other.cause.id for other in own):
                 own.append(direction)
         for one in _fitted(selection, root.steps, root.fit, own, seed, threads, say):
             if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):

@@ -233,7 +233,7 @@ class ForceSeries:
         share = 100.0 / float(np.mean(self.values))
         text = f"{self.name} {whole.direction}"
         if whole.direction != "not determined":
-            text += f" by {share * whole.change:+.2g} % of its mean ({whole.rarity})"
+            text += f" by {abs(share * whole.change):.2g} % of its mean ({whole.rarity})"
         text += f", its slope {slope.direction if slope.direction != 'not determined' else 'is not determined'}"
         text += f" ({slope.rarity})"
         law = self.law

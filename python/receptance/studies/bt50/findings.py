@@ -139,13 +139,15 @@ def _damping(study: BT50Study) -> list[str]:
 
 def _radial(study: BT50Study) -> list[str]:
     left = study.left_out[1]
+    refused = sum(level.solutions.of_neither for level in study.radial)
     clear = sum(len(level.solutions.solutions) == 1 for level in study.radial)
-    two = sum(len(level.solutions.solutions) == 2 for level in study.radial)
+    two = sum(len(level.solutions.solutions) == 2 for level in study.radial) - refused
     none = sum(not level.solutions.solutions for level in study.radial)
     own = [level.elastic.rms for level in study.radial]
     return [
         f"Rigid holder across: of {len(study.radial)} levels the mode shape chooses one joint at {clear}, leaves two "
-        f"at {two}, and at {none} no real joint has the frequencies. At {study.radial[-1].force_kn:g} kN "
+        f"at {two}, refuses both at {refused}, and at {none} no real joint has the frequencies. At "
+        f"{study.radial[-1].force_kn:g} kN "
         f"{study.radial[-1].solutions.statement}.",
         f"The elastic holder, its contact fading from both ends, leaves {min(own):.1f} to {max(own):.1f} standard "
         f"deviations. Left-out levels, both modes: {left.rigid_rms_percent:.2g} % rms with the rigid holder's springs "
