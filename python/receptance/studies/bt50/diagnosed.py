@@ -19,8 +19,8 @@ __all__ = ["Diagnosed", "diagnosed", "unknowns_of"]
 
 _SPRINGS: dict[Motion, tuple[str, ...]] = {"axial": ("taper",), "radial": ("big_end", "small_end")}
 _BOUNDS = {"k_y": (1e7, 1e12), "c_y": (1e1, 1e6)}
-_LEVELS = 6
-"""Levels that the diagnosis sees, at most; the others are left out."""
+_LEVELS = 3
+"""Levels that the diagnosis sees, low, middle and high; the others are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ def diagnosed(
 
     observed = observations(motion, settings, body="rigid", floor=Floor())
     forces = list(dict.fromkeys(one.conditions["drawbar force"] for one in observed))
-    chosen = forces[:: -(-(len(forces) - 1) // (_LEVELS - 1))]
+    chosen = forces[:: (len(forces) - 1) // (_LEVELS - 1)][:_LEVELS]
     seen = [one for one in observed if one.conditions["drawbar force"] in chosen]
     # What lies beyond the last level is not predicted.
     rest = [one for one in observed if one not in seen and one.conditions["drawbar force"] < chosen[-1]]

@@ -105,7 +105,10 @@ def _diagnosis(one: Diagnosed) -> list[str]:
         for gain in one.gains
     )
     if gains:
-        said.append(f"At the {len(one.left_out_kn)} forces that it was not given: {gains}.")
+        said.append(
+            f"At the {len(one.left_out_kn)} forces between, which it was not given (springs on straight lines between "
+            f"those that it found): {gains}."
+        )
     if verdict.next_measurement is not None:
         said.append(f"It would next {verdict.next_measurement.action}: {verdict.next_measurement.reason}.")
     return said

@@ -34,7 +34,7 @@ __all__ = ["BT50Study", "DampingIgnored", "LeftOut", "run"]
 
 _SAME = 0.05
 """Relative difference up to which two magnitudes are called the same."""
-_DIAGNOSED: tuple[Motion, ...] = ("axial",)
+_DIAGNOSED: tuple[Motion, ...] = ("axial", "radial")
 _SHOWN_KN = 20.0
 """The force of the paper's figure 9."""
 
