@@ -243,3 +243,22 @@ def test_priors_need_standard_deviations():
             Unknown(address="joint.k_y", lower=1e7, upper=1e10),
             tolerances=Tolerance(name="x", moves={"tool.segment[0].length": 1e-4}),
         )
+
+
+def test_a_free_law_has_a_value_between_those_of_neighbours_along_a_condition():
+    law = Law(address="joint.k_y", lower=1e6, upper=1e10, free=True, along="force")
+    places = [Place(assembled(), f"{force:g} kN", conditions={"force": force}) for force in (10.0, 0.0, 20.0)]
+    parameters = Parameters([law], [], places)
+    unknowns = np.array([3e8, 1e8, 4e8])  # in the order of the places
+    between = Place(assembled(), "5 kN", conditions={"force": 5.0})
+    placed = parameters.at(between)
+    assert placed.values(unknowns) == pytest.approx([2e8])
+    np.testing.assert_allclose(placed.jacobian(unknowns), [[0.5, 0.5, 0.0]])
+    again = Place(assembled(), "another 20 kN", conditions={"force": 20.0})
+    assert parameters.at(again).values(unknowns) == pytest.approx([4e8])
+    with pytest.raises(ValueError, match="known for 'force' from 0 to 20"):
+        parameters.at(Place(assembled(), "25 kN", conditions={"force": 25.0}))
+    with pytest.raises(ValueError, match="no condition 'force'"):
+        parameters.at(Place(assembled(), "unknown"))
+    with pytest.raises(ValueError, match="of a free law only"):
+        Law(address="joint.k_y", lower=1e6, upper=1e10, along="force")

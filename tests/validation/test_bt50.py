@@ -117,6 +117,26 @@ def test_rigid_against_elastic(study: BT50Study, summarise: Callable[[str, str, 
 
 
 @pytest.mark.slow
+def test_the_diagnosis_finds_the_elastic_body(study: BT50Study, summarise: Callable[[str, str, object], None]) -> None:
+    axial, radial = study.diagnosed
+    for one in (axial, radial):
+        summarise("bt50", f"diagnosis, {one.motion}", f"{one.verdict.verdict}: {', '.join(c.id for c in one.certain)}")
+        assert "flexible_body" in [cause.id for cause in one.certain]
+        distance = one.gains[0]
+        assert distance.held_out_after < 0.2 * distance.held_out_before
+        assert distance.interval[0] > 0.0
+        assert not set(one.seen_kn) & set(one.left_out_kn)
+    assert radial.verdict.verdict == "named"
+    body = next(cause for cause in radial.certain if cause.id == "flexible_body")
+    _, low, high = body.parameters["flexible_body.decades"]
+    # The rig is of steel with 208 GPa, and the decades count from 200.
+    assert low - 0.002 < np.log10(208.0 / 200.0) < high + 0.002
+    words = " ".join(text for about, text in findings(study) if about == "diagnosis")
+    assert "flexible_body" in words
+    assert radial.verdict.verdict in words
+
+
+@pytest.mark.slow
 def test_damping_at_20_hz(study: BT50Study) -> None:
     errors = damping_errors(study)
     assert errors["half_power"]["mean_percent"] > 3.0

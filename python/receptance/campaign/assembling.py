@@ -44,11 +44,11 @@ def _plain(path: Path, table: AssemblyTable, built: Built, workshop: Workshop) -
     if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
         return None
     chain = [elements[name] for name in table.chain]
-    bare = workshop.make((*path, "chain"), Assembly, chain)
+    bare = workshop.make((*path, "chain"), Assembly, chain, motion=table.motion)
     if bare is None or not table.attachments:
         return bare
     on = [points[name] for name in table.attachments]
-    return workshop.make((*path, "attachments"), Assembly, chain, on)
+    return workshop.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
 
 
 def _changed(path: Path, assembly: Assembly, table: AssemblyTable, built: Built, workshop: Workshop) -> Assembly | None:
@@ -95,6 +95,10 @@ def place(path: Path, table: CoordinateTable, assembly: Assembly, workshop: Work
     """Return a coordinate that the assembly has, or None after its mistakes are added."""
     if workshop.problems.at(path):
         return None
+    if assembly.motion == "axial" and table.direction.endswith("theta"):
+        problems = workshop.problems
+        problems.add((*path, "direction"), f'is "{table.direction}", and nothing turns in axial motion; expected "+y"')
+        return None
     position = parse_position(table.position)
     parts = {name: element for name, element in assembly.elements.items() if isinstance(element, Part)}
     name = table.part or next(iter(parts))
@@ -119,7 +123,7 @@ def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) ->
 
 def carrying(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
     """Return the assembly with more attached to it."""
-    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points])
+    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points], motion=assembly.motion)
 
 
 def no_address(address: str, assembly: Assembly, what: str = "is no parameter of this assembly") -> str:

@@ -12,6 +12,7 @@ from receptance.campaign.unknown_building import build_unknown
 from receptance.campaign.workshop import Workshop
 from receptance.joints import GroundSpring, PointMass
 from receptance.materials import STEEL, Material
+from receptance.taper.body import as_rigid
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
@@ -48,7 +49,8 @@ def build_elements(table: CampaignTable, workshop: Workshop) -> Built:
         ]
         whole = [segment for segment in segments if segment is not None]
         if len(whole) == len(segments):
-            built.parts[name] = Part(whole, name=name)
+            made = Part(whole, name=name)
+            built.parts[name] = as_rigid(made) if part.rigid else made
     for address, unknown in table.unknowns.items():
         _keep(built.unknowns, address, build_unknown(address, unknown, table, workshop))
     for name in table.joints:
@@ -87,4 +89,5 @@ def _attachment(
         values = started(name, table, ("mass", "inertia"), built)
         return workshop.make(path, PointMass, **values, part=table.part, position=position, name=name)
     values = started(name, table, SPRING_FIELDS, built)
-    return workshop.make(path, GroundSpring, **values, part=table.part, position=position, name=name)
+    shape = {"length": table.length, "points": table.points, "weights": tuple(table.weights)}
+    return workshop.make(path, GroundSpring, **values, **shape, part=table.part, position=position, name=name)

@@ -58,6 +58,8 @@ class Campaign:
         Cuts whose stability is asked for.
     built : Built
         Materials, parts, joints and attachments, for assemblies that are not in the file.
+    templates : dict of str to str
+        Of measurements at the levels of a series: their names in the file, such as "axial {level}".
     notes : tuple of str
         What a person should know.
 
@@ -86,6 +88,7 @@ class Campaign:
     candidates: dict[str, Candidate] = field(default_factory=dict)
     cuts: dict[str, CampaignCut] = field(default_factory=dict)
     built: Built = field(default_factory=Built, repr=False)
+    templates: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property

@@ -79,6 +79,8 @@ def extended_text(diagnosis: CampaignDiagnosis, folder: Path) -> str:
 
 def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
     verdict, campaign = diagnosis.verdict, diagnosis.campaign
+    if campaign.table.series is not None:
+        raise ValueError("a campaign over levels cannot be written with its extended model yet")
     if verdict.explanation is None or verdict.extended is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
     data = tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig"))

@@ -12,8 +12,10 @@ from receptance.campaign.deviations import parse_share
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, tolerances_of
+from receptance.campaign.series import level_unit, over_levels, started_by_level
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.factors import FACTORS
+from receptance.identification.laws import Law
 from receptance.identification.spread import quantile
 from receptance.identification.task import place_of
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from receptance.campaign.observations import Measurement
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
+    from receptance.taper import ForceSeries
 
 __all__ = ["CampaignIdentification", "identify_campaign", "observed_unknowns", "tolerances_of_measurements"]
 
@@ -50,6 +53,8 @@ class CampaignIdentification:
         What is needed to do it again.
     profiles : dict of str to Profile
         What the data say about each parameter; empty where that was not asked for.
+    series : dict of str to ForceSeries
+        Parameters over the levels of the campaign's series, in the unit of these.
     """
 
     campaign: Campaign
@@ -58,6 +63,7 @@ class CampaignIdentification:
     notes: tuple[str, ...]
     versions: dict[str, str]
     profiles: dict[str, Profile] = field(default_factory=dict)
+    series: dict[str, ForceSeries] = field(default_factory=dict)
 
     @property
     def measurements(self) -> tuple[str, ...]:
@@ -121,6 +127,7 @@ class CampaignIdentification:
                     }
                     for name, one in self.profiles.items()
                 },
+                **({"series": self._series()} if campaign.table.series is not None else {}),
                 "correlation": {"parameters": fit.addresses, "matrix": fit.correlation},
                 "covariance_of_fitted_variables": fit.covariance,
                 "scales": {unknown.address: unknown.scale for unknown in fit.unknowns},
@@ -150,8 +157,18 @@ class CampaignIdentification:
         )
         return found
 
+    def _series(self) -> dict[str, Any]:
+        table = self.campaign.table.series
+        assert table is not None
+        parameters = {name: one.as_dict() for name, one in self.series.items()}
+        return {"over": table.over, "unit": level_unit(table)[0], "parameters": parameters}
+
     def plot(self) -> Figure:
-        """Draw the measurements against the fitted model, with what is left."""
+        """Draw the measurements against the fitted model, with what is left; of a series, parameters over levels."""
+        if self.series:
+            from receptance.plot.series import draw_series
+
+            return draw_series(self)
         from receptance.plot.campaign import draw_identification
 
         return draw_identification(self)
@@ -194,7 +211,11 @@ def identify_campaign(
         raise CampaignError.about(campaign.file, text)
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
-    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {settings.starts} starts")
+    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
+    if by_level:
+        unknowns = started_by_level(observations, unknowns, settings, threads=threads, say=say)
+    starts = 1 if by_level else settings.starts
+    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {starts} starts")
     width = band_width_percent(settings)
     try:
         fit = identify(
@@ -202,12 +223,12 @@ def identify_campaign(
             unknowns,
             objective=settings.objective,
             band_width_percent=width,
-            starts=settings.starts,
+            starts=starts,
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
             threads=threads,
             tolerances=tolerances_of_measurements(seen) if fitted else (),
-            strategy=settings.strategy,
+            strategy="direct" if by_level else settings.strategy,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
@@ -229,7 +250,12 @@ def identify_campaign(
     if fitted and fit.errors:
         notes.append(f"{len(fit.errors)} errors of dimensions and materials are fitted, their tolerances are priors")
     profiles = {}
-    if settings.profiles and fit.known_scatter and settings.objective == "log" and not any(effects):
+    if by_level:
+        notes.append(
+            "each level was fitted by itself first, and all together from there; profile intervals are not computed "
+            "for a series"
+        )
+    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log" and not any(effects):
         profiles = fit.profiles(progress=say)
     return CampaignIdentification(
         campaign=campaign,
@@ -238,6 +264,7 @@ def identify_campaign(
         notes=tuple(notes),
         versions=versions(),
         profiles=profiles,
+        series=over_levels(campaign, fit),
     )
 
 

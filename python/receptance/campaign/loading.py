@@ -24,6 +24,7 @@ from receptance.campaign.measurement_models import CampaignTable
 from receptance.campaign.observations import Measurement, build_measurement
 from receptance.campaign.problems import CampaignError, Problem, Problems, translate
 from receptance.campaign.references import check_references
+from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tolerances import Effects, assembly_effects, effects_beside
 from receptance.campaign.workshop import Workshop
 from receptance.coordinates import Coordinate
@@ -122,7 +123,7 @@ def loaded(
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if problems.found:
-        raise CampaignError(called or file, problems.found)
+        raise CampaignError(called or file, problems.told())
     for warning in dict.fromkeys(workshop.warnings):
         warnings.warn(warning, ReceptanceWarning, stacklevel=3)
     return Campaign(
@@ -137,6 +138,9 @@ def loaded(
         candidates={name: one for name, one in possible.items() if one is not None},
         cuts={name: one for name, one in cuts.items() if one is not None},
         built=built,
+        templates={
+            str(path[1]): str(inside[1]) for path, inside in problems.written.items() if path[0] == "measurements"
+        },
         notes=tuple(workshop.notes),
     )
 
@@ -158,7 +162,7 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
             points = [built.attachments[one] for one in measurement.attachments]
             found[name] = (with_sensor(carrying(assembly, *points), sensor, at), at)
     if problems.found:
-        raise CampaignError("the campaign", problems.found)
+        raise CampaignError("the campaign", problems.told())
     return found
 
 
@@ -166,7 +170,10 @@ def _described(
     data: dict[str, Any], problems: Problems, folder: FilePath | None
 ) -> tuple[CampaignTable, Workshop, Built]:
     """Return the tables, and what could be built from them; files are sought where a folder is given."""
-    table, named, broken = _validated(data, problems)
+    spelled = spelled_out(data, problems)
+    problems.written.update(spelled.written)
+    data = spelled.data
+    table, named, broken = _validated(data, problems, spelled.unknown)
     workshop = Workshop(problems, named, broken)
     check_references(data, folder, workshop)
     built = build_elements(table, workshop)
@@ -206,13 +213,15 @@ def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
         return data, {}
 
 
-def _validated(data: dict[str, Any], problems: Problems) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
+def _validated(
+    data: dict[str, Any], problems: Problems, unknown: frozenset[str]
+) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
     """Return the tables that are right, the names of all, and the sections of which nothing can be known."""
     from pydantic import ValidationError
 
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
-    broken |= {section for section in _NEEDED if section not in data and "cuts" not in data}
+    broken |= {section for section in _NEEDED if section not in data and "cuts" not in data} | unknown
     rest = copy.deepcopy(data)
     if "cuts" in data:
         rest |= {section: {} for section in _NEEDED if section not in data}

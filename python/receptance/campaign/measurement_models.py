@@ -24,6 +24,7 @@ from receptance.campaign.models import (
     Written,
 )
 from receptance.campaign.quantities import KINDS, Amount, OneOf
+from receptance.campaign.series_models import SeriesTable
 
 __all__ = [
     "CampaignTable",
@@ -211,6 +212,9 @@ class UnknownTable(Table):
     """bounds of the exponent, by default `[-4, 4]`"""
     free: bool = False
     """a value for each assembly instead of one for all"""
+    along: str | None = None
+    """of a free one: name of a condition; assemblies that were not measured have what lies between their neighbours in
+    it, by default that of the series"""
     individual: str | None = None
     """standard deviation of the part that every assembly has of its own, such as `"5 %"`"""
 
@@ -285,6 +289,8 @@ class CampaignTable(Table):
     """cuts whose stable depths are asked for, by name"""
     unknowns: dict[str, UnknownTable] = Field(default={})
     """what is to be identified, by address: `"joint.k_theta"`"""
+    series: SeriesTable | None = None
+    """levels at which the same was measured"""
     settings: SettingsTable = SettingsTable()
     """how the fit is done"""
     prediction: PredictionTable = PredictionTable()

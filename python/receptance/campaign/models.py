@@ -128,6 +128,8 @@ class PartTable(Table):
 
     segments: Annotated[list[SegmentTable], Field(min_length=1)]
     """one or more, `[[parts.NAME.segments]]`, in order from the tip-side end"""
+    rigid: bool = False
+    """whether nothing of it yields: only its mass counts"""
 
 
 class SpringFields(Table):
@@ -216,6 +218,12 @@ class GroundTable(_Placed, SpringFields):
 
     kind: Literal["ground"]
     """`"ground"`"""
+    length: _Bore = 0.0
+    """length over which it is shared out, from the position on; 0 for a spring at a point"""
+    points: Annotated[int, Field(ge=1, le=1000)] = 8
+    """at how many points, each in the middle of an equal part of the length"""
+    weights: list[Annotated[float, OneOf(int, float, what="a number"), Field(ge=0.0)]] = Field(default=[])
+    """what the points carry, in proportion, from the tip on; by default all the same"""
     tolerance: SpringSpread = SpringSpread()
     """standard deviations, by the same keys"""
 
@@ -249,3 +257,5 @@ class AssemblyTable(Table):
     """standard deviations of this configuration by address; one error for this configuration alone"""
     conditions: dict[str, Written] = Field(default={})
     """numbers with units that describe the configuration: torque, insertion, drawbar force"""
+    motion: Literal["bending", "axial"] = "bending"
+    """across, or along the axis: then y, k_y and c_y are along it, and nothing turns"""

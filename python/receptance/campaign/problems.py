@@ -81,12 +81,22 @@ class Problems:
     def __init__(self, lines: Mapping[Path, int]) -> None:
         self._lines = dict(lines)
         self.found: list[Problem] = []
+        self.written: dict[Path, Path] = {}
+        """Section and name of tables that stand in the file under another one, see `series_tables`."""
 
     def add(self, path: Path, text: str) -> None:
         """Add a mistake; the same text at the same place counts once."""
-        problem = Problem(path, text, line_of(path, self._lines))
+        problem = Problem(path, text, line_of(self._in_file(path), self._lines))
         if problem not in self.found:
             self.found.append(problem)
+
+    def told(self) -> list[Problem]:
+        """Return the mistakes as they stand in the file: the same one at every level of a series is one."""
+        found = (Problem(self._in_file(one.path), one.text, one.line) for one in self.found)
+        return list(dict.fromkeys(found))
+
+    def _in_file(self, path: Path) -> Path:
+        return (*self.written.get(path[:2], path[:2]), *path[2:])
 
     def at(self, path: Path) -> bool:
         """Return whether something at or below a path is wrong."""
@@ -239,6 +249,12 @@ class _Fields:
         return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
 
     def _resolved(self, node: Any) -> dict[str, Any]:
-        while isinstance(node, dict) and "$ref" in node:
-            node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+        while isinstance(node, dict):
+            choices = [one for one in node.get("anyOf", ()) if one != {"type": "null"}]
+            if len(choices) == 1:  # a table that may be left out
+                node = choices[0]
+            elif "$ref" in node:
+                node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+            else:
+                break
         return node if isinstance(node, dict) else {}

@@ -45,6 +45,7 @@ _SECTIONS = (
     ("CoordinateTable", "`response` and `excitation`"),
     ("UnknownTable", '`[unknowns."ADDRESS"]`'),
     ("PriorTable", "`prior` of an unknown"),
+    ("SeriesTable", "`[series]`"),
     ("SettingsTable", "`[settings]`"),
     ("PredictionTable", "`[prediction]`"),
     ("StabilityTable", "`[stability]`"),

@@ -66,11 +66,16 @@ def build_unknown(address: str, table: UnknownTable, campaign: CampaignTable, wo
     if table.relative:
         workshop.problems.add((*path, "relative"), "is given, but nothing that it `moves`")
         return None
+    if table.along is not None and not table.free:
+        workshop.problems.add((*path, "along"), "is given, but it is not `free`, expected `free = true` beside it")
+        return None
     if not any(getattr(table, key) for key in _LAW):
         if table.reference is not None or table.exponent is not None:
             workshop.problems.add(path, "has a reference or an exponent, but no `power_of`")
             return None
         return workshop.make(path, Unknown, **fields)
+    if table.free:
+        fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
     return _law(path, table, fields, workshop)
 
 

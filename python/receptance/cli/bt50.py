@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from receptance.cli._tables import ends, head, print_sentences, table
+from receptance.cli.series_tables import trends
 from receptance.studies.bt50 import findings
 from receptance.studies.bt50.findings import PROVENANCE, SOURCE
 
@@ -25,9 +26,10 @@ def print_bt50(console: Console, study: BT50Study) -> None:
     print_sentences(console, [SOURCE + ".", PROVENANCE])
     parts = (
         ("axial", "Axial", _axial(study)),
+        ("diagnosis", "What a diagnosis says of the rigid holder", None),
         ("damping", "Axial damping, half-power and circle", _damping(study)),
         ("radial", "Radial", _radial(study)),
-        ("trends", "Over drawbar force", _trends(study)),
+        ("trends", "Over drawbar force", trends(study.series)),
         ("use", "What the elastic model is used for", None),
     )
     for about, title, printed in parts:
@@ -125,25 +127,3 @@ def _radial(study: BT50Study) -> Group:
         "simulated\n2 [Hz]",
     )
     return table("Elastic holder; simulated: on the rigid holder's springs", columns, rows)
-
-
-def _trends(study: BT50Study) -> Group:
-    rows = []
-    for name, series in study.series.items():
-        whole, slope = series.trend(), series.slope_trend()
-        low, high = series.exponent_interval
-        rows.append(
-            (
-                name,
-                whole.direction,
-                f"{whole.p_value:.1g}",
-                slope.direction,
-                f"{slope.p_value:.1g}",
-                series.law.name,
-                f"{series.laws[2].exponent:.2f}",
-                ends((low, high), ".2f"),
-                f"{series.scatter:.1f}",
-            )
-        )
-    columns = ("<", "<with force", "p", "<its slope", "p", "<best law", "n in K0 + a F^n", "interval", "scatter")
-    return table("Trends with their evidence; scatter about the law over what the errors explain", columns, rows)

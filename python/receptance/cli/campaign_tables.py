@@ -12,6 +12,7 @@ from rich.text import Text
 
 from receptance.campaign.problems import path_text
 from receptance.cli._tables import ends, head, print_sentences, table
+from receptance.cli.series_tables import left_over_levels, measured_over_levels, series_of, tied_over_levels
 from receptance.identification import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -32,8 +33,7 @@ _WIDE = 116
 def print_identification(console: Console, found: CampaignIdentification) -> None:
     """Print what was fitted, the parameters, what is left, advice and notes."""
     _heading(console, found.campaign, "identified")
-    console.print(_measurements(found.campaign))
-    for item in _parameters(found):
+    for item in (*_measurements(found.campaign), *_parameters(found)):
         console.print(item)
     _list(console, "Advice", found.fit.advice)
     _notes(console, found.campaign, found.notes)
@@ -68,9 +68,13 @@ def _heading(console: Console, campaign: Campaign, what: str) -> None:
         print_sentences(console, [campaign.table.description.strip()])
 
 
-def _measurements(campaign: Campaign) -> Group:
-    """Return what was measured; a column that says nothing new is left out."""
-    measured = list(campaign.measurements.values())
+def _measurements(campaign: Campaign) -> Iterable[Group]:
+    """Yield what was measured; a column that says nothing new is left out."""
+    if campaign.templates:
+        yield measured_over_levels(campaign, _content)
+    measured = [one for name, one in campaign.measurements.items() if name not in campaign.templates]
+    if not measured:
+        return
     columns = {
         "<name": [one.name for one in measured],
         "<assembly": [one.assembly for one in measured],
@@ -82,7 +86,7 @@ def _measurements(campaign: Campaign) -> Group:
         del columns["<assembly"]
     if not any(one.sensor for one in measured):
         del columns["<sensor"]
-    return table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
+    yield table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
 
 
 def _content(measured: Measurement) -> str:
@@ -100,7 +104,7 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     toleranced = bool(found.propagation.errors)
     rows = []
     for address, value in fit.values.items():
-        if address in fit.errors:
+        if address in fit.errors or address.split(" @ ")[0] in found.series:
             continue
         low, high = found.interval(address)
         cells = [address, _number(value, 5), _number(fit.standard_errors[address], 2)]
@@ -109,7 +113,9 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     columns = ["<parameter", "value", "standard error\nfrom the data", "95 % interval"]
     if toleranced:
         columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
-    yield table("Identified, SI units", columns, rows)
+    if rows:
+        yield table("Identified, SI units", columns, rows)
+    yield from series_of(found)
     if found.profiles:
         rows = [[name, _ends(one.lower, one.upper), one.statement] for name, one in found.profiles.items()]
         yield table("What the data say", ("<parameter", "95 % profile interval", "<that is"), rows)
@@ -118,16 +124,22 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
         yield table("Errors, in their standard deviations", ("<error", "found", "standard error"), rows)
     yield Text(f"{fit.summary().splitlines()[0]}\n")
     left = [
-        (name, str(residual.size), _rms(residual), unit)
+        (name, residual, unit)
         for name, residual, unit in zip(found.measurements, fit.residuals, fit.units, strict=True)
     ]
-    yield table("What is left", ("<measurement", "residuals", "rms", "<unit"), left)
+    of_series = [row for row in left if row[0] in found.campaign.templates]
+    rows = [[name, str(r.size), _rms(r), unit] for name, r, unit in left if name not in found.campaign.templates]
+    if rows:
+        yield table("What is left", ("<measurement", "residuals", "rms", "<unit"), rows)
+    if of_series:
+        yield left_over_levels(found.campaign.templates, of_series)
     tied = [
         f"{fit.addresses[j]} and {fit.addresses[i]}: {fit.correlation[i, j]:+.3f}"
         for i in range(len(fit.addresses))
         for j in range(i)
-        if abs(fit.correlation[i, j]) > _TIED
+        if abs(fit.correlation[i, j]) > _TIED and fit.addresses[i].split(" @ ")[0] not in found.series
     ]
+    tied += tied_over_levels(found, _TIED)
     if tied:
         yield Text(f"Correlated beyond {_TIED:g}: {'; '.join(tied)}\n")
 
@@ -296,12 +308,17 @@ def _notes(console: Console, campaign: Campaign, notes: Sequence[str]) -> None:
         return
     console.print(Text("Notes", style="bold"))
     rest = list(notes)
+    shown: set[str] = set()
     for name in campaign.measurements:
         place = f"{path_text(('measurements', name))}: "
         own = [note.removeprefix(place) for note in rest if note.startswith(place)]
         rest = [note for note in rest if not note.startswith(place)]
-        if own:
-            console.print(Text(f"  of the measurement {name}"))
+        template = campaign.templates.get(name)
+        if template in shown or not own:
+            continue
+        shown |= {template} if template is not None else set()
+        more = "" if template is None else f"; those at the other levels of {template} are in the JSON"
+        console.print(Text(f"  of the measurement {name}{more}"))
         for note in own:
             console.print(Padding(Text(note), (0, 0, 0, 4), expand=False))
     for note in rest:

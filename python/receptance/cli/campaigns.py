@@ -22,6 +22,8 @@ __all__ = ["File", "diagnose", "example", "identify", "load_campaign", "predict"
 ANSWER_IS_NO = 3
 """Exit code where a verdict was asked to fail on."""
 
+_MOST_FILES = 6
+
 File = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="A campaign file, or a folder with a campaign.toml.")]
 
 
@@ -45,8 +47,10 @@ def example(
     target = folder or Path(name)
     with input_errors():
         files = with_progress(lambda say: examples.write(name, target, overwrite=overwrite, progress=say))
-    for file in files:
+    for file in files[:_MOST_FILES]:
         console.print(f"Written: {file}", soft_wrap=True)
+    if len(files) > _MOST_FILES:
+        console.print(f"Written: {len(files) - _MOST_FILES} more files in {target}", soft_wrap=True)
     console.print(f"Next: receptance identify {files[0]}", soft_wrap=True)
 
 

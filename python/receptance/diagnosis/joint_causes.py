@@ -216,7 +216,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             chain += [inner, stub, replace(inner, name="cause_seat")] if name == joint else [element]
         point = PointMass(mass=0.0, part="cause_collet", name="cause_collet_mass")
         points = [replace(one, name=name) for name, one in assembly.attachments.items()]
-        return Assembly(chain, [*points, point])
+        return Assembly(chain, [*points, point], motion=assembly.motion)
 
     changed = model.rebuilt(build)
     unknowns = []
@@ -301,7 +301,7 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole:
     segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
     points_ = [replace(point, name=name) for name, point in assembly.attachments.items()]
-    return Assembly(elements.values(), points_)
+    return Assembly(elements.values(), points_, motion=assembly.motion)
 
 
 def _beside(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:

@@ -181,7 +181,7 @@ class Model:
 def with_points(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
     """Return the assembly with more point elements."""
     own = [replace(one, name=name) for name, one in assembly.attachments.items()]
-    return Assembly(renamed(assembly).values(), [*own, *points])
+    return Assembly(renamed(assembly).values(), [*own, *points], motion=assembly.motion)
 
 
 def renamed(assembly: Assembly) -> dict[str, Any]:
@@ -208,7 +208,8 @@ def _divided(assembly: Assembly, part: str, index: int, length: float) -> Assemb
     whole = segments[index]
     segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
     elements[part] = Part(segments, name=part)
-    return Assembly(elements.values(), [replace(point, name=name) for name, point in assembly.attachments.items()])
+    own = [replace(point, name=name) for name, point in assembly.attachments.items()]
+    return Assembly(elements.values(), own, motion=assembly.motion)
 
 
 def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ __all__ = ["PART_CAUSES"]
 
 _SPLIT = 1e-5
 """Where a part is divided at first, in m; the parameter says where it really is."""
+_METAL = 2e11
+"""Young's modulus in Pa from which the stiffness of a body is counted, in decades; nine of them are rigid."""
 _RIGID = 2e12
 """No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
 _BODY = (0.005, 0.02)
@@ -132,8 +135,14 @@ def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not parts:
         raise UndecidableError("no part is described as rigid")
     for name in parts:
-        moves = {address: -math.log(10.0) for address in rigid if address.split(".")[0] == name}
-        yield Variant(name, model.plus(p["decades"].move(moves, relative=True)))
+        own = [address for address in rigid if address.split(".")[0] == name]
+        moves = dict.fromkeys(own, math.log(10.0))
+        yield Variant(name, model.rebuilt(partial(_of_metal, own)).plus(p["decades"].move(moves, relative=True)))
+
+
+def _of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
+    """Return the assembly with some moduli at which its decades of stiffness begin to count."""
+    return assembly.replace({address: _METAL for address in addresses if covered(address, assembly)})
 
 
 def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -173,7 +182,7 @@ def with_resonator(assembly: Assembly, part: str) -> Assembly:
     link = PointJoint(k_y=1.0, k_theta=1.0, name="cause_link")
     stub = Part([Segment(length=_BODY[0], outer_diameter=_BODY[1], material=body)], name="cause_resonator")
     points = [replace(point, name=name) for name, point in assembly.attachments.items()]
-    return Assembly([*elements.values(), link, stub], points)
+    return Assembly([*elements.values(), link, stub], points, motion=assembly.motion)
 
 
 def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -260,7 +269,8 @@ PART_CAUSES = (
     Cause(
         id="flexible_body",
         group="structure",
-        parameters=(Parameter(name="decades", unit="", lower=0.0, upper=6.0, typical=1.0),),
+        # Fits start three typical sizes from null, which is where metals are.
+        parameters=(Parameter(name="decades", unit="", lower=-1.0, upper=9.0, typical=6.0, null=9.0),),
         change=_flexible,
         meaning="a body that the model takes as rigid is elastic",
         remedy="give the body its material",

@@ -15,7 +15,7 @@ from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
-from receptance.diagnosis.starts import starts_of
+from receptance.diagnosis.starts import starts_of, starts_together
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFRF
 
@@ -30,6 +30,8 @@ _ANOTHER = 20.0
 _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
+_HOPELESS = 20.0
+"""Misfit from which on a promise to first order says little, and every cause is tried in addition."""
 """Causes that are tried in addition to each of them."""
 _FRESH_FROM = 0.3
 """Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
@@ -178,10 +180,23 @@ def select(
         selection.several += roots
     if not any(one.adequacy.passed for one in selection.explanations):
         _begun_anew(selection, seed, threads, say)
+    _ended(selection, threads)
     _pruned(selection, threads)
     selection.seconds = perf_counter() - began
     say(f"{selection.evaluations} evaluations of the model, {selection.evaluations_per_second:.0f} a second")
     return selection
+
+
+def _ended(selection: Selection, threads: int | None) -> None:
+    """Let the fit of the best explanation go on where its evaluations were used up: beside it nothing is named."""
+    best = selection.explanations[0] if selection.explanations else None
+    if best is None or best.fit.converged or not best.adequacy.passed:
+        return
+    again = _explanation(
+        selection, best.steps[:-1], best.steps[-1], refit(best.fit.model, best.fit.values, threads=threads)
+    )
+    target = selection.singles if len(best.steps) == 1 else selection.several
+    target[:] = _best_each([again, *(one for one in target if one is not best)])
 
 
 def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
@@ -305,7 +320,9 @@ def _fitted(
             selection.evaluations += fit.evaluations
             found.append(_explanation(selection, steps, direction.step_name, fit))
             continue
-        there = explore(direction.variant.model, starts_of(direction, root), threads=threads)
+        alone = [one.fit for one in selection.singles if steps and one.steps[0] == direction.step_name]
+        starts = [*starts_of(direction, root), *starts_together(selection.base, alone, root)]
+        there = explore(direction.variant.model, starts, threads=threads)
         selection.evaluations += there.evaluations
         if there.ends:
             explored.append((direction, there))
@@ -378,14 +395,14 @@ def _added(
         variants, _ = _variants(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
         selection.evaluations += len(directed)
-        promising = [
-            one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)
-        ]
+        least = max(selection.threshold, 0.0)
+        far = root.adequacy.misfit > _HOPELESS
+        promising = [one for one in directed if far or one.score > selection.penalty * one.count + least]
         open_ = open_ or bool(promising)
         ranked = _chosen(promising, selection.penalty)
         own: list[Direction] = []
         for direction in ranked:
-            if len(own) < _MORE and all(direction.cause.id != other.cause.id for other in own):
+            if (far or len(own) < _MORE) and all(direction.cause.id != other.cause.id for other in own):
                 own.append(direction)
         for one in _fitted(selection, root.steps, root.fit, own, seed, threads, say):
             if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):

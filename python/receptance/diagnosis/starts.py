@@ -1,12 +1,14 @@
-"""Where fits of a cause begin."""
+"""Where fits of causes begin."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
 from receptance.identification.laws import Move
 
-__all__ = ["starts_of"]
+__all__ = ["starts_of", "starts_together"]
 
 _LARGE = 3.0
 """Large sizes from which fits begin are so many times the typical one."""
@@ -22,7 +24,9 @@ def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     values = fit.values
     if not direction.names:
         joints = tuple(f"{name}.k_" for name in fit.model.joints)
-        stiff = [u.name for u in fit.model.unknowns if u.address.startswith(joints) and not isinstance(u, Move)]
+        stiff = [
+            u.name for u in fit.task.parameters.unknowns if u.address.startswith(joints) and not isinstance(u, Move)
+        ]
         return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
     parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
     null = {name: one.start for name, one in parameters.items()}
@@ -40,3 +44,9 @@ def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
         starts.append(large)
     different = [one for i, one in enumerate(starts) if one not in starts[:i]]
     return [{**values, **one} for one in different]
+
+
+def starts_together(base: Fit, alone: Sequence[Fit], root: Fit) -> list[dict[str, float]]:
+    """Return where a fit of several causes begins from ends of the added one alone: the joint may be nearer there."""
+    own = {name: value for name, value in root.values.items() if name not in base.values}
+    return [{**root.values, **one.values, **own} for one in alone]

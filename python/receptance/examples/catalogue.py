@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 
 from receptance._files import write_whole
-from receptance.examples.simulated import free_free, hammer
+from receptance.examples.simulated import free_free, hammer, taper
 
 __all__ = ["EXAMPLES", "Example", "write"]
 
@@ -81,6 +81,12 @@ EXAMPLES = {
             "machine",
             "natural frequencies of two blanks in a machine, SIMULATED; a catalogue of tools, and cuts",
             "machine",
+        ),
+        Example(
+            "taper",
+            "a holder in its taper at 26 drawbar forces, along and across, SIMULATED; four forces held out",
+            "taper",
+            taper,
         ),
     )
 }

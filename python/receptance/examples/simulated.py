@@ -20,7 +20,16 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.io import TimeSeries
 
-__all__ = ["FREE_FREE_JOINT", "FREE_FREE_SEED", "HAMMER_JOINT", "HAMMER_SEED", "free_free", "hammer"]
+__all__ = [
+    "FREE_FREE_JOINT",
+    "FREE_FREE_SEED",
+    "HAMMER_JOINT",
+    "HAMMER_SEED",
+    "TAPER_SEED",
+    "free_free",
+    "hammer",
+    "taper",
+]
 
 Say = Callable[[str], None]
 
@@ -43,6 +52,9 @@ _RATE_HZ = 25600.0
 _BLOCK_S = 0.4
 _CONTACT_S = 1.5e-4
 _NOISE_DB = -75.0
+
+TAPER_SEED = 20250522
+_TAPER_HIGHEST_HZ = 6500.0
 
 
 def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
@@ -92,6 +104,18 @@ def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
             notes=records.notes,
         )
         files[f"{name}.npz"] = _content(series, ".npz")
+    return files
+
+
+def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
+    """Return the FRFs of the example taper by file name: the virtual BT50 rig at every force, along and across."""
+    from receptance.studies.bt50.rig import load_rig
+
+    files = {}
+    for number, rig in enumerate(load_rig()):
+        say(f"hitting the virtual rig at {rig.force_kn:g} kN, {rig.motion}")
+        frf = rig.windowed(TAPER_SEED + number).select(high_hz=_TAPER_HIGHEST_HZ)
+        files[f"{rig.motion}_{rig.force_kn:g}.npz"] = _content(frf, ".npz")
     return files
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from receptance import _checks
@@ -10,7 +11,7 @@ from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown, listed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
 __all__ = ["Law", "Move", "Power", "Tolerance", "error_of"]
 
@@ -90,6 +91,11 @@ class Law(Unknown):
         None for a constant. The exponent is called `<name> ~ <condition>`.
     free : bool, optional
         A value for each configuration, called `<name> @ <configuration>`; bounds, start and prior are the same.
+    along : str, optional
+        Of a free one: name of a condition. A configuration that took no part in the fit has the value between those
+        of its two neighbours in that condition, on a straight line.
+    starts : mapping of str to float, optional
+        Of a free one: where the first fit starts in some configurations; in the others at `start`.
     individual : float, optional
         Standard deviation of the natural logarithm of the part that every configuration has of its own: 0.05 where
         clamping again changes a stiffness by 5 %. That part is called `<name> @ <configuration>` and is
@@ -110,6 +116,8 @@ class Law(Unknown):
 
     powers: tuple[Power, ...] = ()
     free: bool = False
+    along: str = ""
+    starts: Mapping[str, float] = field(default_factory=dict)
     individual: float = 0.0
 
     def __post_init__(self) -> None:
@@ -123,6 +131,8 @@ class Law(Unknown):
         object.__setattr__(self, "individual", _checks.not_negative(owner, "individual", self.individual))
         if self.free and (powers or self.individual):
             raise ValueError(f"{owner}: it is free and has powers or individual parts, expected one of the two")
+        if not isinstance(self.along, str) or (self.along and not self.free):
+            raise ValueError(f"{owner}: along is {self.along!r}, expected the name of a condition, of a free law only")
 
     @property
     def plain(self) -> bool:
@@ -132,7 +142,12 @@ class Law(Unknown):
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
         """Return all the unknowns of the law over these configurations."""
         if self.free:
-            return [self.base(f"{self.name} @ {one}", (one,)) for one in configurations]
+            own = [self.base(f"{self.name} @ {one}", (one,)) for one in configurations]
+            return [
+                replace(unknown, start=min(max(self.starts.get(name, start), self.lower), self.upper))
+                for name, unknown in zip(configurations, own, strict=True)
+                if (start := unknown.start) is not None
+            ]
         found = [self.base(self.name, self.configurations)]
         found += [power.exponent(self.name) for power in self.powers]
         if self.individual:

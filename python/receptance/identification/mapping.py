@@ -1,117 +1,25 @@
-"""From the fitted vector to the parameters of each assembly, with derivatives.
-
-A parameter of an assembly is v = b exp(E u) + S u, where u are the values of all unknowns, b is one of them or the
-value that the assembly has, E holds the logarithms of conditions (the unknown is an exponent) and the standard
-deviations of relative errors, S those of absolute ones (the unknown is an error).
-"""
+"""From the fitted vector to the parameters of each assembly, with derivatives."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Tolerance, error_of
+from receptance.identification.places import Place, Placed
 from receptance.identification.residuals import InfeasibleError, Pair, Residual, Unit
 from receptance.identification.unknowns import Unknown, covered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
 
 __all__ = ["Addresses", "MappedResidual", "Parameters", "Place", "Placed"]
-
-
-@dataclass(frozen=True)
-class Place:
-    """What an observation or a prediction is of: an assembly in a configuration under conditions."""
-
-    assembly: Assembly
-    configuration: str = ""
-    label: str = ""
-    conditions: Mapping[str, float] = field(default_factory=dict)
-    factors: tuple[str, ...] = ()
-
-    def covered(self, address: str) -> frozenset[str]:
-        """Return the parameters of the assembly, or of the observation, that an address stands for."""
-        return frozenset((address,)) if address in self.factors else covered(address, self.assembly)
-
-    def value(self, address: str) -> float:
-        """Return the value of a parameter as described; those of an observation are zero."""
-        return 0.0 if address in self.factors else self.assembly.get(address)
-
-    def among(self, configurations: tuple[str, ...] | None, labels: tuple[str, ...] | str | None = None) -> bool:
-        """Return whether it belongs to these configurations, and has one of these labels."""
-        if labels is not None and self.label not in labels:
-            return False
-        return configurations is None or self.configuration in configurations or self.label in configurations
-
-    def condition(self, name: str, owner: str) -> float:
-        """Return the value of a condition, or of an address of the assembly."""
-        if name in self.conditions:
-            value = float(self.conditions[name])
-        elif covered(name, self.assembly):
-            value = self.assembly.get(name)
-        else:
-            known = ", ".join(self.conditions) or "none"
-            raise ValueError(
-                f"{owner}: {self.configuration or self.assembly!r} has no condition {name!r} and no such address; its "
-                f"conditions are: {known}"
-            )
-        if not value > 0.0:
-            raise ValueError(f"{owner}: the condition {name!r} is {value:g}, expected more than zero for a power law")
-        return value
-
-
-@dataclass(frozen=True)
-class Placed:
-    """The parameters of one assembly as functions of all unknowns.
-
-    Attributes
-    ----------
-    addresses : tuple of str
-        What moves, `m` of them; each is one parameter, `segment[*]` is spelled out.
-    base : ndarray
-        `(m,)` which unknown is the value before errors, -1 for none.
-    scale : ndarray
-        `(m,)` by how much that unknown is multiplied.
-    fixed : ndarray
-        `(m,)` value where it is none.
-    exponents, shifts : ndarray
-        `(m, p)` E and S.
-    """
-
-    addresses: tuple[str, ...]
-    base: NDArray[np.intp]
-    scale: NDArray[np.float64]
-    fixed: NDArray[np.float64]
-    exponents: NDArray[np.float64]
-    shifts: NDArray[np.float64]
-
-    def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the values of the addresses in SI units, `(m,)`."""
-        start = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
-        result: NDArray[np.float64] = start * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
-        return result
-
-    def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
-        start = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
-        factor = np.exp(self.exponents @ unknowns)
-        result = (start * factor)[:, None] * self.exponents + self.shifts
-        own = np.flatnonzero(self.base >= 0)
-        result[own, self.base[own]] += factor[own] * self.scale[own]
-        return result
-
-    def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
-        """Return the assembly with the values of its addresses."""
-        values = dict(zip(self.addresses, self.values(unknowns).tolist(), strict=True))
-        return assembly.replace({address: value for address, value in values.items() if address not in FACTORS})
 
 
 class Parameters:
@@ -169,6 +77,7 @@ class Parameters:
             unknown.plain and unknown.address not in FACTORS for unknown in self.wanted
         )
         self._index = {name: i for i, name in enumerate(names)}
+        self._levels = {one.name: self._levels_of(one, places) for one in self.wanted if isinstance(one, Law)}
         self._placed = [(place, self.at(place)) for place in places]
 
     def of(self, places: Sequence[Place]) -> list[Placed]:
@@ -178,6 +87,20 @@ class Parameters:
             own if own is not None and place == other else self.at(place)
             for place, (other, own) in zip(places, known, strict=False)
         ]
+
+    def _levels_of(self, law: Law, places: Sequence[Place]) -> dict[str, float]:
+        """Return the condition along which a free law goes, of all configurations of the fit."""
+        if not law.along:
+            return {}
+        own = [place for place in places if f"{law.name} @ {place.configuration}" in self._index]
+        for place in own:
+            if law.along not in place.conditions:
+                known = ", ".join(place.conditions) or "none"
+                raise ValueError(
+                    f"Law {law.address!r}: {place.configuration!r} has no condition {law.along!r}; its conditions are: "
+                    f"{known}"
+                )
+        return {place.configuration: float(place.conditions[law.along]) for place in own}
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -200,6 +123,7 @@ class Parameters:
         index = dict(self._index)
         bases: dict[str, int] = {}
         scales: dict[str, float] = {}
+        seconds: dict[str, tuple[int, float]] = {}
         exponents: dict[str, dict[int, float]] = {}
         shifts: dict[str, dict[int, float]] = {}
 
@@ -229,12 +153,10 @@ class Parameters:
                     if unknown.individual:
                         own[error(f"{name} @ {place.configuration}")] = unknown.individual
                     if unknown.free:
-                        name = f"{name} @ {place.configuration}"
-                        if name not in index:
-                            raise ValueError(
-                                f"{unknown.address} is free in each configuration, and {place.configuration!r} was not "
-                                "among those of the fit"
-                            )
+                        first, second, share = self._free(unknown, place)
+                        bases[address], scales[address] = first, multiple * (1.0 - share)
+                        seconds[address] = (second, multiple * share)
+                        continue
                 bases[address] = index[name]
                 scales[address] = multiple
         for tolerance in self.tolerances if tolerances is None else tolerances:
@@ -254,7 +176,34 @@ class Parameters:
             fixed=np.array([0.0 if a in bases else place.value(a) for a in addresses]),
             exponents=_matrix(exponents, addresses, len(index)),
             shifts=_matrix(shifts, addresses, len(index)),
+            second=np.array([seconds.get(address, (-1, 0.0))[0] for address in addresses], dtype=np.intp),
+            share=np.array([seconds.get(address, (-1, 0.0))[1] for address in addresses]),
         )
+
+    def _free(self, law: Law, place: Place) -> tuple[int, int, float]:
+        """Return the unknown of a place, or the two between which it lies, and the share of the second one."""
+        own = self._index.get(f"{law.name} @ {place.configuration}")
+        if own is not None:
+            return own, -1, 0.0
+        if not law.along:
+            raise ValueError(
+                f"{law.address} is free in each configuration, and {place.configuration!r} was not among those of the "
+                "fit"
+            )
+        levels = sorted((level, self._index[f"{law.name} @ {name}"]) for name, level in self._levels[law.name].items())
+        if law.along not in place.conditions:
+            raise ValueError(f"Law {law.address!r}: {place.configuration!r} has no condition {law.along!r}")
+        at = float(place.conditions[law.along])
+        after = next((i for i, (level, _) in enumerate(levels) if level >= at), 0)
+        if levels[after][0] == at:
+            return levels[after][1], -1, 0.0
+        if after == 0:
+            raise ValueError(
+                f"{law.address} is known for {law.along!r} from {levels[0][0]:g} to {levels[-1][0]:g}, and "
+                f"{place.configuration!r} is at {at:g}"
+            )
+        (low, first), (high, second) = levels[after - 1], levels[after]
+        return first, second, (at - low) / (high - low)
 
     def _move(self, unknown: Move, place: Place, table: dict[str, dict[int, float]]) -> None:
         column, size = self._index[unknown.name], 1.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot.series import draw_over_levels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,25 +54,6 @@ def draw_bt50(study: BT50Study) -> Figure:
     return figure
 
 
-def _draw(
-    axes: Axes, series: ForceSeries, factor: float, colour: str, label: str, *, marker: str = "o", law: bool = True
-) -> None:
-    if law:
-        fine = np.linspace(0.0, float(series.force[-1]), 200)
-        axes.plot(fine, factor * series.law.at(fine), color=colour, alpha=0.45, linewidth=1.4)
-    axes.errorbar(
-        series.force,
-        factor * series.values,
-        1.96 * factor * series.standard_errors,
-        fmt=marker,
-        color=colour,
-        markersize=4,
-        capsize=2.5,
-        linewidth=1.0,
-        label=label,
-    )
-
-
 def _power(series: ForceSeries) -> str:
     low, high = series.exponent_interval
     return f"n = {series.laws[2].exponent:.2f} ({low:.2f} to {high:.2f})"
@@ -83,7 +65,7 @@ def _draw_axial_stiffness(axes: Axes, study: BT50Study) -> None:
     axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
     for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
         series = study.series[f"{name} k_z1"]
-        _draw(axes, series, 1e-9, colour, f"{text}, {_power(series)}")
+        draw_over_levels(axes, series, 1e-9, colour, f"{text}, {_power(series)}")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.3 * (top - bottom))
     axes.legend(frameon=False, fontsize=9, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
@@ -92,8 +74,10 @@ def _draw_axial_stiffness(axes: Axes, study: BT50Study) -> None:
 def _draw_axial_damping(axes: Axes, study: BT50Study) -> None:
     set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)")
     axes.axhspan(*study.published["axial_damping_ns_per_m"], color=_BAND, label="paper's range")
-    _draw(axes, study.series["half-power c_z1"], 1.0, COLOURS[1], "half-power, 20 Hz lines", marker="s", law=False)
-    _draw(axes, study.series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
+    draw_over_levels(
+        axes, study.series["half-power c_z1"], 1.0, COLOURS[1], "half-power, 20 Hz lines", marker="s", law=False
+    )
+    draw_over_levels(axes, study.series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
     force = [level.force_kn for level in study.axial]
     mass = study.holder.body.mass
     true = [4.0 * np.pi * mass * level.true_frequency_hz * level.true_damping_ratio for level in study.axial]
@@ -135,7 +119,7 @@ def _draw_radial(axes: Axes, study: BT50Study, kind: str, title: str, label: str
     set_up(axes, title, _FORCE, label)
     for end, colour, where in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
         series = study.series[f"elastic {kind}_{end}"]
-        _draw(axes, series, factor, colour, f"{where}, {_power(series)}")
+        draw_over_levels(axes, series, factor, colour, f"{where}, {_power(series)}")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.25 * (top - bottom))
     axes.legend(

@@ -1,6 +1,6 @@
 """The joint between a holder and the spindle's taper, from FRFs over drawbar force (Xu et al. 2012)."""
 
-from receptance.taper.body import Body, body_of
+from receptance.taper.body import Body, as_rigid, body_of
 from receptance.taper.choice import Shape
 from receptance.taper.direct import TaperFit, fit_axial, fit_radial
 from receptance.taper.from_modes import RadialSolution, RadialSolutions, radial_from_modes
@@ -24,6 +24,7 @@ __all__ = [
     "Shape",
     "TaperFit",
     "Trend",
+    "as_rigid",
     "axial_from_mode",
     "body_of",
     "fit_axial",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from receptance import _checks
 from receptance.beams import Part
 
-__all__ = ["Body", "body_of"]
+__all__ = ["Body", "as_rigid", "body_of"]
+
+_RIGID = 1e9
+"""Times stiffer than its material: an assembly is then that of the rigid body to nine digits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +50,28 @@ class Body:
     def position(self, x: float) -> float:
         """Signed distance z in m from the centre of gravity, towards the tip, of a place x from the tip-side end."""
         return self.centre - x
+
+
+def as_rigid(part: Part) -> Part:
+    """Return a part of the same mass that is as good as rigid.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Part, Segment
+    >>> from receptance.taper import as_rigid
+    >>> rod = as_rigid(Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="rod"))
+    >>> rod.segments[0].material.youngs_modulus / STEEL.youngs_modulus
+    1000000000.0
+    """
+    stiff = [
+        replace(
+            one,
+            material=replace(one.material, youngs_modulus=_RIGID * one.material.youngs_modulus),
+            core=one.core and replace(one.core, youngs_modulus=_RIGID * one.core.youngs_modulus),
+        )
+        for one in part.segments
+    ]
+    return Part(stiff, name=part.name)
 
 
 def body_of(part: Part) -> Body:

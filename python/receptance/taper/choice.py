@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from receptance.taper.rigid import RadialJoint
 
-__all__ = ["Shape", "choose"]
+__all__ = ["Choice", "Shape", "choose"]
+
+Choice = Literal["clear", "open", "neither"]
 
 _CLEAR = 10.83
 """Difference of the squared distances, in standard errors, from which on one joint is called the one: p = 0.001."""
@@ -37,8 +40,8 @@ class Shape:
     standard_error: tuple[float, float] | None = None
 
 
-def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, bool, str]:
-    """Return which joint's shape is nearer, whether it may be called the one, and the evidence in words.
+def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, Choice, str]:
+    """Return which joint's shape is nearer, what that says, and the evidence in words.
 
     Two motions are an angle, atan of their ratio, in which a point that happens to stand still is nothing special.
     """
@@ -53,7 +56,7 @@ def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, bool, str]
         other = 1 - best
         return (
             best,
-            True,
+            "clear",
             f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}",
         )
     errors = np.array(shape.standard_error) / (1.0 + measured.real**2)
@@ -61,14 +64,18 @@ def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, bool, str]
     best = int(np.argmin(distances))
     other = 1 - best
     if distances[other] - distances[best] < _CLEAR:
-        return best, False, f"the mode shape ({texts[0]}) does not tell the joints ({texts[1]} and {texts[2]}) apart"
+        return best, "open", f"the mode shape ({texts[0]}) does not tell the joints ({texts[1]} and {texts[2]}) apart"
     if distances[best] > _IMPOSSIBLE:
         return (
             best,
-            False,
+            "neither",
             (
                 f"the mode shape ({texts[0]}) is that of neither joint ({texts[1]} and {texts[2]}), by "
                 f"{np.sqrt(distances[best]):.0f} standard errors at least: this is not a rigid holder on two springs"
             ),
         )
-    return best, True, f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}"
+    return (
+        best,
+        "clear",
+        f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}",
+    )

@@ -67,6 +67,8 @@ class RadialSolutions:
         None where there is no solution, or two and no shape.
     statement : str
         What was found, in words.
+    of_neither : bool
+        Whether the measured mode shape is that of neither solution.
     """
 
     solutions: tuple[RadialSolution, ...]
@@ -75,6 +77,7 @@ class RadialSolutions:
     within_noise: dict[str, Interval]
     nearest: int | None
     statement: str
+    of_neither: bool = False
 
 
 def radial_from_modes(
@@ -165,10 +168,11 @@ def radial_from_modes(
     text = f"{len(found)} joints have these frequencies: a mode shape, measured at two points, would choose"
     if len(found) == 1:
         text = "one joint has these frequencies: the quadratic has a double root"
-    nearest = 0 if len(found) == 1 else None
+    nearest, of_neither = 0 if len(found) == 1 else None, False
     if shape is not None and len(found) == 2:
-        nearest, clear, text = choose([one.joint for one in found], shape)
-        if clear:
+        nearest, choice, text = choose([one.joint for one in found], shape)
+        of_neither = choice == "neither"
+        if choice == "clear":
             found, nearest = [found[nearest]], 0
     return RadialSolutions(
         solutions=tuple(found),
@@ -177,6 +181,7 @@ def radial_from_modes(
         within_noise={},
         nearest=nearest,
         statement=text,
+        of_neither=of_neither,
     )
 
 

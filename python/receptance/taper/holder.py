@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -10,15 +10,13 @@ from receptance import _checks
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.joints import GroundSpring
-from receptance.taper.body import Body, body_of
+from receptance.taper.body import Body, as_rigid, body_of
 
 __all__ = ["BodyModel", "Contact", "Holder"]
 
 BodyModel = Literal["elastic", "rigid"]
 Contact = Literal["spread", "fading", "ends"]
 
-_RIGID = 1e9
-"""Times stiffer than its material: the assembly is then that of the rigid body to nine digits."""
 _BONDED = 1e16
 """N/m, of the whole taper: far above what any section of a holder has."""
 _POINTS = 12
@@ -169,17 +167,8 @@ class Holder:
         return self.part.name or "holder"
 
     def _part(self, body: BodyModel) -> Part:
-        segments = self.part.segments
-        if _known("body", body, BodyModel) == "rigid":
-            segments = tuple(
-                replace(
-                    one,
-                    material=replace(one.material, youngs_modulus=_RIGID * one.material.youngs_modulus),
-                    core=one.core and replace(one.core, youngs_modulus=_RIGID * one.core.youngs_modulus),
-                )
-                for one in segments
-            )
-        return Part(segments, name=self._name)
+        named = Part(self.part.segments, name=self._name)
+        return as_rigid(named) if _known("body", body, BodyModel) == "rigid" else named
 
 
 def _known(name: str, value: str, kinds: object) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -70,6 +70,11 @@ class Trend:
     """Over the whole range of force; of the slope, where the trend is that of the slope."""
     interval: tuple[float, float]
     p_value: float
+
+    @property
+    def rarity(self) -> str:
+        """How often chance alone would do that, in words."""
+        return "p < 0.001" if self.p_value < 1e-3 else f"p = {self.p_value:.2g}"
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -197,6 +202,22 @@ class ForceSeries:
             direction = "rises" if change > 0.0 else "falls"
         return Trend(direction=direction, change=change, interval=(change - half, change + half), p_value=p)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return values, trends with their evidence and laws as plain values, for JSON."""
+        low, high = self.exponent_interval
+        return {
+            "statement": self.sentence(),
+            "force": self.force.tolist(),
+            "values": self.values.tolist(),
+            "standard_errors": self.standard_errors.tolist(),
+            "trend": asdict(self.trend()),
+            "slope_trend": asdict(self.slope_trend()),
+            "law": asdict(self.law),
+            "laws": [asdict(law) for law in self.laws],
+            "exponent_interval": [low, high],
+            "scatter": self.scatter,
+        }
+
     def sentence(self) -> str:
         """What the series says, in words."""
         low, high = self.exponent_interval
@@ -208,11 +229,13 @@ class ForceSeries:
         ends = f"n between {low:.2f} and {high:.2f}"
         if low == _EXPONENTS[0] or high == _EXPONENTS[1]:
             ends += " (open)"
-        whole = self.trend()
+        whole, slope = self.trend(), self.slope_trend()
         share = 100.0 / float(np.mean(self.values))
         text = f"{self.name} {whole.direction}"
         if whole.direction != "not determined":
-            text += f" by {share * whole.change:+.2g} % of its mean"
+            text += f" by {abs(share * whole.change):.2g} % of its mean ({whole.rarity})"
+        text += f", its slope {slope.direction if slope.direction != 'not determined' else 'is not determined'}"
+        text += f" ({slope.rarity})"
         law = self.law
         best = law.name if law.name != "power" else f"K0 + a F^n, n = {law.exponent:.2f}"
         return f"{text}; best law {best}; in K0 + a F^n {ends}, {side}"

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from receptance.diagnosis import Candidate
+    from receptance.studies.bt50.diagnosed import Diagnosed
     from receptance.studies.bt50.study import BT50Study
 
 __all__ = ["PROVENANCE", "SOURCE", "damping_errors", "findings"]
@@ -26,9 +28,10 @@ def findings(study: BT50Study) -> tuple[tuple[str, str], ...]:
     """Return what each sentence is about, and the sentence."""
     return (
         *(("axial", text) for text in _axial(study)),
+        *(("diagnosis", text) for one in study.diagnosed for text in _diagnosis(one)),
         *(("damping", text) for text in _damping(study)),
         *(("radial", text) for text in _radial(study)),
-        *(("trends", series.sentence() + ".") for series in study.series.values()),
+        *(("trends", text) for text in _trends(study)),
         *(("use", text) for text in _use(study)),
     )
 
@@ -76,6 +79,48 @@ def _axial(study: BT50Study) -> list[str]:
     ]
 
 
+def _diagnosis(one: Diagnosed) -> list[str]:
+    """Say what the diagnosis says; which cause it is stands in its verdict alone."""
+    verdict = one.verdict
+    forces = ", ".join(f"{force:g}" for force in one.seen_kn)
+    said = [
+        f"`diagnose` was given the {one.motion} FRFs at {forces} kN, the rigid holder with its springs free at each of "
+        f"them, and all causes of its catalogue. It answers: {verdict.verdict}. The rigid holder leaves "
+        f"{verdict.adequacy.misfit:.3g} times what noise and floor explain"
+        + ("." if verdict.adequacy_after is None else f", the best explanation {verdict.adequacy_after.misfit:.2f}.")
+    ]
+    if one.certain:
+        causes = "; ".join(f"{cause.meaning} ({cause.id}, {_sizes(cause)})" for cause in one.certain)
+        where = "In every explanation" if verdict.ambiguous_between else "The explanation"
+        said.append(f"{where}: {causes}.")
+    if verdict.ambiguous_between:
+        said.append(
+            "These data cannot tell what acts with it: " + ", ".join(verdict.ambiguous_between) + "."
+            if one.certain
+            else "These data cannot tell which: " + ", ".join(verdict.ambiguous_between) + "."
+        )
+    gains = "; ".join(
+        f"{gain.metric}, {gain.held_out_before:.3g} before and {gain.held_out_after:.3g} after, better by "
+        f"{gain.interval[0]:.3g} to {gain.interval[1]:.3g}"
+        for gain in one.gains
+    )
+    if gains:
+        said.append(
+            f"At the {len(one.left_out_kn)} forces between, which it was not given (springs on straight lines between "
+            f"those that it found): {gains}."
+        )
+    if verdict.next_measurement is not None:
+        said.append(f"It would next {verdict.next_measurement.action}: {verdict.next_measurement.reason}.")
+    return said
+
+
+def _sizes(cause: Candidate) -> str:
+    return ", ".join(
+        f"{name.partition('.')[2]} {value:.3g} ({low:.3g} to {high:.3g})"
+        for name, (value, low, high) in cause.parameters.items()
+    )
+
+
 def _damping(study: BT50Study) -> list[str]:
     errors = damping_errors(study)
     lines = [level.half_power.lines_in_band for level in study.axial]
@@ -97,18 +142,38 @@ def _damping(study: BT50Study) -> list[str]:
 
 def _radial(study: BT50Study) -> list[str]:
     left = study.left_out[1]
+    refused = sum(level.solutions.of_neither for level in study.radial)
     clear = sum(len(level.solutions.solutions) == 1 for level in study.radial)
-    two = sum(len(level.solutions.solutions) == 2 for level in study.radial)
+    two = sum(len(level.solutions.solutions) == 2 for level in study.radial) - refused
     none = sum(not level.solutions.solutions for level in study.radial)
     own = [level.elastic.rms for level in study.radial]
     return [
         f"Rigid holder across: of {len(study.radial)} levels the mode shape chooses one joint at {clear}, leaves two "
-        f"at {two}, and at {none} no real joint has the frequencies. At {study.radial[-1].force_kn:g} kN "
+        f"at {two}, refuses both at {refused}, and at {none} no real joint has the frequencies. At "
+        f"{study.radial[-1].force_kn:g} kN "
         f"{study.radial[-1].solutions.statement}.",
         f"The elastic holder, its contact fading from both ends, leaves {min(own):.1f} to {max(own):.1f} standard "
         f"deviations. Left-out levels, both modes: {left.rigid_rms_percent:.2g} % rms with the rigid holder's springs "
         f"of the levels themselves, {left.elastic_rms_percent:.2g} % with laws of the elastic one's.",
     ]
+
+
+def _trends(study: BT50Study) -> list[str]:
+    """Say what each parameter does over force, and what becomes of the paper's claims."""
+    said = [f"{series.sentence()}." for series in study.series.values()]
+    claims = (
+        ('stiffness rises with force in both directions (its "positive reinforce")', "k_", "rises", ("z1", "x1", "x2")),
+        ("damping rises along the axis", "c_", "rises", ("z1",)),
+        ("damping falls across", "c_", "falls", ("x1", "x2")),
+    )
+    for claim, kind, direction, ends in claims:
+        own = {end: study.series[f"elastic {kind}{end}"].trend() for end in ends}
+        shown = ", ".join(f"{kind}{end} {trend.direction} ({trend.rarity})" for end, trend in own.items())
+        holds = all(trend.direction == direction for trend in own.values())
+        said.append(
+            f"The paper says: {claim}. On the virtual rig that {'holds' if holds else 'does not hold'}: {shown}."
+        )
+    return said
 
 
 def _use(study: BT50Study) -> list[str]:

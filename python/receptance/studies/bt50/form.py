@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
     from receptance.studies.bt50.levels import AxialLevel, RadialLevel
     from receptance.studies.bt50.study import BT50Study
-    from receptance.taper import ForceSeries, RadialSolution, TaperFit
+    from receptance.taper import RadialSolution, TaperFit
 
 __all__ = ["as_dict"]
 
@@ -36,7 +36,7 @@ def as_dict(study: BT50Study) -> dict[str, Any]:
             "holder": {**dataclasses.asdict(study.holder.body), "z1": study.holder.z1, "z2": study.holder.z2},
             "axial": [_axial(level) for level in study.axial],
             "radial": [_radial(level) for level in study.radial],
-            "trends": {name: _series(series) for name, series in study.series.items()},
+            "trends": {name: series.as_dict() for name, series in study.series.items()},
             "damping_errors": damping_errors(study),
             "bonded_hz": {name: list(values) for name, values in study.bonded_hz.items()},
             "left_out": [
@@ -46,6 +46,18 @@ def as_dict(study: BT50Study) -> dict[str, Any]:
                     "after_rms_percent": one.elastic_rms_percent,
                 }
                 for one in study.left_out
+            ],
+            "diagnosis": [
+                {
+                    "motion": one.motion,
+                    "model": "rigid holder",
+                    "seen_kn": list(one.seen_kn),
+                    "left_out_kn": list(one.left_out_kn),
+                    "in_every_explanation": [cause.id for cause in one.certain],
+                    **one.verdict.to_dict(),
+                    "gains": [dataclasses.asdict(gain) for gain in one.gains],
+                }
+                for one in study.diagnosed
             ],
             "damping_matters_hz": {
                 one.motion: [list(band) for band in one.differs_hz] for one in study.damping_ignored
@@ -116,16 +128,3 @@ def _solution(one: RadialSolution) -> dict[str, Any]:
 def _fit(fit: TaperFit) -> dict[str, Any]:
     intervals = {name: list(ends) for name, ends in fit.intervals.items()}
     return {"values": fit.values, "intervals": intervals, "rms": fit.rms}
-
-
-def _series(series: ForceSeries) -> dict[str, Any]:
-    trends = {"trend": series.trend(), "slope_trend": series.slope_trend()}
-    low, high = series.exponent_interval
-    return {
-        "statement": series.sentence(),
-        **{name: dataclasses.asdict(trend) for name, trend in trends.items()},
-        "law": dataclasses.asdict(series.law),
-        "laws": [dataclasses.asdict(law) for law in series.laws],
-        "exponent_interval": [low, high],
-        "scatter": series.scatter,
-    }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from receptance.identification import MeasuredFRF
+from receptance.identification.floor import Floor
 from receptance.studies.bt50.levels import AXIAL_BAND_HZ, RADIAL_BAND_HZ, RADIAL_CONTACT
 from receptance.studies.bt50.rig import Motion, VirtualRig, load_holder, load_rig
 from receptance.studies.bt50.settings import BT50Settings
@@ -21,7 +22,11 @@ def seed_of(settings: BT50Settings, number: int) -> int:
 
 
 def observations(
-    motion: Motion, settings: BT50Settings | None = None, *, body: BodyModel = "rigid"
+    motion: Motion,
+    settings: BT50Settings | None = None,
+    *,
+    body: BodyModel = "rigid",
+    floor: float | Floor = 0.0,
 ) -> tuple[MeasuredFRF, ...]:
     """Return the virtual FRFs of all force levels, windowed, each as an observation of a holder in its taper.
 
@@ -32,7 +37,10 @@ def observations(
     settings : BT50Settings, optional
         The same settings give the same measurements as in `run`.
     body : {"rigid", "elastic"}, optional
-        Model that they are observations of: with "rigid" the paper's, springs lumped at the ends.
+        Model that they are observations of: with "rigid" the paper's, across with springs lumped at the ends. Along,
+        it makes no difference where on a rigid holder the spring is, so that it lies along the taper.
+    floor : float or Floor, optional
+        As in `MeasuredFRF.from_frf`; for a diagnosis `Floor()`.
 
     Returns
     -------
@@ -50,14 +58,14 @@ def observations(
     holder = load_holder()
     springs: dict[str, Any] = {"body": body}
     if motion == "axial":
-        springs["contact"] = "ends" if body == "rigid" else "spread"
+        springs["contact"] = "spread"
         assembly, band = holder.axial(5e9, 1e3, **springs), AXIAL_BAND_HZ
     else:
         springs["contact"] = "ends" if body == "rigid" else RADIAL_CONTACT
         assembly, band = holder.radial(1e9, 1e9, 5e3, 5e3, **springs), RADIAL_BAND_HZ
     found = []
     for number, rig in _levels(motion, chosen):
-        frf = rig.measure(seed_of(chosen, number))[1]
+        frf = rig.windowed(seed_of(chosen, number))
         for i in range(len(rig.seen)):
             found.append(
                 MeasuredFRF.from_frf(
@@ -67,6 +75,7 @@ def observations(
                     high_hz=band[1],
                     configuration=f"{rig.force_kn:g} kN",
                     conditions={"drawbar force": 1e3 * rig.force_kn},
+                    floor=floor,
                 )
             )
     return tuple(found)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
+    from receptance.measurement import TimeRecords
 
 __all__ = ["SAMPLE_RATE_HZ", "SPACING_HZ", "VirtualRig", "load_holder", "load_rig"]
 
@@ -102,7 +103,22 @@ class VirtualRig:
         left_out : tuple of FRF
             The second without each of the hits.
         """
-        records = simulate_hits(
+        records = self.records(seed)
+        with warnings.catch_warnings():
+            # It is said in the study's findings, once.
+            warnings.filterwarnings("ignore", ".*has not died away", ReceptanceWarning)
+            plain = estimate_frf(records)
+        hits = find_hits(records)
+        windowed = estimate_frf(hits, **ESTIMATE)
+        return plain.with_(usable=None), windowed, without_each(hits, **ESTIMATE)
+
+    def windowed(self, seed: int) -> FRF:
+        """Return the second FRF of `measure` alone."""
+        return estimate_frf(find_hits(self.records(seed)), **ESTIMATE)
+
+    def records(self, seed: int) -> TimeRecords:
+        """Hit it ten times and record at 20 480 Hz."""
+        return simulate_hits(
             self,
             response=self.seen,
             excitation=self.hit,
@@ -116,13 +132,6 @@ class VirtualRig:
             seed=seed,
             label=f"virtual BT50 rig, {self.motion}, {self.force_kn:g} kN",
         )
-        with warnings.catch_warnings():
-            # It is said in the study's findings, once.
-            warnings.filterwarnings("ignore", ".*has not died away", ReceptanceWarning)
-            plain = estimate_frf(records)
-        hits = find_hits(records)
-        windowed = estimate_frf(hits, **ESTIMATE)
-        return plain.with_(usable=None), windowed, without_each(hits, **ESTIMATE)
 
 
 def load_rig() -> tuple[VirtualRig, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance.studies._data import read_toml
 from receptance.studies._provenance import versions
+from receptance.studies.bt50.diagnosed import Diagnosed, diagnosed
 from receptance.studies.bt50.levels import (
     RADIAL_CONTACT,
     AxialLevel,
@@ -20,7 +21,7 @@ from receptance.studies.bt50.levels import (
     radial_hz,
 )
 from receptance.studies.bt50.observations import seed_of
-from receptance.studies.bt50.rig import load_holder, load_rig
+from receptance.studies.bt50.rig import Motion, load_holder, load_rig
 from receptance.studies.bt50.settings import BT50Settings
 from receptance.taper import ForceSeries, Holder
 
@@ -33,6 +34,7 @@ __all__ = ["BT50Study", "DampingIgnored", "LeftOut", "run"]
 
 _SAME = 0.05
 """Relative difference up to which two magnitudes are called the same."""
+_DIAGNOSED: tuple[Motion, ...] = ("axial", "radial")
 _SHOWN_KN = 20.0
 """The force of the paper's figure 9."""
 
@@ -112,6 +114,8 @@ class BT50Study:
         Axial and radial.
     damping_ignored : tuple of DampingIgnored
         Axial and radial, at the force of the paper's figure 9.
+    diagnosed : tuple of Diagnosed
+        What a diagnosis says of the rigid holder.
     versions : dict of str to str
         What the numbers come from.
     """
@@ -125,6 +129,7 @@ class BT50Study:
     bonded_hz: dict[str, tuple[float, ...]]
     left_out: tuple[LeftOut, ...]
     damping_ignored: tuple[DampingIgnored, ...]
+    diagnosed: tuple[Diagnosed, ...]
     versions: dict[str, str] = field(default_factory=versions)
 
 
@@ -159,6 +164,9 @@ def run(settings: BT50Settings | None = None, *, progress: Callable[[str], None]
         damping_ignored=(
             _damping_ignored("axial", holder, axial[shown].elastic.values),
             _damping_ignored("radial", holder, radial[shown].elastic.values),
+        ),
+        diagnosed=tuple(
+            diagnosed(motion, chosen, progress=lambda text: say(f"diagnosis: {text}")) for motion in _DIAGNOSED
         ),
     )
 

@@ -1,0 +1,167 @@
+"""Campaigns over levels: every level fitted by itself first, then parameters over the levels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.campaign.conditions import parse_condition
+from receptance.errors import ReceptanceError
+from receptance.identification import identify
+from receptance.identification.laws import Law
+from receptance.identification.unknowns import Unknown, covered
+
+if TYPE_CHECKING:
+    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.measurement_models import SettingsTable
+    from receptance.campaign.series_models import SeriesTable
+    from receptance.identification import Identification
+    from receptance.identification.task import Observation
+    from receptance.taper import ForceSeries
+
+__all__ = ["FEWEST", "level_unit", "over_levels", "started_by_level"]
+
+FEWEST = 6
+"""Levels from which on laws are fitted."""
+_WORSE = 1.5
+"""A level whose fit from its neighbour's values leaves so many times more than that one is fitted from far as well."""
+
+
+def started_by_level(
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    settings: SettingsTable,
+    *,
+    threads: int | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[Unknown]:
+    """Return the unknowns with free ones starting where a fit of each configuration by itself ends.
+
+    Free values of many levels are far too many to be found from far together; at one level there are a few. The first
+    level of each kind of assembly is fitted from several starts, the others from its neighbour's values.
+    """
+    groups: dict[str, list[Observation]] = {}
+    for one in observations:
+        groups.setdefault(one.configuration, []).append(one)
+    found: dict[str, dict[str, float]] = {}
+    last: dict[tuple[str, ...], tuple[dict[str, float], float]] = {}
+    for name, own in groups.items():
+        mine = [u for u in unknowns if any(covered(u.address, one.assembly) for one in own)]
+        if not mine:
+            continue
+        say(f"fitting {name}")
+        kind = tuple(unknown.address for unknown in mine)
+        values, rms = last.get(kind, ({}, np.inf))
+        fits = []
+        if values:
+            fits.append(_fitted(own, mine, values, settings, threads, starts=1, staged=False))
+        if not values or fits[0] is None or fits[0].rms > _WORSE * rms:
+            fits.append(_fitted(own, mine, {}, settings, threads, starts=settings.starts, staged=True))
+        ended = [fit for fit in fits if fit is not None]
+        if not ended:
+            continue
+        best = min(ended, key=lambda fit: fit.rms)
+        last[kind] = best.values, max(best.rms, 1.0)
+        for unknown in mine:
+            found.setdefault(unknown.address, {})[name] = best.values[unknown.address]
+    return [
+        replace(one, starts=found.get(one.address, {})) if isinstance(one, Law) and one.free else one
+        for one in unknowns
+    ]
+
+
+def _fitted(
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    values: Mapping[str, float],
+    settings: SettingsTable,
+    threads: int | None,
+    *,
+    starts: int,
+    staged: bool,
+) -> Identification | None:
+    plain = [
+        Unknown(
+            address=one.address,
+            lower=one.lower,
+            upper=one.upper,
+            start=values.get(one.address, one.start),
+            scale=one.scale,
+            prior=one.prior,
+        )
+        for one in unknowns
+    ]
+    weighed = all(getattr(one, "standard_deviation", None) is not None for one in observations)
+    try:
+        return identify(
+            observations,
+            plain,
+            objective=settings.objective,
+            starts=starts,
+            seed=settings.seed,
+            max_evaluations=settings.max_evaluations,
+            threads=threads,
+            strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
+        )
+    except (ReceptanceError, ValueError):
+        return None  # what is wrong with it the fit of all levels together says
+
+
+def over_levels(campaign: Campaign, fit: Identification) -> dict[str, ForceSeries]:
+    """Return every free parameter over the levels of the series, where there are enough of them.
+
+    Standard errors are those from the scatter of the data, times what a level leaves where that is more than its
+    noise; errors of dimensions and materials are the same at all levels and make no trend.
+    """
+    from receptance.taper import ForceSeries
+
+    table = campaign.table.series
+    if table is None:
+        return {}
+    _, factor = level_unit(table)
+    squares: dict[str, list[float]] = {}
+    for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
+        squares.setdefault(measured.assembly, []).extend(np.square(residual).tolist())
+    found = {}
+    for law in fit.task.parameters.wanted:
+        if not isinstance(law, Law) or not law.free or law.along != table.over:
+            continue
+        rows = []
+        for name, own in squares.items():
+            title = f"{law.name} @ {name}"
+            if title in fit.values and np.isfinite(fit.standard_errors[title]):
+                level = campaign.conditions[name][table.over].value / factor
+                left = max(float(np.sqrt(np.mean(own))), 1.0) if fit.known_scatter else 1.0
+                rows.append((level, fit.values[title], fit.standard_errors[title] * left))
+        rows.sort()
+        columns = np.array(rows).T if len(rows) >= FEWEST else None
+        if columns is not None and np.all(np.diff(columns[0]) > 0.0) and columns[0, 0] >= 0.0:
+            found[law.name] = ForceSeries(
+                name=law.name, force=columns[0], values=columns[1], standard_errors=columns[2]
+            )
+    return found
+
+
+def level_unit(table: SeriesTable) -> tuple[str, float]:
+    """Return the unit that the levels are written in, and how many SI units it is.
+
+    Examples
+    --------
+    >>> from receptance.campaign.series import level_unit
+    >>> from receptance.campaign.series_models import SeriesTable
+    >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
+    ('kN', 1000.0)
+    """
+    for level in table.levels:
+        match = (
+            re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S.*?)\s*", level)
+            if isinstance(level, str)
+            else None
+        )
+        if match and float(match[1]):
+            return match[2], parse_condition(level).value / float(match[1])
+    return "", 1.0

@@ -1,0 +1,98 @@
+"""The figure of a campaign over levels: every parameter with its intervals and the law that describes it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.campaign.addresses import kind_of
+from receptance.campaign.series import level_unit
+from receptance.plot._style import COLOURS, INK, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from receptance.campaign import CampaignIdentification
+    from receptance.taper import ForceSeries
+
+__all__ = ["draw_over_levels", "draw_series"]
+
+_NORMAL = 1.96
+_LAWS = {"constant": "constant", "linear": "$K_0 + a F$", "power": "$K_0 + a F^n$"}
+
+
+def draw_series(found: CampaignIdentification) -> Figure:
+    """Draw each parameter over the levels, with 95 % whiskers and its law, as the paper's figures 10 to 13.
+
+    Parameters
+    ----------
+    found : CampaignIdentification
+        Of a campaign with a series of six levels or more.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It belongs to no window; save it with `savefig`.
+    """
+    table = found.campaign.table.series
+    assert table is not None
+    unit = level_unit(table)[0]
+    over = f"{table.over} ({unit})" if unit else table.over
+    count = len(found.series)
+    columns = min(count, 3 if count > 4 else 2)
+    rows = -(-count // columns)
+    height = 4.2 * rows + 0.7
+    figure = new_figure(5.6 * columns + (1.5 if columns == 1 else 0.0), height)
+    panels = list(np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel())
+    for axes, (name, series) in zip(panels, found.series.items(), strict=False):
+        factor, label = _unit(name, series)
+        set_up(axes, name, over, label)
+        draw_over_levels(axes, series, factor, COLOURS[0] if ".k_" in name else COLOURS[1], "identified, 95 %")
+        _legend(axes, series)
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    keep_clear(figure, 1.0 - 0.55 / height)
+    title = found.campaign.title
+    figure.text(0.5, 1.0 - 0.28 / height, title, ha="center", va="center", fontsize=14, color=INK)
+    return figure
+
+
+def draw_over_levels(
+    axes: Axes, series: ForceSeries, factor: float, colour: str, label: str, *, marker: str = "o", law: bool = True
+) -> None:
+    """Draw a parameter over its levels with whiskers, and its law."""
+    if law:
+        fine = np.linspace(float(series.force[0]), float(series.force[-1]), 200)
+        axes.plot(fine, factor * series.law.at(fine), color=colour, alpha=0.45, linewidth=1.4)
+    axes.errorbar(
+        series.force,
+        factor * series.values,
+        _NORMAL * factor * series.standard_errors,
+        fmt=marker,
+        color=colour,
+        markersize=4,
+        capsize=2.5,
+        linewidth=1.0,
+        label=label,
+    )
+
+
+def _unit(name: str, series: ForceSeries) -> tuple[float, str]:
+    """Return by what the values are multiplied, and what stands at the axis."""
+    unit = kind_of(name).unit
+    power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
+    if -3 < power <= 3:
+        return 1.0, unit
+    return 10.0**-power, f"10$^{{{power}}}$ {unit}"
+
+
+def _legend(axes: Axes, series: ForceSeries) -> None:
+    low, high = series.exponent_interval
+    law = _LAWS[series.law.name]
+    text = f"{law}, n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})" if series.law.name == "power" else law
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.3 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left", title=text, title_fontsize=9, alignment="left")

@@ -1,0 +1,135 @@
+"""Causes of a part that is held to ground: a rigid body that is not, contact that is elsewhere than the model says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment
+from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
+from receptance.identification import Law
+from receptance.taper import Holder
+
+FORCES = (5.0, 25.0)
+HOLDER = Holder(
+    part=Part(
+        [Segment(length=x, outer_diameter=d, material=STEEL) for x, d in ((0.08, 0.08), (0.1, 0.055), (0.03, 0.025))],
+        name="holder",
+    ),
+    big_end=0.08,
+    small_end=0.18,
+)
+
+
+def observed(motion: str, modelled: str = "spread", noise: float = 0.005) -> list[MeasuredFRF]:
+    """Return an elastic holder at three forces, seen as a rigid one."""
+    rng = np.random.default_rng(3)
+    found = []
+    for force in FORCES:
+        k = 5e9 * (1.0 + 0.002 * force)
+        if motion == "axial":
+            lines = np.arange(3000.0, 6500.0, 50.0)
+            truth, model = HOLDER.axial(k, 1500.0), HOLDER.axial(k, 1e3, body="rigid")
+        else:
+            lines = np.arange(500.0, 6000.0, 50.0)
+            truth = uneven(0.4 * k, 0.2 * k)
+            model = HOLDER.radial(k, k, 1e3, 1e3, body="rigid", contact=modelled)
+        for place in (0.0,) if motion == "axial" else (0.01, 0.05):
+            seen, hit = Coordinate("holder", place), Coordinate("holder", 0.0 if motion == "axial" else 0.01)
+            scatter = rng.normal(size=(2, lines.size)) * noise
+            values = truth.receptance(lines, response=seen, excitation=hit)
+            found.append(
+                MeasuredFRF(
+                    assembly=model,
+                    frequency_hz=lines,
+                    receptance=values * np.exp(scatter[0] + 1j * scatter[1]),
+                    standard_deviation=noise,
+                    response=seen,
+                    excitation=hit,
+                    configuration=f"{force:g} kN",
+                    conditions={"drawbar force": 1e3 * force},
+                )
+            )
+    return found
+
+
+def uneven(k_1: float, k_2: float) -> Assembly:
+    """Return the holder on contact that is strongest at the ends of its taper."""
+    x = (np.arange(12) + 0.5) / 12.0
+    place = {"part": "holder", "position": 0.08, "length": 0.1}
+    ends = [
+        GroundSpring(k_y=k, c_y=c, weights=tuple(np.exp(-2.8 * way)), **place)
+        for k, c, way in ((k_1, 9e3, x), (k_2, 6e3, 1.0 - x))
+    ]
+    return Assembly([HOLDER.part], ends)
+
+
+def springs(*names: str) -> list[Law]:
+    return [
+        Law(address=f"{name}.{field}", lower=low, upper=high, free=True)
+        for name in names
+        for field, low, high in (("k_y", 1e7, 1e12), ("c_y", 1.0, 1e6))
+    ]
+
+
+def test_a_rigid_body_that_is_not_rigid_is_named_with_its_modulus() -> None:
+    verdict = diagnose(observed("axial"), springs("taper"), causes=["flexible_body", "calibration_gain", "time_delay"])
+    assert verdict.verdict == "named"
+    assert [one.id for one in verdict.causes] == ["flexible_body"]
+    _, low, high = verdict.causes[0].parameters["flexible_body.decades"]
+    assert low < np.log10(STEEL.youngs_modulus / 2e11) < high
+
+
+@pytest.mark.slow
+def test_across_the_contact_is_named_with_it() -> None:
+    verdict = diagnose(
+        observed("radial", "ends"),
+        springs("big_end", "small_end"),
+        causes=["flexible_body", "contact_distribution"],
+    )
+    assert verdict.verdict == "named"
+    assert {one.id for one in verdict.causes} == {"flexible_body", "contact_distribution"}
+    _, low, high = next(one for one in verdict.causes if one.id == "flexible_body").parameters["flexible_body.decades"]
+    assert low < np.log10(STEEL.youngs_modulus / 2e11) < high
+
+
+@pytest.mark.parametrize(
+    ("name", "motion", "names"),
+    [
+        ("flexible_body", "axial", ("taper",)),
+        ("contact_distribution", "axial", ("taper",)),
+        ("contact_distribution", "radial", ("big_end", "small_end")),
+    ],
+)
+@pytest.mark.parametrize("modelled", ["spread", "ends"])
+def test_a_cause_is_nothing_at_its_null(name: str, motion: str, names: tuple[str, ...], modelled: str) -> None:
+    model = Model(tuple(observed(motion, modelled=modelled)), tuple(springs(*names)))
+    problem = model.task().problem()
+    x = problem.variables.start
+    before = problem.residual(x).copy()
+    variants = CATALOGUE[name].variants(model)
+    assert variants
+    for variant in variants:
+        assert {one.assembly.motion for one in variant.model.observations} == {problem_motion(motion)}
+        there = variant.model.task().problem()
+        after = there.residual(there.variables.start)
+        # What lies along a stretch has to be there, to a thousandth.
+        limit = 0.01 if "at points" in variant.name else 1e-6
+        np.testing.assert_allclose(after[: before.size], before, atol=limit * np.abs(before).max())
+
+
+def problem_motion(motion: str) -> str:
+    return "axial" if motion == "axial" else "bending"
+
+
+def test_contact_that_nobody_can_place_is_undecidable() -> None:
+    (one, *_) = observed("radial")
+    bare = MeasuredFRF(
+        assembly=Assembly([HOLDER.part]),
+        frequency_hz=one.frequency_hz,
+        receptance=one.receptance,
+        standard_deviation=0.01,
+    )
+    law = Law(address="holder.segment[0].density", lower=1e3, upper=1e4)
+    with pytest.raises(UndecidableError, match="no spring to ground is identified"):
+        CATALOGUE["contact_distribution"].variants(Model((bare,), (law,)))
