@@ -267,6 +267,7 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
         held_out_before=float(before),
         held_out_after=float(after),
         interval=_interval(table, lambda rows: sign * float(np.subtract(*ends(rows)))),
+        better=int(np.count_nonzero(sign * (table[:, 0] - table[:, 1]) > 0.0)),
         folds=tuple(
             {
                 "configuration": one.configuration,
