@@ -14,9 +14,10 @@ from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.foresight import Foresight
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, _Fold, gain_of, measured_by
-from receptance.identification import Tolerance
+from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
+LENGTH = "tool.segment[0].length"
 TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
 JOINT = [
     Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
@@ -135,6 +136,14 @@ def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
     assert after[SPECTRAL] == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)
     assert before[SPECTRAL] > 2.0 * after[SPECTRAL]
     assert abs(before[FREQUENCIES] - after[FREQUENCIES]) < 0.05
+
+
+def test_a_prediction_without_a_model_is_none() -> None:
+    """An overhang that an extension makes longer than nothing: a cause that is believed in one fold may do that."""
+    model = Model((observed(0.08),), (*JOINT, Move(address="longer", lower=-0.1, upper=0.1, moves={LENGTH: 1.0})))
+    fit = refit(model, {"longer": 0.0})
+    far = replace(fit, x=np.append(fit.x[:-1], -0.09))
+    assert measured_by(far, Model((observed(0.06),), model.unknowns)) == ({}, ())
 
 
 def folds(*pairs: tuple[float, float]) -> list[_Fold]:

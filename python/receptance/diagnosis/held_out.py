@@ -183,12 +183,13 @@ def measured_by(
     """
     foresight = Foresight(fit, model)
     try:
-        residuals, assemblies = foresight.predicted, foresight.assemblies
+        residuals = foresight.predicted
+        if not residuals:
+            return {}, ()
+        assemblies = foresight.assemblies
         known = scored and all(_weighed(one) for one in model.observations)
         score = foresight.log_score if known else math.nan
     except InfeasibleError:
-        return {}, ()
-    if not residuals:
         return {}, ()
     modes: list[ModeResidual] = []
     distances: list[float] = []
