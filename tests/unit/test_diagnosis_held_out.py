@@ -14,9 +14,10 @@ from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.foresight import Foresight
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, _Fold, gain_of, measured_by
-from receptance.identification import Tolerance
+from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
+LENGTH = "tool.segment[0].length"
 TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
 JOINT = [
     Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
@@ -137,6 +138,14 @@ def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
     assert abs(before[FREQUENCIES] - after[FREQUENCIES]) < 0.05
 
 
+def test_a_prediction_without_a_model_is_none() -> None:
+    """An overhang that an extension makes longer than nothing: a cause that is believed in one fold may do that."""
+    model = Model((observed(0.08),), (*JOINT, Move(address="longer", lower=-0.1, upper=0.1, moves={LENGTH: 1.0})))
+    fit = refit(model, {"longer": 0.0})
+    far = replace(fit, x=np.append(fit.x[:-1], -0.09))
+    assert measured_by(far, Model((observed(0.06),), model.unknowns)) == ({}, ())
+
+
 def folds(*pairs: tuple[float, float]) -> list[_Fold]:
     return [
         _Fold(f"{i}", "named", (), {SPECTRAL: b, SCORE: b}, {SPECTRAL: a, SCORE: a}) for i, (b, a) in enumerate(pairs)
@@ -164,3 +173,13 @@ def test_bad_metrics() -> None:
         diagnose([observed(0.06)], JOINT, metrics={"depth": 3.0})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="is there already"):
         diagnose([observed(0.06)], JOINT, metrics={SCORE: lambda one: 0.0})
+
+
+@pytest.mark.parametrize(
+    ("value", "width", "shown"), [(1.5e-3, 1e-5, "1.500"), (0.404, 1.4e-2, "404.0"), (1e-3, math.inf, "1")]
+)
+def test_numbers_have_the_digits_that_their_intervals_are_worth(value: float, width: float, shown: str) -> None:
+    from receptance.diagnosis.showing import _rounded
+
+    assert float(_rounded(1e3 * value, width, 1e3)) == pytest.approx(1e3 * value, abs=0.3 * 1e3 * width + 1e-9)
+    assert len(_rounded(1e3 * value, width, 1e3)) <= len(shown)

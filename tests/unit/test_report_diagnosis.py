@@ -98,8 +98,8 @@ def test_it_says_all(page: str, verdict: Any) -> None:
         "Which causes look alike",
         "How this was done",
         "sensor_mass",
-        "mass 0.00",
-        " kg (",
+        "Size, with 95 % interval: mass ",
+        " g (",
         verdict.causes[0].remedy,
         "versions: receptance",
     ):

@@ -136,9 +136,13 @@ class Foresight:
         return minimise(problem, start, free=free, most=_STEPS, least=_LEAST)
 
     @cached_property
+    def _own_fitted(self) -> Found:
+        return self._end(False)
+
+    @cached_property
     def predicted(self) -> list[NDArray[np.float64]]:
         """Residuals of each observation in its standard deviations, its own errors fitted to it; empty: no value."""
-        end = self._end(False)
+        end = self._own_fitted
         problem, _, _ = self._problem
         if not np.isfinite(end.cost):
             return []
@@ -159,7 +163,7 @@ class Foresight:
     @cached_property
     def assemblies(self) -> list[Assembly]:
         """The assemblies of `predicted`."""
-        values = self._problem[0].variables.to_values(self._end(False).x)
+        values = self._problem[0].variables.to_values(self._own_fitted.x)
         placed, _ = self._placed
         return [own.apply(one.assembly, values) for one, own in zip(self.model.observations, placed, strict=True)]
 

@@ -183,12 +183,13 @@ def measured_by(
     """
     foresight = Foresight(fit, model)
     try:
-        residuals, assemblies = foresight.predicted, foresight.assemblies
+        residuals = foresight.predicted
+        if not residuals:
+            return {}, ()
+        assemblies = foresight.assemblies
         known = scored and all(_weighed(one) for one in model.observations)
         score = foresight.log_score if known else math.nan
     except InfeasibleError:
-        return {}, ()
-    if not residuals:
         return {}, ()
     modes: list[ModeResidual] = []
     distances: list[float] = []
@@ -267,6 +268,7 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
         held_out_before=float(before),
         held_out_after=float(after),
         interval=_interval(table, lambda rows: sign * float(np.subtract(*ends(rows)))),
+        better=int(np.count_nonzero(sign * (table[:, 0] - table[:, 1]) > 0.0)),
         folds=tuple(
             {
                 "configuration": one.configuration,

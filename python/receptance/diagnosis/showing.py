@@ -78,13 +78,43 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def sizes(one: Candidate) -> str:
-    """Return what was found for a candidate, with intervals."""
-    texts = [
-        f"{name.split('.')[-1]} {value:.3g} ({low:.3g} to {high:.3g})"
-        for name, (value, low, high) in one.parameters.items()
-    ]
+def sizes(verdict: Verdict, one: Candidate) -> str:
+    """Return what was found for a candidate, with units and 95 % intervals."""
+    cause = next(found.cause for found in verdict.selection.found if found.cause.id == one.id)
+    texts = []
+    for name, numbers in one.parameters.items():
+        title = name.split(".", 1)[-1]
+        largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
+        scale, unit = _readable(cause.parameter_of(name).unit, largest)
+        if title.startswith("log_"):
+            # A logarithm of a factor, as everybody says it.
+            title, unit = title.removeprefix("log_"), "%"
+            value, low, high = (f"{_percent(number):+.3g}" for number in numbers)
+        else:
+            value, low, high = (_rounded(scale * number, numbers[2] - numbers[1], scale) for number in numbers)
+        texts.append(f"{title} {value}{' ' + unit if unit else ''} ({low} to {high})")
     return ", ".join(texts)
+
+
+_SMALLER = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
+
+
+def _readable(unit: str, largest: float) -> tuple[float, str]:
+    """Return how a number in SI units is multiplied to be read, and the unit that it then has."""
+    return _SMALLER[unit] if unit in _SMALLER and largest < 1.0 else (1.0, unit)
+
+
+def _rounded(value: float, width: float, scale: float) -> str:
+    """Return a number with as many digits as its interval is worth."""
+    if not (math.isfinite(value) and math.isfinite(width) and width > 0.0):
+        return f"{value:.4g}"
+    digits = 1 - math.floor(math.log10(width * scale))
+    whole = max(math.floor(math.log10(abs(value))) + 1, 1) if value else 1
+    return f"{value:.{min(max(whole + digits, 2), 8)}g}"
+
+
+def _percent(logarithm: float) -> float:
+    return 100.0 * math.expm1(min(logarithm, 50.0))
 
 
 def improved(gain: Gain) -> str:
@@ -92,13 +122,15 @@ def improved(gain: Gain) -> str:
     low, high = gain.interval
     if low == high == 0.0:
         return "none: nothing is extended"
-    return f"{low:.3g} to {high:.3g}" if math.isfinite(low) else "not known: one configuration was held out"
+    if not math.isfinite(low):
+        return "by the one configuration that was held out, so without an interval"
+    return f"{low:.3g} to {high:.3g} (95 %), better in {gain.better} of {len(gain.folds)} folds"
 
 
 def gained(gain: Gain) -> str:
     """Return an improvement in words; a gain of zero is zero."""
     text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
-    return f"{text}; improvement {improved(gain)}" + (" (95 %)" if 0.0 < gain.interval[1] < math.inf else "")
+    return f"{text}; improvement {improved(gain)}"
 
 
 def _candidates(verdict: Verdict) -> list[str]:
@@ -127,7 +159,7 @@ def as_text(verdict: Verdict) -> str:
     lines.append(f"misfit: {verdict.adequacy.misfit:.2f} times what noise and floor explain{left}")
     for one in verdict.causes:
         lines += ["", f"{one.id} ({one.group}; {one.variant}): {one.meaning}"]
-        lines.append(f"  size: {sizes(one) or 'no number'}")
+        lines.append(f"  size: {sizes(verdict, one) or 'no number'}")
         lines.append(f"  chi-square falls by {one.gain:.0f}, evidence {one.evidence:+.0f}")
         if one.look_alikes:
             alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())

@@ -88,6 +88,8 @@ class Gain:
         configuration alone was held out, zero where nothing was extended.
     folds : tuple of dict
         By configuration: verdict and causes without it, the metric before and after.
+    better : int
+        In how many of the folds it improves.
     """
 
     metric: str
@@ -95,6 +97,7 @@ class Gain:
     held_out_after: float
     interval: tuple[float, float]
     folds: tuple[dict[str, Any], ...] = ()
+    better: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

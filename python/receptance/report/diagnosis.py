@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance import _files
-from receptance.diagnosis.by_mode import Curve, curves, residuals_by_mode
+from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
 from receptance.diagnosis.screening import look_alike
-from receptance.diagnosis.showing import SENTENCE, improved
+from receptance.diagnosis.showing import SENTENCE, improved, sizes
 from receptance.identification.observations import MeasuredFRF
 from receptance.report import figures
 from receptance.report.story import story
@@ -16,7 +16,7 @@ from receptance.report.story import story
 if TYPE_CHECKING:
     import os
 
-    from receptance.diagnosis import Candidate, Verdict
+    from receptance.diagnosis import Verdict
 
 __all__ = ["diagnosis_html", "write_diagnosis"]
 
@@ -61,7 +61,9 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         story=story(verdict, before, after),
         curves=_curves(verdict),
         modes=[(one, rows.get((one.label, one.mode))) for one in before],
-        sizes={one.id: _sizes(verdict, one) for one in verdict.causes},
+        unseen=_unseen(verdict),
+        # Of a cause that is reported together with another one its size there.
+        sizes={one.id: sizes(verdict, one) for one in (*verdict.candidates, *verdict.causes)},
         evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
         alike=_alike(verdict),
         interval=improved,
@@ -91,14 +93,10 @@ def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: st
     return target
 
 
-def _sizes(verdict: Verdict, one: Candidate) -> str:
-    """What was found for a cause, with intervals and units."""
-    cause = next(found.cause for found in verdict.selection.found if found.cause.id == one.id)
-    texts = []
-    for name, (value, low, high) in one.parameters.items():
-        unit = cause.parameter_of(name).unit
-        texts.append(f"{name.split('.', 1)[-1]} {value:.3g}{' ' + unit if unit else ''} ({low:.3g} to {high:.3g})")
-    return ", ".join(texts)
+def _unseen(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual | None]]:
+    """Return held-out modes before and after."""
+    after = {(one.label, one.mode): one for one in verdict.held_out_modes_after}
+    return [(one, after.get((one.label, one.mode))) for one in verdict.held_out_modes]
 
 
 def _shown(figure: Any, name: str) -> str:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["alike_figure", "curve_figure", "evidence_figure", "frequencies_figure"]
 
-MEASURED, BEFORE, AFTER = "#222222", "#d95f02", "#1b7f79"
+MEASURED, BEFORE, AFTER = "#c9ced3", "#d95f02", "#1b7f79"
 _LINE = "rgba(0,0,0,0.12)"
 _SHOWN = 16
 _FONT = {"family": "system-ui, sans-serif", "size": 13}
@@ -26,7 +26,8 @@ def curve_figure(before: Curve, after: Curve | None) -> Any:
     from plotly.subplots import make_subplots
 
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.04, row_heights=[0.45, 0.25, 0.3])
-    sets = [("measured", before.frequency_hz, before.measured, MEASURED, 1.2)]
+    # Broad and pale: the models lie on it.
+    sets = [("measured", before.frequency_hz, before.measured, MEASURED, 5.0)]
     sets.append(("model as given", before.frequency_hz, before.modelled, BEFORE, 1.6))
     if after is not None:
         sets.append(("model extended", after.frequency_hz, after.modelled, AFTER, 1.6))
@@ -82,14 +83,20 @@ def evidence_figure(verdict: Verdict) -> Any:
     shown = list(verdict.candidates[:_SHOWN])[::-1]
     figure = Figure()
     reported = {one.id for one in verdict.causes}
+    most = max([one.evidence for one in shown] + [2.0 * max(verdict.threshold, 1.0)])
     figure.add_bar(
-        x=[one.evidence for one in shown],
+        x=[max(one.evidence, 0.0) for one in shown],
         y=[one.id for one in shown],
         orientation="h",
         marker={"color": [AFTER if one.id in reported else "#b8c4cc" for one in shown]},
         text=[_said(one) for one in shown],
-        hoverinfo="x+text",
+        textposition="outside",
+        cliponaxis=False,
+        hovertext=[f"{one.evidence:+.1f}" for one in shown],
+        hoverinfo="text",
     )
+    # What is said beside the longest bar needs room.
+    figure.update_xaxes(range=[0.0, 1.4 * most])
     figure.add_vline(x=verdict.threshold, line={"color": BEFORE, "dash": "dash", "width": 1.5})
     figure.update_xaxes(title="evidence (twice the logarithm of odds); dashed: what chance reaches once in a hundred")
     return _finished(figure, 120 + 26 * len(shown))
@@ -132,10 +139,10 @@ def _finished(figure: Any, height: int) -> Any:
     figure.update_layout(
         height=height,
         font=_FONT,
-        margin={"l": 70, "r": 20, "t": 20, "b": 50},
+        margin={"l": 70, "r": 20, "t": 40, "b": 50},
         plot_bgcolor="white",
         paper_bgcolor="white",
-        legend={"orientation": "h", "y": 1.06},
+        legend={"orientation": "h", "yanchor": "bottom", "y": 1.01},
         hovermode="closest",
     )
     figure.update_xaxes(gridcolor=_LINE, zerolinecolor=_LINE, automargin=True)

@@ -40,6 +40,8 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
     sentences += _on_modes(before, after)
     if verdict.gain is not None:
         sentences.append(f"On data that its fit never saw: {gained(verdict.gain)}.")
+    if verdict.bias is not None:
+        sentences.append(f"Of what was held out, as the model was given, {verdict.bias}.")
     return sentences
 
 
