@@ -36,8 +36,8 @@ _LARGE = 3.0
 """Large sizes from which fits begin are so many times the typical one."""
 _SETTLED = 1e-9
 _LEAST = 4
-"""So many explanations are fitted on all lines in any case."""
-_IDLE = 20.0
+"""The best variants of so many causes are fitted on all lines in any case."""
+_IDLE = 10.0
 """A cause that gains less on few lines, and nothing to first order on all, is not fitted on all of them."""
 _FAR = 60.0
 _FAR_SHARE = 0.3
@@ -326,13 +326,17 @@ def _fitted(
     without = on_few_lines(root, threads)
     best = min(explored[0][1].chi_square, without) if explored else without
     far = best + _FAR + _FAR_SHARE * (without - best)
-    for number, (direction, there) in enumerate(explored):
+    leaders: dict[str, float] = {}
+    for direction, there in explored:
+        # A variant that is far behind another one of its cause is not needed.
+        number, lead = len(leaders), leaders.setdefault(direction.cause.id, there.chi_square)
+        behind = there.chi_square > lead + _FAR
         try:
             if number >= _LEAST and _idle(selection, direction, there, without):
                 fit = starting_at(root, direction.variant.model)
                 found.append(_explanation(selection, steps, direction.step_name, fit, direction.score))
                 continue
-            near = number < _LEAST or there.chi_square <= far
+            near = (number < _LEAST or there.chi_square <= far) and not behind
             fit = there.finished() if near else there.evaluated()
         except ReceptanceError:
             continue

@@ -169,8 +169,15 @@ class Parameters:
             unknown.plain and unknown.address not in FACTORS for unknown in self.wanted
         )
         self._index = {name: i for i, name in enumerate(names)}
-        for place in places:
-            self.at(place)
+        self._placed = [(place, self.at(place)) for place in places]
+
+    def of(self, places: Sequence[Place]) -> list[Placed]:
+        """Return the parameters of places; those for which this was made are at hand."""
+        known = [*self._placed, *[(None, None)] * (len(places) - len(self._placed))]
+        return [
+            own if own is not None and place == other else self.at(place)
+            for place, (other, own) in zip(places, known, strict=False)
+        ]
 
     @property
     def errors(self) -> tuple[str, ...]:

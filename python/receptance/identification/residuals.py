@@ -7,6 +7,7 @@ observation (a compressed residual, many points at once) is another class here a
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -171,19 +172,34 @@ class FRFResidual:
         threads: int | None,
     ) -> None:
         select: NDArray[np.bool_] | slice = slice(None) if chosen is None else chosen
-        self._model = _Model(frf.assembly, variables)
-        self._places = [SteppedPlace(frf.assembly, place) for place in (frf.response, frf.excitation)]
+        self._frf, self._variables = frf, variables
         self._options: Any = {"threads": threads, "force": None if frf.force is None else frf.force[select]}
         self.unit = unit
         self._percentage = unit == "percent"
         self._count = len(variables.addresses)
         self._lines = frf.frequency_hz[select]
-        self._factors = _Factors(variables, self._lines)
         self._measured = frf.receptance[select]
-        self._inverse = -1.0 / self._measured
         self._weight = None
         if unit == "standard deviations" and frf.standard_deviation is not None:
             self._weight = 1.0 / frf.standard_deviation[select]
+
+    # What only an evaluation here needs: most fits run in the core.
+    @cached_property
+    def _model(self) -> _Model:
+        return _Model(self._frf.assembly, self._variables)
+
+    @cached_property
+    def _places(self) -> list[SteppedPlace]:
+        return [SteppedPlace(self._frf.assembly, place) for place in (self._frf.response, self._frf.excitation)]
+
+    @cached_property
+    def _factors(self) -> _Factors:
+        return _Factors(self._variables, self._lines)
+
+    @cached_property
+    def _inverse(self) -> NDArray[np.complex128]:
+        result: NDArray[np.complex128] = -1.0 / self._measured
+        return result
 
     @property
     def size(self) -> int:
@@ -283,7 +299,7 @@ class FrequencyResidual:
 
     def __init__(self, measured: MeasuredFrequencies, variables: Addressed, unit: Unit) -> None:
         self.unit = unit
-        self._model = _Model(measured.assembly, variables)
+        self._assembly, self._variables = measured.assembly, variables
         self._measured = measured.frequency_hz
         self._rows = np.array(measured.modes) - 1
         self._count = len(variables.addresses)
@@ -300,6 +316,10 @@ class FrequencyResidual:
             self._unit_damping = (
                 known[self._damped] if weighed and known is not None else np.maximum(self._damping, 1e-4) * share
             )
+
+    @cached_property
+    def _model(self) -> _Model:
+        return _Model(self._assembly, self._variables)
 
     @property
     def size(self) -> int:

@@ -73,7 +73,7 @@ class Task:
     @cached_property
     def placed(self) -> list[Placed]:
         """The parameters of each observation's assembly."""
-        return [self.parameters.at(place_of(o, i)) for i, o in enumerate(self.observed)]
+        return self.parameters.of([place_of(o, i) for i, o in enumerate(self.observed)])
 
     def problem(self) -> Problem:
         """Return all residuals on all lines."""
