@@ -12,6 +12,7 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import listed
 from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.fitting import EXPLORING
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
@@ -243,6 +244,17 @@ def _on_data(selection: Selection) -> list[str]:
     return notes
 
 
+def _work(selection: Selection) -> dict[str, Any]:
+    """Return how much was calculated, and what few lines had lost of base and best cause before they got all lines."""
+    fits = [selection.base, *(one.fit for one in selection.explanations[:1])]
+    return {
+        "lines": sum(one.frequency_hz.size for one in selection.base.model.observations),
+        "lines_of_each_while_exploring": EXPLORING,
+        "regained_on_all_lines": round(max(fit.regained for fit in fits), 1),
+        "model_evaluations": selection.evaluations,
+    }
+
+
 def _settings(selection: Selection, seed: int, most: int) -> dict[str, Any]:
     import platform
     from importlib.metadata import version
@@ -250,6 +262,7 @@ def _settings(selection: Selection, seed: int, most: int) -> dict[str, Any]:
     return {
         "seed": seed,
         "most": most,
+        **_work(selection),
         "causes": sorted({one.cause.id for one in selection.found} | set(selection.undecidable)),
         "versions": {
             **{name: version(name) for name in ("receptance", "numpy", "scipy")},

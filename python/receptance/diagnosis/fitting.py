@@ -72,6 +72,10 @@ class Fit:
         Sum of the squared residuals, priors included.
     converged : bool
         Whether the end is one, and no other start that ended better was left unfinished.
+    evaluations : int
+        How often all observations were calculated on the way.
+    regained : float
+        Decrease of chi-square on all lines from where the few lines had led: what thinning had lost.
     """
 
     model: Model
@@ -81,6 +85,7 @@ class Fit:
     chi_square: float
     converged: bool
     evaluations: int = 0
+    regained: float = 0.0
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -235,8 +240,9 @@ class Explored:
     def finished(self) -> Fit:
         """Return the fit on all lines, from the best end, and from another one that is nearly as good."""
         near = [values for cost, values in self.ends if cost < self.chi_square + _AS_GOOD][:2]
-        done = [_finish(self.model, values, self.threads, self.evaluations) for values in near]
-        return min(done, key=lambda fit: fit.chi_square)
+        done = [_finish(self.model, values, self.threads, 0) for values in near]
+        evaluations = self.evaluations + sum(fit.evaluations for fit in done)
+        return replace(min(done, key=lambda fit: fit.chi_square), evaluations=evaluations)
 
     def evaluated(self) -> Fit:
         """Return the model at the best end on few lines, for what is too far off to be worth more."""
@@ -286,7 +292,8 @@ def _finish(model: Model, values: Mapping[str, float], threads: int | None, befo
     end = minimise(problem, _vector(task, values), most=_MOST, least=_CLOSE)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model has no value at its best point: {problem.reason}")
-    return Fit(model, task, problem, end.x, 2.0 * end.cost, end.converged, before + end.evaluations)
+    regained = 2.0 * (end.first - end.cost)
+    return Fit(model, task, problem, end.x, 2.0 * end.cost, end.converged, before + end.evaluations, regained)
 
 
 def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from time import perf_counter
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
+from receptance.diagnosis.starts import starts_of
 from receptance.errors import ReceptanceError
-from receptance.identification.laws import Move
 from receptance.identification.observations import MeasuredFRF
 
 __all__ = ["Explanation", "Selection", "select"]
@@ -32,8 +33,6 @@ _MORE = 6
 """Causes that are tried in addition to each of them."""
 _FRESH_FROM = 0.3
 """Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
-_LARGE = 3.0
-"""Large sizes from which fits begin are so many times the typical one."""
 _SETTLED = 1e-9
 _LEAST = 4
 """The best variants of so many causes are fitted on all lines in any case."""
@@ -104,6 +103,10 @@ class Selection:
         Evidence that the best cause reaches by chance in one of a hundred diagnoses of an adequate model.
     undecidable : dict of str to str
         Causes that the data cannot speak about, and why.
+    evaluations : int
+        How often all observations were calculated with their derivatives, on few lines or on all.
+    seconds : float
+        How long it took.
     """
 
     base: Fit
@@ -113,6 +116,13 @@ class Selection:
     undecidable: dict[str, str]
     singles: list[Explanation] = field(default_factory=list)
     several: list[Explanation] = field(default_factory=list)
+    evaluations: int = 0
+    seconds: float = 0.0
+
+    @property
+    def evaluations_per_second(self) -> float:
+        """Evaluations of the whole model a second, everything else that was done included."""
+        return self.evaluations / self.seconds if self.seconds else 0.0
 
     @property
     def explanations(self) -> list[Explanation]:
@@ -150,12 +160,14 @@ def select(
         Is told what is being done.
     """
     say = progress or (lambda text: None)
+    began = perf_counter()
     say("base model")
     base = base or fit_base(model, seed=seed, threads=threads)
     variants, undecidable = _variants(base.model, causes, base)
     found = directions(base, variants)
     penalty = math.log(max(base.independent, 2.0))
     selection = Selection(base, penalty, chance(found, penalty, seed=seed), found, undecidable)
+    selection.evaluations = base.evaluations + len(found)
     selection.singles = _fitted(selection, (), base, _chosen(found, penalty), seed, threads, say)
     selection = _rebased(selection, threads)
     roots = selection.singles
@@ -167,6 +179,8 @@ def select(
     if not any(one.adequacy.passed for one in selection.explanations):
         _begun_anew(selection, seed, threads, say)
     _pruned(selection, threads)
+    selection.seconds = perf_counter() - began
+    say(f"{selection.evaluations} evaluations of the model, {selection.evaluations_per_second:.0f} a second")
     return selection
 
 
@@ -180,6 +194,7 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
             fit = fit_base(one.fit.model, seed=seed, threads=threads)
         except (ReceptanceError, ValueError):
             continue
+        selection.evaluations += fit.evaluations
         selection.singles.append(_explanation(selection, (), one.steps[-1], fit))
     selection.singles = _best_each(selection.singles)
 
@@ -264,36 +279,6 @@ def _chosen(found: Sequence[Direction], penalty: float) -> list[Direction]:
     return sorted(chosen, key=lambda one: -promised(one))
 
 
-def _starts(direction: Direction, fit: Fit) -> list[dict[str, float]]:
-    """Return where fits of a cause begin: at its null, where its direction points, and at larger sizes.
-
-    What only says where and how it acts begins as given too: to first order it is known but vaguely.
-
-    What has no number of its own changes the joint instead: its stiffnesses begin at several times what they were.
-    """
-    values = fit.values
-    if not direction.names:
-        joints = tuple(f"{name}.k_" for name in fit.model.joints)
-        stiff = [u.name for u in fit.model.unknowns if u.address.startswith(joints) and not isinstance(u, Move)]
-        return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
-    parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
-    null = {name: one.start for name, one in parameters.items()}
-    starts = [null]
-    if direction.step:
-        starts.append({**null, **direction.step})
-        starts.append({name: null[name] if one.secondary else starts[-1][name] for name, one in parameters.items()})
-    for times in (_LARGE, -_LARGE):
-        large = {
-            name: one.typical
-            if one.secondary
-            else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
-            for name, one in parameters.items()
-        }
-        starts.append(large)
-    different = [one for i, one in enumerate(starts) if one not in starts[:i]]
-    return [{**values, **one} for one in different]
-
-
 def _fitted(
     selection: Selection,
     steps: tuple[tuple[Cause, str], ...],
@@ -317,9 +302,11 @@ def _fitted(
                 fit = fit_base(direction.variant.model, seed=seed, threads=threads)
             except ReceptanceError:
                 continue
+            selection.evaluations += fit.evaluations
             found.append(_explanation(selection, steps, direction.step_name, fit))
             continue
-        there = explore(direction.variant.model, _starts(direction, root), threads=threads)
+        there = explore(direction.variant.model, starts_of(direction, root), threads=threads)
+        selection.evaluations += there.evaluations
         if there.ends:
             explored.append((direction, there))
     explored.sort(key=lambda pair: pair[1].chi_square)
@@ -338,6 +325,7 @@ def _fitted(
                 continue
             near = (number < _LEAST or there.chi_square <= far) and not behind
             fit = there.finished() if near else there.evaluated()
+            selection.evaluations += fit.evaluations - there.evaluations
         except ReceptanceError:
             continue
         found.append(_explanation(selection, steps, direction.step_name, fit))
@@ -389,6 +377,7 @@ def _added(
         others = [cause for cause in causes if cause.id not in root.ids]
         variants, _ = _variants(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
+        selection.evaluations += len(directed)
         promising = [
             one for one in directed if one.score > selection.penalty * one.count + max(selection.threshold, 0.0)
         ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from receptance import _checks
@@ -18,6 +19,8 @@ _FARTHEST = 8.0
 """Standard deviations beyond which no error of a tolerance is looked for."""
 
 
+# A diagnosis makes hundreds of models with the same errors.
+@lru_cache(maxsize=1 << 12)
 def error_of(name: str) -> Unknown:
     """Return the unknown for an error, in standard deviations of it."""
     return Unknown(

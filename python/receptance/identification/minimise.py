@@ -28,13 +28,17 @@ _ROUNDING = 1e-13
 
 
 class Found(NamedTuple):
-    """Where a fit ended: the variables, half the sum of squares, the normal matrix there, evaluations."""
+    """Where a fit ended: the variables, half the sum of squares, the normal matrix there, evaluations.
+
+    `first` is half the sum of squares where it began.
+    """
 
     x: NDArray[np.float64]
     cost: float
     normal: NDArray[np.float64]
     evaluations: int
     converged: bool
+    first: float = np.inf
 
 
 def minimise(
@@ -65,6 +69,7 @@ def minimise(
     before = problem.evaluations
     x = np.clip(x, low, high)
     cost, gradient, normal = _at(problem, x)
+    first = cost
     damping, growth = _FIRST, 2.0
     converged = tried = False
     while np.isfinite(cost) and problem.evaluations - before < most:
@@ -100,7 +105,7 @@ def minimise(
             growth *= 2.0
             if damping > _MOST_DAMPED:
                 break
-    return Found(x, cost, normal, problem.evaluations - before, converged)
+    return Found(x, cost, normal, problem.evaluations - before, converged, first)
 
 
 def _at(problem: Problem, x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:

@@ -51,6 +51,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         lstrip_blocks=True,
     )
     base, explanation = verdict.selection.base, verdict.explanation
+    rate = round(verdict.selection.evaluations_per_second)
     before, after = residuals_by_mode(base), residuals_by_mode(explanation.fit) if explanation is not None else ()
     rows = {(one.label, one.mode): one for one in after}
     return environment.get_template("diagnosis.html").render(
@@ -64,7 +65,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
         alike=_alike(verdict),
         interval=improved,
-        settings=_rows(verdict.settings),
+        settings=_rows({**verdict.settings, "model_evaluations_per_second": rate}),
         library=get_plotlyjs(),
     )
 
