@@ -31,7 +31,7 @@ _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
 _HOPELESS = 20.0
-"""Misfit from which on a promise to first order says little, and every cause is tried in addition."""
+"""Misfit from which on neither a promise to first order nor a few steps say much: every cause is tried, to its end."""
 """Causes that are tried in addition to each of them."""
 _FRESH_FROM = 0.3
 """Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
@@ -340,7 +340,7 @@ def _fitted(
                 fit = starting_at(root, direction.variant.model)
                 found.append(_explanation(selection, steps, direction.step_name, fit, direction.score))
                 continue
-            near = (number < _LEAST or there.chi_square <= far) and not behind
+            near = ((number < _LEAST or there.chi_square <= far) and not behind) or root.misfit > _HOPELESS
             fit = there.finished() if near else there.evaluated()
             selection.evaluations += fit.evaluations - there.evaluations
         except ReceptanceError:
