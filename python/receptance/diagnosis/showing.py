@@ -82,10 +82,13 @@ def sizes(verdict: Verdict, one: Candidate) -> str:
     """Return what was found for a candidate, with units and 95 % intervals."""
     cause = next(found.cause for found in verdict.selection.found if found.cause.id == one.id)
     texts = []
-    for name, numbers in one.parameters.items():
+    for name, (found, *ends) in one.parameters.items():
         title = name.split(".", 1)[-1]
+        parameter = cause.parameter_of(name)
+        # An interval by the curvature may reach beyond what the parameter can be.
+        numbers = (found, *(min(max(end, parameter.lower), parameter.upper) for end in ends))
         largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
-        scale, unit = _readable(cause.parameter_of(name).unit, largest)
+        scale, unit = _readable(parameter.unit, largest)
         if title.startswith("log_"):
             # A logarithm of a factor, as everybody says it.
             title, unit = title.removeprefix("log_"), "%"
@@ -129,9 +132,8 @@ def improved(gain: Gain) -> str:
 
 def wanting(verdict: Verdict) -> float | None:
     """Return by how much standard deviations would have to grow for the base model to be adequate; None if it is."""
-    short = max(
-        verdict.adequacy.misfit / verdict.adequacy.limit, verdict.adequacy.smooth / verdict.adequacy.smooth_limit
-    )
+    found = verdict.adequacy
+    short = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
     return math.sqrt(short) if short > 1.0 else None
 
 

@@ -35,7 +35,12 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
     sentence = f"It leaves {verdict.adequacy.misfit:.2f} times what noise and floor explain"
     if worst is not None and not verdict.adequacy.passed:
         sentence += f", most of it in {worst}"
-    sentences.append(sentence + (": that is adequate." if verdict.adequacy.passed else "."))
+    if verdict.adequacy.passed:
+        found = verdict.verdict in ("named", "suspected", "ambiguous")
+        sentence += (
+            ", which would pass; yet something explains more of it than chance does" if found else ": that is adequate"
+        )
+    sentences.append(f"{sentence}.")
     sentences += _on_causes(verdict)
     sentences += _on_modes(before, after)
     if verdict.gain is not None:
