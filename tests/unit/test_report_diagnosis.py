@@ -152,3 +152,29 @@ def test_a_browser_shows_it(tmp_path: Path, verdict: Any) -> None:
     assert run.stdout.count('class="main-svg"') >= len(figures), "a figure was not drawn"
     said = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
     assert not said, said
+
+
+def test_natural_frequencies_alone_and_nothing_that_explains_them(tmp_path: Path) -> None:
+    """An overhang each that is longer than it was said, by turns: no cause of the list does that."""
+    observations = [
+        MeasuredFrequencies(
+            assembly=assembled(overhang),
+            frequency_hz=assembled(overhang + off).natural_frequencies(9000.0)[:2],
+            standard_deviation_hz=0.3,
+            label=f"{1e3 * overhang:.0f} mm",
+        )
+        for overhang, off in ((0.06, 8e-4), (0.07, -8e-4), (0.08, 8e-4), (0.09, -8e-4))
+    ]
+    unknowns = [
+        Unknown(address="joint.k_y", lower=1e6, upper=1e11),
+        Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
+    ]
+    verdict = diagnose(observations, unknowns, causes=["tool_density", "collet_mass"], most=1, held_out=True)
+    assert verdict.verdict == "unexplained"
+    said, page = verdict.summary(), diagnosis_html(verdict)
+    assert "if all standard deviations were" in said
+    assert "held out if believed" in said
+    for words in ("By evidence", "comes nearest", "held-out modes", "in numbers", "as given", " at 1"):
+        assert words in page, words
+    for words in ("damping (%)", "level (dB)", "phase (°)", "noise alone stays"):
+        assert words not in page, words

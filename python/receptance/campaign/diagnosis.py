@@ -172,6 +172,7 @@ def diagnose_campaign(
         )
         verdict = verdict.improved(found)
     notes += [*left_out, *verdict.notes]
+    verdict = replace(verdict, notes=tuple(dict.fromkeys(notes)))
     return CampaignDiagnosis(
         campaign=campaign,
         verdict=verdict,

@@ -36,6 +36,11 @@ class Place:
     high_hz: float
     misfit: float
 
+    def __str__(self) -> str:
+        if self.low_hz == self.high_hz:
+            return f"{self.label} at {self.low_hz:.0f} Hz"
+        return f"{self.label} from {self.low_hz:.0f} to {self.high_hz:.0f} Hz"
+
 
 @dataclass(frozen=True)
 class Strain:
@@ -104,11 +109,7 @@ class Adequacy:
     def why_not(self) -> str:
         """What is too large, for people; empty where nothing is."""
         if self.misfit > self.limit or self.smooth > self.smooth_limit:
-            place = self.worst[0]
-            return (
-                f"leaves {self.misfit:.2f} times what noise and floor explain, most of it in {place.label} from "
-                f"{place.low_hz:.0f} to {place.high_hz:.0f} Hz"
-            )
+            return f"leaves {self.misfit:.2f} times what noise and floor explain, most of it in {self.worst[0]}"
         if not self.strain.passed:
             far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
             return f"fits only with tolerances that nobody would believe, in standard deviations: {far}"

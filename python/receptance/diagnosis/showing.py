@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
-__all__ = ["SENTENCE", "as_dict", "as_text", "gained", "improved", "sizes"]
+__all__ = ["SENTENCE", "as_dict", "as_text", "gained", "improved", "sizes", "wanting"]
 
 _SHOWN = 6
 SENTENCE = {
@@ -82,10 +82,13 @@ def sizes(verdict: Verdict, one: Candidate) -> str:
     """Return what was found for a candidate, with units and 95 % intervals."""
     cause = next(found.cause for found in verdict.selection.found if found.cause.id == one.id)
     texts = []
-    for name, numbers in one.parameters.items():
+    for name, (found, *ends) in one.parameters.items():
         title = name.split(".", 1)[-1]
+        parameter = cause.parameter_of(name)
+        # An interval by the curvature may reach beyond what the parameter can be.
+        numbers = (found, *(min(max(end, parameter.lower), parameter.upper) for end in ends))
         largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
-        scale, unit = _readable(cause.parameter_of(name).unit, largest)
+        scale, unit = _readable(parameter.unit, largest)
         if title.startswith("log_"):
             # A logarithm of a factor, as everybody says it.
             title, unit = title.removeprefix("log_"), "%"
@@ -127,6 +130,13 @@ def improved(gain: Gain) -> str:
     return f"{low:.3g} to {high:.3g} (95 %), better in {gain.better} of {len(gain.folds)} folds"
 
 
+def wanting(verdict: Verdict) -> float | None:
+    """Return by how much standard deviations would have to grow for the base model to be adequate; None if it is."""
+    found = verdict.adequacy
+    short = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
+    return math.sqrt(short) if short > 1.0 else None
+
+
 def gained(gain: Gain) -> str:
     """Return an improvement in words; a gain of zero is zero."""
     text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
@@ -157,6 +167,9 @@ def as_text(verdict: Verdict) -> str:
     after = verdict.adequacy_after
     left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
     lines.append(f"misfit: {verdict.adequacy.misfit:.2f} times what noise and floor explain{left}")
+    times = wanting(verdict)
+    if verdict.verdict == "unexplained" and times is not None:
+        lines.append(f"the model would do if all standard deviations were {times:.2g} times as large as stated")
     for one in verdict.causes:
         lines += ["", f"{one.id} ({one.group}; {one.variant}): {one.meaning}"]
         lines.append(f"  size: {sizes(verdict, one) or 'no number'}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +63,9 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         story=story(verdict, before, after),
         curves=_curves(verdict),
         modes=[(one, rows.get((one.label, one.mode))) for one in before],
+        columns=_columns([*before, *after]),
+        extended=explanation is not None,
+        receptances=any(isinstance(one, MeasuredFRF) for one in base.model.observations),
         unseen=_unseen(verdict),
         # Of a cause that is reported together with another one its size there.
         sizes={one.id: sizes(verdict, one) for one in (*verdict.candidates, *verdict.causes)},
@@ -91,6 +96,17 @@ def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: st
     text = diagnosis_html(verdict, title=title)
     _files.write_whole({target: text.encode("utf-8")})
     return target
+
+
+def _columns(modes: Sequence[ModeResidual]) -> list[tuple[str, str, str]]:
+    """Return what is known of modes: field, heading and format."""
+    every = (
+        ("frequency_percent", "frequency (%)", "%+.2f"),
+        ("damping_percent", "damping (%)", "%+.1f"),
+        ("level_db", "level (dB)", "%+.2f"),
+        ("phase_deg", "phase (°)", "%+.1f"),
+    )
+    return [one for one in every if any(math.isfinite(getattr(mode, one[0])) for mode in modes)]
 
 
 def _unseen(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual | None]]:

@@ -68,7 +68,11 @@ def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Any:
     figure = Figure()
     for name, some, colour in (("model as given", before, BEFORE), ("model extended", after, AFTER)):
         if some:
-            names = [f"{escape(c.label)}, {f:.0f} Hz" for c in some for f in c.frequency_hz]
+            # Two rows of names: the modes, and under them whose they are.
+            names = [
+                [escape(c.label) for c in some for _ in c.frequency_hz],
+                [f"{f:.0f} Hz" for c in some for f in c.frequency_hz],
+            ]
             errors = [100.0 * (m - f) / f for c in some for f, m in zip(c.measured.real, c.modelled.real, strict=True)]
             figure.add_bar(x=names, y=_few(np.array(errors)), name=name, marker={"color": colour})
     figure.update_yaxes(title="modelled less measured (%)")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.showing import gained
+from receptance.diagnosis.showing import gained, wanting
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -34,8 +34,13 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
     worst = verdict.adequacy.worst[0] if verdict.adequacy.worst else None
     sentence = f"It leaves {verdict.adequacy.misfit:.2f} times what noise and floor explain"
     if worst is not None and not verdict.adequacy.passed:
-        sentence += f", most of it in {worst.label} from {worst.low_hz:.0f} to {worst.high_hz:.0f} Hz"
-    sentences.append(sentence + (": that is adequate." if verdict.adequacy.passed else "."))
+        sentence += f", most of it in {worst}"
+    if verdict.adequacy.passed:
+        found = verdict.verdict in ("named", "suspected", "ambiguous")
+        sentence += (
+            ", which would pass; yet something explains more of it than chance does" if found else ": that is adequate"
+        )
+    sentences.append(f"{sentence}.")
     sentences += _on_causes(verdict)
     sentences += _on_modes(before, after)
     if verdict.gain is not None:
@@ -53,13 +58,37 @@ def _on_causes(verdict: Verdict) -> list[str]:
         return [f"These data cannot tell apart: {alike}. Each of them explains what the model lacks.{left}"]
     if verdict.verdict == "unexplained":
         tried = len(verdict.candidates)
-        return [f"None of {tried} known causes explains it. A cause that is not in the catalogue, or several, may act."]
+        return [
+            f"None of {tried} known causes explains it. A cause that is not in the catalogue, or several, may act.",
+            *_nearest(verdict),
+        ]
     names = " and ".join(one.id for one in verdict.causes)
     if verdict.verdict == "suspected":
         return [f"{names} would explain it, but the evidence is too weak to name it.{left}"]
     if verdict.verdict == "named":
         return [f"The cause is {names}: {'; '.join(one.meaning for one in verdict.causes)}.{left}"]
     return ["No cause of the catalogue would explain more than chance does."]
+
+
+def _nearest(verdict: Verdict) -> list[str]:
+    """Say what comes nearest where nothing explains the data, and how far off the model is."""
+    sentences = []
+    if verdict.candidates:
+        best = verdict.candidates[0]
+        sentence = (
+            f"By evidence {best.id} comes nearest ({best.meaning}): it would leave {best.misfit:.3g} times what noise "
+            "and floor explain"
+        )
+        if verdict.gain is not None and best.held_out is not None:
+            sentence += (
+                f", and take what no fit saw ({verdict.gain.metric}) from {verdict.gain.held_out_before:.3g} to "
+                f"{best.held_out:.3g}"
+            )
+        sentences.append(f"{sentence}.")
+    times = wanting(verdict)
+    if times is not None:
+        sentences.append(f"The model would do if all standard deviations were {times:.2g} times as large as stated.")
+    return sentences
 
 
 def _on_modes(before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
