@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from receptance.assembly import Assembly
+from receptance.assembly import Assembly, Attachment
 from receptance.beams import Part, Section, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, renamed
@@ -300,8 +300,15 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole:
     rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
     segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
-    points_ = [replace(point, name=name) for name, point in assembly.attachments.items()]
+    points_ = [_shifted(replace(point, name=name), anatomy, length) for name, point in assembly.attachments.items()]
     return Assembly(elements.values(), points_, motion=assembly.motion)
+
+
+def _shifted(point: Attachment, anatomy: Anatomy, length: float) -> Attachment:
+    """Return what is attached where it was, on a holder that begins so much farther from the tip."""
+    if point.part != anatomy.holder[0] or point.position == "end" or point.position < length:
+        return point
+    return replace(point, position=point.position - length)
 
 
 def _beside(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:

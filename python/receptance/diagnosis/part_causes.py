@@ -27,8 +27,8 @@ _METAL = 2e11
 """Young's modulus in Pa from which the stiffness of a body is counted, in decades; nine of them are rigid."""
 _RIGID = 2e12
 """No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
-_BODY = (0.005, 0.02)
-"""Length and diameter in m of the body of a resonator."""
+_BODY = (0.0005, 0.002)
+"""Length and diameter in m of the body of a resonator, so small that a heavy one turns next to nothing."""
 _VOLUME = 0.25 * math.pi * _BODY[0] * _BODY[1] ** 2
 _GYRATION = math.sqrt(_BODY[1] ** 2 / 16.0 + _BODY[0] ** 2 / 12.0)
 _STEP = 0.08
