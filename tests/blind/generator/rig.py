@@ -184,9 +184,9 @@ def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
 
 def _resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
     own, w = s.station(), 2.0 * np.pi * hz
-    inertia = mass * 0.005**2
+    # What turns with the structure is next to nothing, and held so firmly that it stays out of the band.
+    inertia = mass * 0.0005**2
     s.mass(own, mass, inertia)
-    # Rotation is held so firmly that it stays out of the band.
     turning = inertia * (2.0 * np.pi * 40e3) ** 2
     s.spring(station, own, np.diag([mass * w**2, turning]), np.diag([2.0 * zeta * w * mass, 0.0]))
 
