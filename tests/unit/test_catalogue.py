@@ -230,6 +230,12 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     assert sum(row["most flexible"] == "yes" for row in rows) == 3
     assert {path.name for path in Path("figures").iterdir()} == {"T1.png", "T2.png", "T3.png"}
     assert Path("o.png").read_bytes().startswith(b"\x89PNG")
+    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
+    depths = list(csv.DictReader(Path("d.csv").read_text().splitlines()))
+    assert {(row["name"], row["teeth"]) for row in depths} == {("T1", "4"), ("T2", "4"), ("T3", "2")}
+    assert all(0.0 < float(row["stable depth [mm]"]) <= 1.05 * float(row["limit [mm]"]) for row in depths)
+    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv") == 2
+    assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(
         '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\n[cuts.a]\nkind = "milling"\nteeth = 2\nk_t = "800 MPa"\n'
         'k_n = "300 MPa"\ntolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'
