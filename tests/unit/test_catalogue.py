@@ -177,6 +177,9 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     one = next(predict_catalogue(Catalogue(exact, spindle=noisy), fit))
     np.testing.assert_allclose(one.receptance, whole.receptance, rtol=1e-3)
     # Tables that err like this one: the modes scatter as the intervals say, the fit's own part left out.
+    residuals = [f"nose.residual_{name}" for name in ("y", "theta", "ytheta")]
+    slope = one.assembly.derivatives(lines, residuals)[1]
+    variance = np.einsum("ni,nij,nj->n", slope, covariance, slope.conj()).real
     rng = np.random.default_rng(SEED)
     found = []
     for _ in range(100):
@@ -185,10 +188,9 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
         matrix = table.matrix + np.stack([error[:, [0, 2]], error[:, [2, 1]]], axis=1)
         drawn = MeasuredPart(frequency_hz=lines, matrix=matrix, name="nose")
         values = Assembly([*list(one.assembly.elements.values())[:-1], drawn]).receptance(lines, threads=1)
-        window = [np.argmin(np.abs(lines - f)) for f in one.modes[:1, 0]]
-        modes = line_modes(lines, one.receptance)
-        found.append([modes.log_slopes((values - one.receptance)[:, None])[0, :, 0], window])
-    spread = np.std([row[0] for row in found], axis=0)
+        modes = line_modes(lines, values, variance).values
+        found.append(np.log(modes[np.argmin(np.abs(modes[:, 0] - one.modes[0, 0]))]))
+    spread = np.std(found, axis=0)
     alone = next(predict_catalogue(Catalogue(exact, spindle=_as_table(machine.built.assemblies["short"], lines)), fit))
     of_table = np.sqrt(one.modes_deviation[0] ** 2 - alone.modes_deviation[0] ** 2)
     np.testing.assert_allclose(of_table, spread, rtol=0.25)
@@ -230,6 +232,12 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     assert sum(row["most flexible"] == "yes" for row in rows) == 3
     assert {path.name for path in Path("figures").iterdir()} == {"T1.png", "T2.png", "T3.png"}
     assert Path("o.png").read_bytes().startswith(b"\x89PNG")
+    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
+    depths = list(csv.DictReader(Path("d.csv").read_text().splitlines()))
+    assert {(row["name"], row["teeth"]) for row in depths} == {("T1", "4"), ("T2", "4"), ("T3", "2")}
+    assert all(0.0 < float(row["stable depth [mm]"]) <= 1.05 * float(row["limit [mm]"]) for row in depths)
+    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv") == 2
+    assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(
         '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\n[cuts.a]\nkind = "milling"\nteeth = 2\nk_t = "800 MPa"\n'
         'k_n = "300 MPa"\ntolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'

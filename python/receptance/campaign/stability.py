@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from receptance.campaign.cut_models import StabilityTable
     from receptance.campaign.identification import CampaignIdentification
 
-__all__ = ["CampaignStability", "CutLobes", "stability_of_campaign"]
+__all__ = ["CampaignStability", "CutLobes", "chosen_cuts", "spindle_speeds", "stability_of_campaign"]
 
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 _TIMES_THE_LOWEST = 10.0
@@ -152,11 +152,9 @@ def stability_of_campaign(
     from receptance.studies._provenance import versions
 
     say = progress or (lambda _: None)
-    chosen = _chosen(campaign, cuts)
+    chosen = chosen_cuts(campaign, cuts)
     asked = campaign.table.stability
-    if asked.speeds is None:
-        text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
-        raise CampaignError.about(campaign.file, text)
+    speeds = spindle_speeds(campaign)
     predicted = any(tip is not None and tip.assembly for cut in chosen for tip in (cut.x, cut.y))
     if not predicted:
         identified = None
@@ -170,7 +168,7 @@ def stability_of_campaign(
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         tips = Tips(campaign, identified, draws, directions, threads)
         try:
-            found.append(_lobes(cut, tips, asked, threads, say))
+            found.append(_lobes(cut, tips, speeds, asked, threads, say))
         except ValueError as error:
             raise CampaignError.about(campaign.file, f"cuts.{cut.name}: {error}") from error
     notes = campaign.notes if identified is None else identified.notes
@@ -179,7 +177,8 @@ def stability_of_campaign(
     )
 
 
-def _chosen(campaign: Campaign, names: Sequence[str]) -> list[CampaignCut]:
+def chosen_cuts(campaign: Campaign, names: Sequence[str]) -> list[CampaignCut]:
+    """Return the cuts of these names, all where none is named; a CampaignError where there is no such cut."""
     if not campaign.cuts:
         raise CampaignError.about(campaign.file, "there is no cut, expected [cuts.NAME]")
     for name in names:
@@ -191,7 +190,12 @@ def _chosen(campaign: Campaign, names: Sequence[str]) -> list[CampaignCut]:
 
 
 def _lobes(
-    cut: CampaignCut, tips: Tips, asked: StabilityTable, threads: int | None, say: Callable[[str], None]
+    cut: CampaignCut,
+    tips: Tips,
+    speeds: NDArray[np.float64],
+    asked: StabilityTable,
+    threads: int | None,
+    say: Callable[[str], None],
 ) -> CutLobes:
     several = cut.drawn(asked.number_of_draws, asked.seed)
     uncertain = tips.uncertain or several is not None
@@ -202,7 +206,7 @@ def _lobes(
             cut.cut,
             tips.lines,
             receptance,
-            speeds_rpm=_speeds(asked),
+            speeds_rpm=speeds,
             draws=draws,
             cuts=_kept(several, good),
         )
@@ -215,7 +219,7 @@ def _lobes(
         lobes = semi_discretised_lobes(
             cut.cut,
             tips.modes(),
-            speeds_rpm=_speeds(asked),
+            speeds_rpm=speeds,
             most=most,
             draws=modes,
             cuts=_kept(several, good),
@@ -234,8 +238,12 @@ def _kept(cuts: Sequence[Any] | None, good: NDArray[np.bool_]) -> list[Any] | No
     return None if cuts is None else [one for one, kept in zip(cuts, good, strict=True) if kept]
 
 
-def _speeds(asked: StabilityTable) -> NDArray[np.float64]:
-    assert asked.speeds is not None
+def spindle_speeds(campaign: Campaign) -> NDArray[np.float64]:
+    """Return the spindle speeds in rpm that a campaign asks for; a CampaignError where it names none."""
+    asked = campaign.table.stability
+    if asked.speeds is None:
+        text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
+        raise CampaignError.about(campaign.file, text)
     low, high = asked.speeds
     step = asked.step if asked.step is not None else (high - low) / _SPEEDS[asked.method]
     return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)

@@ -10,7 +10,6 @@ import numpy as np
 from receptance.campaign.prediction import applied, prediction_lines
 from receptance.campaign.propagation import Where
 from receptance.complex_modes import damped_modes
-from receptance.modal import fit_modes
 from receptance.stability import TipModes, receptance_draws, receptance_matrix
 
 if TYPE_CHECKING:
@@ -218,6 +217,8 @@ class _Measured:
         return list(TipModes.drawn_from_estimates(self._estimates(), draws=self._draws.count, seed=self._draws.seed))
 
     def _estimates(self) -> list[ModeEstimate]:
+        from receptance.modal import fit_modes
+
         found = fit_modes(self._frf)
         return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
 

@@ -1,6 +1,7 @@
 """Catalogues of tools and holders: the tip of every tool in a machine, predicted with its uncertainty."""
 
 from receptance.catalogue.building import Catalogue, errors_of
+from receptance.catalogue.cutting import ToolCut, tool_lobes
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.catalogue.prediction import ToolPrediction, predict_catalogue
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
@@ -9,6 +10,7 @@ __all__ = [
     "Catalogue",
     "HolderRow",
     "LineModes",
+    "ToolCut",
     "ToolPrediction",
     "ToolRow",
     "errors_of",
@@ -16,4 +18,5 @@ __all__ = [
     "predict_catalogue",
     "read_holders",
     "read_tools",
+    "tool_lobes",
 ]

@@ -1,8 +1,9 @@
 """Modes of a predicted receptance from its lines, and how they move with it.
 
-Around each peak a rational function with one pole, G (f - p) = a + b f + c f^2, goes through the lines, and errors of
-lines, or derivatives of them, go through its least squares to first order. So a machine that is known only as a table
-of receptances has modes as well, and the variance of each of its lines counts.
+Around each peak the dynamic stiffness 1 / G = (f - p) / (a + b f + c f^2), with the pole p, goes through the lines by
+weighted least squares. Errors of lines, or derivatives of them, go through the same least squares to first order. So a
+machine that is known only as a table of receptances has modes as well, and the variance of each of its lines counts:
+where a resonance makes G err by more than itself, 1 / G errs little.
 """
 
 from __future__ import annotations
@@ -23,6 +24,14 @@ _SHARE = 0.5
 """Lines around a peak count as long as they are above this share of it."""
 _FEWEST, _MOST = 7, 41
 """Lines that a mode is fitted to."""
+_FEWEST_NOISY, _MOST_NOISY = 15, 81
+"""Likewise where lines have noise, which more of them average."""
+_MODEL = 1e-3
+"""Relative error that weights allow for beside noise, so that lines without noise have weights."""
+_NOISES = 3.0
+"""Standard deviations of its noise that a peak must stand out."""
+_STEPS, _CLOSE = 30, 1e-9
+"""Of the least squares, and the relative step at which they end."""
 
 
 @dataclass(frozen=True)
@@ -60,29 +69,44 @@ class LineModes:
         return np.array(found).reshape(len(self), 3)
 
 
-def line_modes(frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128]) -> LineModes:
+def line_modes(
+    frequency_hz: NDArray[np.float64],
+    receptance: NDArray[np.complex128],
+    variance: NDArray[np.float64] | None = None,
+) -> LineModes:
     """Return the modes that stand out as peaks.
 
     Parameters
     ----------
     frequency_hz, receptance : ndarray
-        `(n,)` ascending lines without noise, dense enough for some lines in the half-power band of each mode.
+        `(n,)` ascending lines, dense enough for some in the half-power band of each mode.
+    variance : ndarray, optional
+        `(n,)` of the real and of the imaginary part, each, where lines err independently of each other.
     """
-    values, weights, lines = [], [], []
-    for first, last in _windows(np.abs(receptance)):
-        found = _fit(frequency_hz[first:last], receptance[first:last])
-        if found is not None and frequency_hz[first] <= found[0][0] <= frequency_hz[last - 1]:
+    size = np.abs(receptance)
+    noise = np.zeros(size.size) if variance is None else np.sqrt(variance)
+    values: list[tuple[float, float, float]] = []
+    weights: list[NDArray[np.complex128]] = []
+    lines: list[slice] = []
+    for first, last in _windows(size, noise):
+        own = slice(first, last)
+        found = _fit(frequency_hz[own], receptance[own], noise[own])
+        # Peaks that are noise on one resonance lead to one pole.
+        if found is not None and all(abs(found[0][0] - old[0]) > old[0] * old[1] for old in values):
             values.append(found[0])
             weights.append(found[1])
-            lines.append(slice(first, last))
+            lines.append(own)
     return LineModes(np.array(values).reshape(-1, 3), tuple(weights), tuple(lines))
 
 
-def _windows(size: NDArray[np.float64]) -> list[tuple[int, int]]:
+def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tuple[int, int]]:
     """First and last line (exclusive) around each peak that stands out."""
     from scipy.signal import find_peaks
 
-    peaks = find_peaks(np.log(size), prominence=np.log(_STANDS_OUT))[0]
+    all_peaks, properties = find_peaks(np.log(size), prominence=np.log(_STANDS_OUT))
+    prominence = np.asarray(dict(properties)["prominences"])
+    peaks = all_peaks[prominence > _NOISES * (noise / size)[all_peaks]]
+    fewest, most = (_FEWEST_NOISY, _MOST_NOISY) if noise.any() else (_FEWEST, _MOST)
     found = []
     for i, peak in enumerate(peaks.tolist()):
         low = peaks[i - 1] + int(np.argmin(size[peaks[i - 1] : peak])) if i else 0
@@ -90,43 +114,64 @@ def _windows(size: NDArray[np.float64]) -> list[tuple[int, int]]:
         above = size >= _SHARE * size[peak]
         left = int(np.argmin(above[low : peak + 1][::-1])) or peak - low
         right = int(np.argmin(above[peak : high + 1])) or high - peak
-        half = int(np.clip(min(left, right), _FEWEST // 2, _MOST // 2))
+        half = int(np.clip(min(left, right), fewest // 2, most // 2))
         first, last = max(peak - half, 0), min(peak + half + 1, size.size)
-        if last - first >= _FEWEST - 2:
+        if last - first >= fewest - 2:
             found.append((first, last))
     return found
 
 
 def _fit(
-    frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128]
+    frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128], noise: NDArray[np.float64]
 ) -> tuple[tuple[float, float, float], NDArray[np.complex128]] | None:
     """The three values of a mode and the weights of its lines; None where the lines hold no damped mode."""
     middle, width = frequency_hz.mean(), 0.5 * np.ptp(frequency_hz)
     x, scale = (frequency_hz - middle) / width, float(np.abs(receptance).max())
-    g = receptance / scale
-    inverse = np.linalg.pinv(np.stack([g, np.ones_like(g), x, x * x], axis=1))
-    pole, a, b, c = inverse @ (x * g)
-    reach = pole.imag
-    if not reach > 0.0:
+    stiffness = scale / receptance
+    trusted = 1.0 / np.hypot(noise / scale * np.abs(stiffness) ** 2, _MODEL * np.abs(stiffness))
+    trusted /= trusted.max()
+    found = _quotient(x, stiffness, trusted)
+    if found is None:
         return None
-    at = pole.real
+    (root, a, b, c), inverse = found
+    # d(root, a, b, c) = inverse d(1 / G).
+    moved = -(inverse * stiffness**2) / scale
+    pole = middle + width * root
+    damping = pole.imag / abs(pole)
+    relative = moved[0] * width / pole
+    # The stiffness at the damped natural frequency is -i Im(root) / top; its place moves with the pole.
+    at, reach = root.real, root.imag
     top = a + b * at + c * at * at
-    p = middle + width * pole
-    size = abs(p)
-    damping = p.imag / size
-    # d(pole, a, b, c) = inverse ((x - pole) dG), in units of the scaled receptance.
-    moved = inverse * ((x - pole) / scale)
-    relative = moved[0] * width / p
-    # |G| at the damped natural frequency is |top| / Im pole; its place moves with the pole.
-    slope = (b + 2.0 * c * at) / top
     own = (moved[1] + moved[2] * at + moved[3] * at * at) / top
-    with_place = own + slope.real * moved[0]
-    weights = np.stack(
-        [
-            relative,
-            # Im(r dG) is the real part of -i r dG.
-            -1j * relative * np.sqrt(1.0 - damping**2) / damping,
-            -(with_place - (-1j * moved[0]) / reach),
-        ]
-    )
-    return (float(size), float(damping), float(reach / (abs(top) * scale))), weights
+    of_least = -(own + ((b + 2.0 * c * at) / top).real * moved[0] - (-1j * moved[0]) / reach)
+    # Im(r dG) is the real part of -i r dG.
+    of_damping = -1j * relative * np.sqrt(1.0 - damping**2) / damping
+    values = float(abs(pole)), float(damping), float(reach / (abs(top) * scale))
+    return values, np.stack([relative, of_damping, of_least])
+
+
+def _quotient(
+    x: NDArray[np.float64], stiffness: NDArray[np.complex128], trusted: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]] | None:
+    """p, a, b, c of (x - p) / (a + b x + c x^2) through the lines, and their change with the lines `(4, m)`."""
+    parabola = np.linalg.lstsq(np.vander(x, 3) * trusted[:, None], stiffness * trusted, rcond=None)[0]
+    roots = np.roots(parabola)
+    root = roots[np.argmin(np.abs(roots))]
+    straight = np.sum(trusted**2 * stiffness.conj() * (x - root)) / np.sum((trusted * np.abs(stiffness)) ** 2)
+    now = np.array([root, straight, 0.0, 0.0], dtype=np.complex128)
+    inverse = np.zeros((4, x.size), np.complex128)
+    for _ in range(_STEPS):
+        below = now[1] + x * (now[2] + x * now[3])
+        model = (x - now[0]) / below
+        slope = np.stack([-1.0 / below, -model / below, -model * x / below, -model * x * x / below], axis=1)
+        q, r = np.linalg.qr(slope * trusted[:, None])
+        if not np.abs(np.diag(r)).min() > 1e-14 * np.abs(np.diag(r)).max():
+            return None
+        inverse = np.asarray(np.linalg.solve(r, q.conj().T) * trusted)
+        step = inverse @ (stiffness - model)
+        now = now + step
+        if not (np.isfinite(now).all() and abs(now[0]) < 4.0):
+            return None
+        if np.abs(step).max() < _CLOSE * np.abs(now).max():
+            break
+    return (now, inverse) if now[0].imag > 0.0 and abs(now[0].real) <= 1.0 else None

@@ -52,7 +52,7 @@ class ToolPrediction:
     deviation : ndarray
         `(n,)` standard deviation of the logarithm of its magnitude, to first order.
     drawn : ndarray
-        `(draws, n)` logarithms of the magnitude of draws; none where none were asked for.
+        `(draws, n)` complex receptances that may be the true one; none where none were asked for.
     modes : ndarray
         `(k, 3)` of the modes that stand out: natural frequency in Hz, damping ratio, dynamic stiffness in N/m.
     modes_deviation : ndarray
@@ -71,7 +71,7 @@ class ToolPrediction:
     modes: NDArray[np.float64]
     modes_deviation: NDArray[np.float64]
     level: float
-    drawn: NDArray[np.float64] = field(repr=False)
+    drawn: NDArray[np.complex128] = field(repr=False)
     notes: tuple[str, ...] = ()
 
     @property
@@ -93,7 +93,9 @@ class ToolPrediction:
         """
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
-            low, high = np.quantile(self.drawn, [0.5 - 0.5 * self.level, 0.5 + 0.5 * self.level], axis=0)
+            low, high = np.quantile(
+                np.log(np.abs(self.drawn)), [0.5 - 0.5 * self.level, 0.5 + 0.5 * self.level], axis=0
+            )
             return np.exp(np.minimum(low, middle)), np.exp(np.maximum(high, middle))
         half = quantile(self.level, None) * self.deviation
         with np.errstate(over="ignore"):
@@ -194,7 +196,7 @@ class _Work:
         found, slope = assembly.derivatives(self.lines, addresses, threads=1)
         count = len(moved.addresses)
         table = self._table_variance(slope[:, count:])
-        modes = line_modes(self.lines, found)
+        modes = line_modes(self.lines, found, table)
         deviation = self.propagation.scatter((slope[:, :count] / found[:, None]).real, moved).total
         return ToolPrediction(
             row=own.row,
@@ -222,10 +224,10 @@ class _Work:
         total = self.propagation.scatter(flat, moved).total.reshape(-1, 3)
         return np.asarray(np.sqrt(total**2 + modes.log_variances(table)))
 
-    def _drawn(self, own: Described, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Logarithms of the magnitude of draws; those of the table's noise are from line to line."""
+    def _drawn(self, own: Described, noise: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Draws of the tip; what a measured spindle errs is drawn from line to line, to first order."""
         if not self.draws.count:
-            return np.zeros((0, self.lines.size))
+            return np.zeros((0, self.lines.size), np.complex128)
         random = np.random.default_rng([self.draws.seed, own.row.line])
         rows = []
         for one in self.draws.assemblies(own.assembly, own.effects, own.at):
@@ -234,7 +236,7 @@ class _Work:
                 rows.append(one.receptance(self.lines, threads=1) + noise * (parts[0] + 1j * parts[1]))
         if 2 * len(rows) < self.draws.count:
             raise ReceptanceError(f"only {len(rows)} of {self.draws.count} draws have a model")
-        return np.asarray(np.log(np.abs(np.array(rows))))
+        return np.array(rows)
 
 
 def catalogue_lines(catalogue: Catalogue) -> NDArray[np.float64]:

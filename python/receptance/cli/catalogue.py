@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from receptance.campaign import Campaign
-    from receptance.catalogue import ToolPrediction
+    from receptance.catalogue import ToolCut, ToolPrediction
     from receptance.catalogue.writing import Reduced
 
 __all__ = ["catalogue"]
@@ -45,15 +46,25 @@ def catalogue(
     figures: Annotated[
         Path | None, typer.Option("--figures", metavar="FOLDER", help="Write a figure for each tool, NAME.png.")
     ] = None,
+    depths: Annotated[
+        Path | None,
+        typer.Option("--depths", metavar="FILE.csv", help="Write recommended speeds and depths of all tools."),
+    ] = None,
+    cut: Annotated[
+        str | None, typer.Option("--cut", metavar="NAME", help="Which cut of the campaign, where there are several.")
+    ] = None,
     frfs: Annotated[
         Path | None, typer.Option("--frfs", metavar="FOLDER", help="Write the receptance of each tool, NAME.csv.")
     ] = None,
 ) -> None:
     """Predict the tip of every tool of a catalogue in the machine of a campaign, with intervals of its modes."""
     targets = Targets(None, plot)
-    if out is not None:
-        with input_errors():
-            check_target(out)
+    for path in (out, depths):
+        if path is not None:
+            with input_errors():
+                check_target(path)
+    if out is not None and depths is not None and out.resolve() == depths.resolve():
+        raise InputError(f"--out and --depths both name {out}; give two files")
     for folder in (figures, frfs):
         if folder is not None and not folder.is_dir():
             raise InputError(f"there is no folder {folder}")
@@ -63,8 +74,11 @@ def catalogue(
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
-        _keep_off(read, out, tools, holders)
-        found = with_progress(lambda say: _run(read, tools, holders, out, figures, frfs, say))
+        for option, path in (("--out", out), ("--depths", depths)):
+            _keep_off(read, option, path, tools, holders)
+        asked = None if depths is None else _asked(read, cut)
+        wanted = _Wanted(tools, holders, out, depths, asked, figures, frfs)
+        found = with_progress(lambda say: _run(read, wanted, say))
     if plot is not None:
         from receptance.plot.catalogue import draw_catalogue
 
@@ -73,39 +87,59 @@ def catalogue(
     _print(console, found, time.perf_counter() - begun)
     if out is not None:
         console.print(f"Modes: {out}", soft_wrap=True)
+    if depths is not None:
+        console.print(f"Depths: {depths}", soft_wrap=True)
     for name, folder in (("Figures", figures), ("Receptances", frfs)):
         if folder is not None:
             console.print(f"{name}: {folder}", soft_wrap=True)
     targets.name(console)
 
 
-def _keep_off(read: Campaign, out: Path | None, *given: Path | None) -> None:
+@dataclass(frozen=True)
+class _Wanted:
+    """What is read and what is written."""
+
+    tools: Path | None
+    holders: Path | None
+    out: Path | None
+    depths: Path | None
+    cut: ToolCut | None
+    figures: Path | None
+    frfs: Path | None
+
+
+def _asked(read: Campaign, name: str | None) -> ToolCut:
+    from receptance.catalogue import ToolCut
+
+    if name is None and len(read.cuts) != 1:
+        known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
+        raise InputError(f"--depths needs one cut, name it with --cut; {known}")
+    return ToolCut(read, name or next(iter(read.cuts)))
+
+
+def _keep_off(read: Campaign, option: str, written: Path | None, *given: Path | None) -> None:
     """Nothing that is read may be written over."""
     table = read.table.catalogue
-    written = (table.tools, table.holders) if table is not None else ()
+    files = (table.tools, table.holders) if table is not None else ()
     folder = read.file.parent
-    for path in (read.file, *(one for one in given if one), *(folder / name for name in written if name)):
-        if out is not None and out.resolve() == path.resolve():
-            raise InputError(f"--out names {out}, which is read; give another file")
+    for path in (read.file, *(one for one in given if one), *(folder / name for name in files if name)):
+        if written is not None and written.resolve() == path.resolve():
+            raise InputError(f"{option} names {written}, which is read; give another file")
 
 
-def _run(
-    read: Campaign,
-    tools: Path | None,
-    holders: Path | None,
-    out: Path | None,
-    figures: Path | None,
-    frfs: Path | None,
-    say: Callable[[str], None],
-) -> list[Reduced]:
+def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> list[Reduced]:
     from receptance.catalogue import Catalogue, predict_catalogue
+    from receptance.catalogue.cutting import write_depths
     from receptance.catalogue.writing import reduced, write_modes
 
-    chosen = Catalogue(read, tools, holders)
-    predictions = predict_catalogue(chosen, draws=_DRAWS if figures else 0, progress=say)
-    if out is not None:
-        predictions = write_modes(out, predictions)
-    return list(reduced(_with_files(predictions, figures, frfs)))
+    chosen = Catalogue(read, wanted.tools, wanted.holders)
+    draws = read.table.stability.number_of_draws if wanted.cut else _DRAWS if wanted.figures else 0
+    predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed, progress=say)
+    if wanted.out is not None:
+        predictions = write_modes(wanted.out, predictions)
+    if wanted.depths is not None and wanted.cut is not None:
+        predictions = write_depths(wanted.depths, predictions, wanted.cut)
+    return list(reduced(_with_files(predictions, wanted.figures, wanted.frfs)))
 
 
 def _with_files(

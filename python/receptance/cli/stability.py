@@ -13,7 +13,6 @@ from receptance.cli._tables import table
 from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import Json, Plot, Targets, input_errors, output, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.stability import Milling
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,6 +59,8 @@ def print_stability(console: Console, found: CampaignStability) -> None:
 
 
 def _headline(one: CutLobes) -> str:
+    from receptance.stability import Milling
+
     cut = one.cut.cut
     if isinstance(cut, Milling):
         how = "slot" if cut.immersion == 1.0 else f"{cut.feed}-milling, immersion {cut.immersion:g}"
