@@ -1,8 +1,9 @@
 """Floating-point operations of the kernels beside the machine's measured peak: ``python benches/roofline.py``.
 
 The peak is what the BLAS that NumPy brings reaches on one thread with a product of large matrices, the most that any
-program is likely to see. Times are the least of many short calls, from which the call's own cost is taken out where it
-is not the kernel's: they hold on a busy machine too. How the operations are counted stands beside each kernel.
+program is likely to see. Times are the least processor times of many calls, which hold on a busy machine too; those of
+the chain are slopes over the lines, without what a call costs by itself. How operations are counted stands beside each
+kernel.
 """
 
 from __future__ import annotations
@@ -53,25 +54,25 @@ class Kernel:
         return self.operations / self.ns
 
 
-def least(call: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Return the least seconds of a call."""
+def least(call: Callable[[], object], repeats: int, clock: Callable[[], float] = time.process_time) -> float:
+    """Return the least seconds of a call, of processor time: what else runs lengthens it little."""
     call()
     taken = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = clock()
         call()
-        taken.append(time.perf_counter() - began)
+        taken.append(clock() - began)
     return min(taken)
 
 
-def peak() -> float:
+def peak(repeats: int) -> float:
     """Return operations per nanosecond of a product of two large matrices on one thread."""
     a = np.random.default_rng(0).standard_normal((MATRIX, MATRIX))
     out = np.empty_like(a)
-    return 2e-9 * MATRIX**3 / least(lambda: np.matmul(a, a, out=out), 60)
+    return 2e-9 * MATRIX**3 / least(lambda: np.matmul(a, a, out=out), repeats)
 
 
-def chains() -> list[Kernel]:
+def chains(repeats: int) -> list[Kernel]:
     """Return the ten-segment chain's tip: the slope of the time over the lines, without what a call costs by itself."""
     table = ten_segments()
     few, many = sweep(2_000)[0], sweep(12_000)[0]
@@ -79,7 +80,7 @@ def chains() -> list[Kernel]:
     tip = [Coordinate(direction="y"), Coordinate(direction="theta")]
 
     def taken(f: Array, points: list[Coordinate]) -> float:
-        return least(lambda: chain().receptance(f, response=points, excitation=points, threads=1))
+        return least(lambda: chain().receptance(f, response=points, excitation=points, threads=1), repeats)
 
     found = []
     # Functions: one numerator or three, and the denominator; the power is real. Then the reciprocal and the quotients.
@@ -90,7 +91,7 @@ def chains() -> list[Kernel]:
     return found
 
 
-def sweeps() -> list[Kernel]:
+def sweeps(repeats: int) -> list[Kernel]:
     """Return the kernels of sweeps over joints."""
     _, w = sweep(LINES)
     own, seen, found = swept(LINES, 1), measured(w), []
@@ -102,7 +103,7 @@ def sweeps() -> list[Kernel]:
             "misfit, logarithm": lambda rows=rows: own.misfit(rows, seen),
         }
         for name, call in calls.items():
-            ns = 1e9 * least(call) / (CANDIDATES * LINES)
+            ns = 1e9 * least(call, repeats) / (CANDIDATES * LINES)
             what = "1 logarithm, 1 arctangent" if name.endswith("logarithm") else "none"
             title = f"sweep of {kind} joints, {name}"
             found.append(Kernel(title, "candidate-line", ns, A_COLUMN * columns + AFTER[name], what))
@@ -113,15 +114,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table, and write it to a file if one is given."""
     parser = argparse.ArgumentParser(description="Operations of the kernels beside the measured peak, one thread.")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to a file")
+    parser.add_argument("--quick", action="store_true", help="few repeats: to try it out")
     options = parser.parse_args(arguments)
-    most = peak()
+    repeats = 1 if options.quick else REPEATS
+    most = peak(repeats)
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(
         f"instruction set {_core.instruction_set()}, one thread{load}; measured peak {most:.1f} Gflop/s (BLAS, dgemm)"
     )
     print(f"{'':<48}{'item':>16}{'ns':>8}{'flop':>7}{'Gflop/s':>9}{'of peak':>9}  roots, exponentials and the like")
     rows = []
-    for kernel in [*chains(), *sweeps()]:
+    for kernel in [*chains(repeats), *sweeps(repeats)]:
         share = kernel.gflops / most
         print(
             f"{kernel.name:<48}{kernel.item:>16}{kernel.ns:>8.2f}{kernel.operations:>7.0f}{kernel.gflops:>9.1f}"

@@ -1,6 +1,7 @@
 """How times grow with lines, segments, candidates and threads, as a figure: ``python benches/scaling.py --plot FILE``.
 
-Each point is the least of several calls, ours beside the NumPy reference on one thread.
+Each point is the least processor time of several calls, ours beside the NumPy reference on one thread. That of several
+threads is by the clock on the wall, all numbers of threads in turns: it tells something on a quiet machine only.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ if __name__ == "__main__":
 import argparse
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +23,7 @@ import numpy as np
 
 import numpy_reference as reference
 from numpy_reference.cases import segment_row, ten_segments, tool_and_holder
-from pairs.models import chain, coupled, part, segment_addresses, sweep
+from pairs.models import Array, chain, coupled, part, segment_addresses, sweep
 from pairs.sweeps import joints, measured, swept
 from receptance import Assembly, Coordinate
 from receptance._files import check_target, write_whole
@@ -46,9 +48,9 @@ class Point(NamedTuple):
     seconds: float
 
 
-def seconds(call: Callable[[], object], quick: bool) -> float:
-    """Return the least seconds of a call."""
-    return least(call, 1 if quick else max(3, min(100, int(ENOUGH_S / least(call, 1)))))
+def repeats(call: Callable[[], object], quick: bool) -> int:
+    """Return how often a call is to be measured."""
+    return 1 if quick else max(3, min(100, int(ENOUGH_S / least(call, 1))))
 
 
 def measure(quick: bool = False) -> Iterator[Point]:
@@ -57,7 +59,7 @@ def measure(quick: bool = False) -> Iterator[Point]:
 
     def points(panel: str, x: int, calls: dict[str, Callable[[], Any]]) -> Iterator[Point]:
         for curve, call in calls.items():
-            yield Point(panel, curve, x, seconds(call, quick))
+            yield Point(panel, curve, x, least(call, repeats(call, quick)))
 
     for count in LINES[few]:
         f, w = sweep(count)
@@ -84,15 +86,26 @@ def measure(quick: bool = False) -> Iterator[Point]:
             "NumPy, matrix products": lambda rows=rows: plain.misfits(rows, np.ones(AT_LINES)),
         }
         yield from points(f"candidates (misfit), {AT_LINES:,} lines", count, misfit)
+    yield from threaded(seen, few, quick)
+
+
+def threaded(seen: Array, few: slice, quick: bool) -> Iterator[Point]:
+    """Yield the points of several threads, all numbers of them in turns."""
     rows, (f, _), slopes = joints("viscous", 1_000), sweep(50_000), segment_addresses(coupled())
-    for count in THREADS[few]:
-        many = swept(AT_LINES, count)
-        work = {
-            "misfits of 1,000 joints": lambda many=many: many.misfit(rows, seen),
-            "tool, joint and holder, 50,000 lines": lambda count=count: coupled().receptance(f, threads=count),
-            "with 40 derivatives": lambda count=count: coupled().derivatives(f, slopes, threads=count),
-        }
-        yield from points("threads", count, work)
+    many = {count: swept(AT_LINES, count) for count in THREADS}
+    work: dict[str, Callable[[int], Any]] = {
+        "misfits of 1,000 joints": lambda count: many[count].misfit(rows, seen),
+        "tool, joint and holder, 50,000 lines": lambda count: coupled().receptance(f, threads=count),
+        "with 40 derivatives": lambda count: coupled().derivatives(f, slopes, threads=count),
+    }
+    for curve, call in work.items():
+        taken: dict[int, float] = {}
+        for _ in range(repeats(lambda call=call: call(1), quick)):
+            for count in THREADS[few]:
+                once = least(lambda call=call, count=count: call(count), 1, time.perf_counter)
+                taken[count] = min(once, taken.get(count, once))
+        for count, best in taken.items():
+            yield Point("threads", curve, count, best)
 
 
 def figure(points: Sequence[Point]) -> Any:
@@ -111,7 +124,7 @@ def figure(points: Sequence[Point]) -> Any:
             else:
                 axes.loglog(x, 1e3 * y, "o-", label=curve)
         axes.set_xlabel(panel)
-        axes.set_ylabel("times one thread" if panel == "threads" else "ms a call")
+        axes.set_ylabel("times one thread" if panel == "threads" else "processor time of a call [ms]")
         if panel == "threads":
             ticks = sorted({point.x for point in own})
             axes.plot(ticks, ticks, color="0.7", zorder=0)
@@ -136,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except OSError as error:
             parser.error(f"{name}: {error}")
     load = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
-    print(f"least of several calls, {load}")
+    print(f"least processor times of several calls (threads: on the wall), {load}")
     found = []
     for point in measure(options.quick):
         found.append(point)

@@ -11,6 +11,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 import ratios
+import roofline
+import scaling
 from pairs import Pair, all_pairs, largest_difference
 
 PAIRS = all_pairs()
@@ -66,6 +68,22 @@ def test_ratios_prints_and_writes_every_pair(tmp_path: Path, capsys: pytest.Capt
         assert f"{row['ratio']:.2f}" in printed
     assert "SciPy's own" in printed
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_the_roofline_prints_and_writes_every_kernel(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "roofline.json"
+    assert roofline.main(["--quick", "--json", str(target)]) == 0
+    rows = json.loads(target.read_text())
+    printed = capsys.readouterr().out
+    assert all(row["name"] in printed for row in rows)
+    assert len(rows) == 2 + 2 * len(roofline.AFTER)
+
+
+def test_scaling_is_drawn(tmp_path: Path) -> None:
+    plot, points = tmp_path / "scaling.png", tmp_path / "scaling.json"
+    assert scaling.main(["--quick", "--plot", str(plot), "--json", str(points)]) == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert len({point["panel"] for point in json.loads(points.read_text())}) == 4
 
 
 @pytest.mark.parametrize(
