@@ -30,7 +30,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pairs import FIT_LINES, Pair, all_pairs, compiled
+from pairs import FIT_LINES, Pair, all_pairs, compiled, peers
 from pairs.fits import Share, scipy_share
 from pairs.threads import machine_gain
 from receptance import _core
@@ -216,8 +216,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows.append(measure(pair, rounds, least))
         print(line(rows[-1]), flush=True)
 
-    if reason := compiled.skipped():
-        print(f"\nskipped: the closed forms in compiled loops; {reason}")
+    for reason in filter(None, (compiled.skipped(), peers.skipped())):
+        print(f"\nskipped: {reason}")
 
     shared: dict[str, Any] = {"rounds": rounds, "machine": about}
     if any(pair.subject.startswith("identification") for pair in chosen):

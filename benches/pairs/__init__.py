@@ -7,10 +7,10 @@ series, our minors) is inside the time unless a name says otherwise.
 
 from __future__ import annotations
 
-from . import campaigns, compiled, fits, frequencies, receptances, sweeps, threads
+from . import campaigns, compiled, fits, frequencies, peers, receptances, sweeps, threads
 from .pair import Pair, largest_difference
 
-__all__ = ["Pair", "all_pairs", "compiled", "largest_difference"]
+__all__ = ["Pair", "all_pairs", "compiled", "largest_difference", "peers"]
 
 LINES, FIT_LINES, THREAD_LINES, CAMPAIGN_LINES = 5_000, 12_000, 50_000, 2_500
 
@@ -27,5 +27,6 @@ def all_pairs(share: int = 1) -> list[Pair]:
         *campaigns.campaign_pairs(CAMPAIGN_LINES // share, campaigns.STARTS if share == 1 else 2),
         *sweeps.sweep_pairs(sweeps.LINES // share, sweeps.CANDIDATES // share),
         *compiled.compiled_pairs(LINES // share),
+        *peers.peer_pairs(LINES // share),
         *threads.thread_pairs(THREAD_LINES // share),
     ]

@@ -19,6 +19,8 @@ Whole models: receptances are (lines, measured, weights, points (2, 2), ties), f
     the unknown's number i, a, E, S of v = a u_i exp(E u) + S u, or -1 of v = a exp(E u) + S u; factors (n, 2) which one
     of the measurement, address; powers (n, 4) table, row, column and power of the frequency. Priors (k, 3): variable x,
     scale, offset of scale x - offset.
+Sweeps: joints (m, 7) are columns of a joint from k_y on, values (m, p) are of addresses; out (m, n_freq) is complex for
+    receptances and real for their magnitudes.
 parameters (n, 3): table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps, 5 beyond terminals), row, column.
 terminals (k,), optional: nodes at which the structure goes on; beyond (n_freq * k * 3): the receptance of what is
     beyond each, y over force, theta over moment and y over moment; as a parameter these are the columns 0 to 2.

@@ -9,7 +9,20 @@ import numpy as np
 import pytest
 
 from properties.test_invariance import rich
-from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, PointJoint, Segment, Unknown, _core, identify
+from receptance import (
+    STEEL,
+    Assembly,
+    Coordinate,
+    MeasuredFRF,
+    ModalPart,
+    Mode,
+    Part,
+    PointJoint,
+    Segment,
+    Unknown,
+    _core,
+    identify,
+)
 from receptance._candidates import Candidates, candidates_of
 
 SEED = 8
@@ -82,6 +95,16 @@ def test_joints_between_any_coordinates_of_any_assembly() -> None:
     found = candidates_of(rich(), JOINT, LINES, NOSE, Coordinate(direction="theta"))
     h = one_by_one(rich(), JOINT, rows, LINES, response=NOSE, excitation=Coordinate(direction="theta"))
     assert_agrees(found, rows, h)
+
+
+@pytest.mark.parametrize("addresses", [JOINT[:4], (JOINT[0], "tool.segment[0].length")])
+def test_a_measured_spindle_ends_the_assemblies(addresses: tuple[str, ...]) -> None:
+    mode = Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)
+    spindle = ModalPart(modes=[mode], residual_y=2e-9, residual_theta=2e-7, name="spindle")
+    taper = PointJoint(k_y=2e9, k_theta=3e6, loss_factor=0.01, name="taper")
+    mounted = Assembly([*plain().elements.values(), taper, spindle])
+    rows = joints(3, "all")[:, :4] if len(addresses) > 2 else np.array([[1e8, 0.06], [3e8, 0.05]])
+    assert_agrees(candidates_of(mounted, addresses, LINES), rows, one_by_one(mounted, addresses, rows, LINES))
 
 
 def test_what_does_not_differ_stays() -> None:
