@@ -124,7 +124,7 @@ def figure(points: Sequence[Point]) -> Any:
             else:
                 axes.loglog(x, 1e3 * y, "o-", label=curve)
         axes.set_xlabel(panel)
-        axes.set_ylabel("times one thread" if panel == "threads" else "processor time of a call [ms]")
+        axes.set_ylabel("times as fast as on one thread" if panel == "threads" else "processor time of a call [ms]")
         if panel == "threads":
             ticks = sorted({point.x for point in own})
             axes.plot(ticks, ticks, color="0.7", zorder=0)

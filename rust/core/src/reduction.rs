@@ -226,6 +226,7 @@ fn entry<S: Simd>(
 mod tests {
     use super::*;
     use crate::joint_fit::{Reduced, SPRING_COLUMNS};
+    use crate::joint_sweep::JointSweep;
     use crate::model::{Table, Tables};
     use crate::request::Parameter;
     use crate::response::receptance;
@@ -338,6 +339,10 @@ mod tests {
                         Reduced::new(rows, values, one, &measured[i..=i], &[1.0], reference).unwrap()
                     });
                     let at = format!("case {case}, line {line}, {rows} rows");
+                    let many = JointSweep::new(rows, values, one, &reference).unwrap();
+                    let mut swept = [Complex64::ZERO; 3];
+                    many.receptances(&[reference, joint, joint].concat(), &mut swept, 2).unwrap();
+                    assert!((swept[1] / h - 1.0).norm() < 1e-9 && swept[1] == swept[2], "{at}");
                     for (i, one) in reduced.iter().enumerate() {
                         let residual = one.residual(&joint, 1).unwrap();
                         assert!((residual[i] - 1.0).abs() < 1e-9 && residual[1 - i].abs() < 1e-9, "{at}");
