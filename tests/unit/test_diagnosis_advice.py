@@ -55,7 +55,11 @@ def selection() -> Selection:
     model = observed(5e-4)
     base = refit(model, {})
     selection = Selection(base, 7.0, 0.0, [], {})
-    for name, variant in (("sensor_mass", "all"), ("hammer_offset", "all"), ("fluted_part", "from the tip")):
+    for name, variant in (
+        ("sensor_mass", "all"),
+        ("hammer_offset", "on tool at 0 mm"),
+        ("fluted_part", "from the tip"),
+    ):
         changed = next(v.model for v in CATALOGUE[name].variants(model) if v.name == variant)
         starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
         fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)

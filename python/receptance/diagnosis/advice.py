@@ -65,7 +65,7 @@ MENU = (
         Known({"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7}, presence=frozenset({"wrong_quantity"})),
     ),
     Choice("hang it softer and repeat one measurement", 3.0, FRFAgain(same_again, frozenset({"suspension"}))),
-    Choice("measure an FRF at the holder's nose", 3.0, FRFAgain(at_the_nose)),
+    Choice("measure an FRF at the holder's nose", 3.0, FRFAgain(at_the_nose, elsewhere=frozenset({"hammer_offset"}))),
     Choice("measure at a longer overhang", 3.0, FRFAgain(other_overhang)),
     Choice("hit at three times the force", 3.0, FRFAgain(other_force)),
     Choice("measure the blank alone, free-free", 4.0, Alone("tool")),
