@@ -144,6 +144,18 @@ def test_the_advice_settles_what_it_says(selection: Selection) -> None:
     assert advise(selection, Judgement("named", (pair[0],), (), ())) is None
 
 
+def test_two_measurements_settle_what_one_leaves_open(selection: Selection) -> None:
+    three = tuple(replace(one, evidence=100.0 - i) for i, one in enumerate(selection.singles))
+    ids = tuple(next(iter(one.ids)) for one in three)
+    found = advise(selection, Judgement("ambiguous", three, ids, ()))
+    assert found is not None
+    assert found.resolves == 1.0
+    assert set(found.separates) == set(ids)
+    assert ", and " in found.action
+    assert "weigh the sensor" in found.action
+    assert found.cost > 1.0
+
+
 def test_a_verdict_has_it() -> None:
     model = observed(5e-4)
     verdict = diagnose(
