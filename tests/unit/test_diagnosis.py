@@ -11,6 +11,7 @@ from receptance import (
     CARBIDE,
     STEEL,
     Assembly,
+    Coordinate,
     MeasuredFrequencies,
     MeasuredFRF,
     Part,
@@ -97,6 +98,35 @@ def test_causes_of_the_chain_are_of_the_frfs_alone_beside_natural_frequencies() 
         (_, low, high), *_ = verdict.causes[0].parameters.values()
         assert low < np.log(1.05) < high
         assert any("by the FRFs alone" in note for note in verdict.notes)
+
+
+def test_hits_beside_the_tip_are_found_beside_hits_at_the_nose() -> None:
+    """An offset belongs to the place where it was hit; with another FRF it is still looked for."""
+    rng = np.random.default_rng(2)
+    nose = Coordinate("holder", 0.0)
+
+    def seen(overhang: float, place: Coordinate, hit: Coordinate) -> MeasuredFRF:
+        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        values = assembled(overhang).receptance(LINES, response=place, excitation=hit) * np.exp(noise)
+        return MeasuredFRF(
+            assembly=assembled(overhang),
+            frequency_hz=LINES,
+            receptance=values,
+            response=place,
+            excitation=place,
+            standard_deviation=0.0105,
+            label=f"{overhang} {place.part}",
+            configuration=f"{overhang}",
+        )
+
+    tip, beside = Coordinate("tool", 0.0), Coordinate("tool", 4e-4)
+    observations = [seen(x, tip, beside) for x in (0.05, 0.07)] + [seen(0.05, nose, nose)]
+    causes = ["hammer_offset", "sensor_mass", "fluted_part"]
+    verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=causes, most=1)
+    assert verdict.verdict == "named"
+    assert [(one.id, one.variant) for one in verdict.causes] == [("hammer_offset", "on tool at 0 mm")]
+    _, low, high = verdict.causes[0].parameters["hammer_offset.distance"]
+    assert low < 4e-4 < high
 
 
 def test_one_configuration_convicts_no_part() -> None:

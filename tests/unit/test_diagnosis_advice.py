@@ -55,7 +55,11 @@ def selection() -> Selection:
     model = observed(5e-4)
     base = refit(model, {})
     selection = Selection(base, 7.0, 0.0, [], {})
-    for name, variant in (("sensor_mass", "all"), ("hammer_offset", "all"), ("fluted_part", "from the tip")):
+    for name, variant in (
+        ("sensor_mass", "all"),
+        ("hammer_offset", "on tool at 0 mm"),
+        ("fluted_part", "from the tip"),
+    ):
         changed = next(v.model for v in CATALOGUE[name].variants(model) if v.name == variant)
         starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
         fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)
@@ -138,6 +142,18 @@ def test_the_advice_settles_what_it_says(selection: Selection) -> None:
     assert alone is not None
     assert "hammer_offset" in alone.separates
     assert advise(selection, Judgement("named", (pair[0],), (), ())) is None
+
+
+def test_two_measurements_settle_what_one_leaves_open(selection: Selection) -> None:
+    three = tuple(replace(one, evidence=100.0 - i) for i, one in enumerate(selection.singles))
+    ids = tuple(next(iter(one.ids)) for one in three)
+    found = advise(selection, Judgement("ambiguous", three, ids, ()))
+    assert found is not None
+    assert found.resolves == 1.0
+    assert set(found.separates) == set(ids)
+    assert ", and " in found.action
+    assert "weigh the sensor" in found.action
+    assert found.cost > 1.0
 
 
 def test_a_verdict_has_it() -> None:

@@ -17,8 +17,9 @@ from receptance import (
     Segment,
 )
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, find_bands, identify
+from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.problem import Problem
-from receptance.identification.residuals import FrequencyResidual, FRFResidual
+from receptance.identification.residuals import FRFResidual
 from receptance.identification.unknowns import Variables
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly, simulate, simulate_modes
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from receptance.identification import MeasuredFRF, find_bands
 from receptance.identification.bands import within
+from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Addresses, Place
 from receptance.identification.priors import PriorResidual
-from receptance.identification.residuals import FrequencyResidual
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:

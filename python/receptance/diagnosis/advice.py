@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from receptance.diagnosis.judgement import Judgement
@@ -65,7 +66,7 @@ MENU = (
         Known({"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7}, presence=frozenset({"wrong_quantity"})),
     ),
     Choice("hang it softer and repeat one measurement", 3.0, FRFAgain(same_again, frozenset({"suspension"}))),
-    Choice("measure an FRF at the holder's nose", 3.0, FRFAgain(at_the_nose)),
+    Choice("measure an FRF at the holder's nose", 3.0, FRFAgain(at_the_nose, elsewhere=frozenset({"hammer_offset"}))),
     Choice("measure at a longer overhang", 3.0, FRFAgain(other_overhang)),
     Choice("hit at three times the force", 3.0, FRFAgain(other_force)),
     Choice("measure the blank alone, free-free", 4.0, Alone("tool")),
@@ -77,21 +78,22 @@ MENU = (
 
 @dataclass(frozen=True)
 class _Weighed:
-    """A choice, which ids it settles, and in how many of the cases that are left it finds the truth."""
+    """What is to be done, which ids it settles, and in how many of the cases that are left it finds the truth."""
 
-    choice: Choice
+    action: str
+    cost: float
+    apart: Mapping[tuple[int, int], float]
     separates: tuple[str, ...]
     resolves: float
-    least: float
 
     @property
     def worth(self) -> float:
         """What it brings for its cost; among those that settle nothing, what comes nearest to it."""
-        return (self.resolves + 1e-3 * math.tanh(self.least / MARGIN)) / self.choice.cost
+        return (self.resolves + 1e-3 * math.tanh(min(self.apart.values()) / MARGIN)) / math.sqrt(self.cost)
 
 
 def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None:
-    """Return the choice that resolves most of what is left for its cost; None where nothing is left.
+    """Return the choice, or two of them, that resolve most of what is left for their cost; None where nothing is left.
 
     Each choice is simulated with each explanation as the truth. It tells the truth from another one where the other's
     evidence is then expected to fall behind by more than the margin, with two standard deviations of chance to spare.
@@ -111,34 +113,52 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
     if len(left) == 1:
         left.append(nothing(selection))
     ids = judgement.between or tuple(cause.id for cause, _ in judgement.reported[0].steps)
-    rivals = [Rival(one, selection.base.model) for one in left]
-    best: _Weighed | None = None
-    for choice in sorted(MENU, key=lambda one: one.cost):
-        # None that costs more can be worth more than one that finds the truth in any case.
-        if best is not None and best.worth >= _Weighed(choice, (), 1.0, math.inf).worth:
-            break
-        weighed = _weighed(choice, rivals, ids)
-        if best is None or weighed.worth > best.worth:
-            best = weighed
+    best = _best(left, [Rival(one, selection.base.model) for one in left], ids)
     if best is None or best.worth <= 0.0:
         return None
     return NextMeasurement(
-        action=best.choice.action,
+        action=best.action,
         reason=_reason(best, len(left)),
         separates=best.separates,
         resolves=best.resolves,
-        cost=best.choice.cost,
+        cost=best.cost,
     )
 
 
-def _weighed(choice: Choice, rivals: Sequence[Rival], ids: Sequence[str]) -> _Weighed:
-    apart = {
-        (a, b): choice.measurement.apart(truth, other)
-        for a, truth in enumerate(rivals)
-        for b, other in enumerate(rivals)
-        if a != b
-    }
-    left = [one.explanation for one in rivals]
+def _best(left: Sequence[Explanation], rivals: Sequence[Rival], ids: Sequence[str]) -> _Weighed | None:
+    """Return what is worth most: a measurement, or two of them where one alone leaves something open."""
+    best: _Weighed | None = None
+    singles: list[_Weighed] = []
+    for choice in sorted(MENU, key=lambda one: one.cost):
+        # None that costs more can be worth more than one that finds the truth in any case.
+        if best is not None and best.worth >= 1.0 / math.sqrt(choice.cost):
+            break
+        apart = {
+            (a, b): choice.measurement.apart(truth, other)
+            for a, truth in enumerate(rivals)
+            for b, other in enumerate(rivals)
+            if a != b
+        }
+        singles.append(_weighed(choice.action, choice.cost, apart, left, ids))
+        best = max(singles, key=lambda one: one.worth)
+    if best is None or best.resolves == 1.0:
+        return best
+    useful = [one for one in singles if max(one.apart.values()) > MARGIN]
+    for one, other in itertools.combinations(useful, 2):
+        # Together they tell apart at least what each does.
+        apart = {pair: one.apart[pair] + other.apart[pair] for pair in one.apart}
+        both = _weighed(f"{one.action}, and {other.action}", one.cost + other.cost, apart, left, ids)
+        best = max(best, both, key=lambda found: found.worth)
+    return best
+
+
+def _weighed(
+    action: str,
+    cost: float,
+    apart: Mapping[tuple[int, int], float],
+    left: Sequence[Explanation],
+    ids: Sequence[str],
+) -> _Weighed:
     told = {pair: _tells(apart[pair], left[pair[0]], left[pair[1]]) for pair in apart}
     numbers = range(len(left))
     resolved = [all(told[a, b] for b in numbers if b != a) for a in numbers]
@@ -148,7 +168,7 @@ def _weighed(choice: Choice, rivals: Sequence[Rival], ids: Sequence[str]) -> _We
         lacking = [a for a in numbers if name not in left[a].ids]
         if lacking and all(told[a, b] and told[b, a] for a in having for b in lacking):
             separates.append(name)
-    return _Weighed(choice, tuple(separates), sum(resolved) / len(left), min(apart.values()))
+    return _Weighed(action, cost, apart, tuple(separates), sum(resolved) / len(left))
 
 
 def _tells(apart: float, truth: Explanation, other: Explanation) -> bool:

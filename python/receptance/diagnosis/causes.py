@@ -127,13 +127,14 @@ class Variant:
     """One way in which a cause can act: its name, and the model that has it.
 
     `fresh` says that the data have changed so much that the fit begins anew; `limited` has those parameters of the
-    cause that have other plausible ranges in this way of acting.
+    cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says.
     """
 
     name: str
     model: Model
     fresh: bool = False
     limited: tuple[Parameter, ...] = ()
+    local: bool = False
 
     def of(self, cause: Cause) -> Cause:
         """Return the cause with the plausible ranges of this way of acting."""
@@ -205,7 +206,11 @@ def changed(cause: Cause, name: str, model: Model) -> Model:
     except UndecidableError:
         return model
     chosen = [variant for variant in variants if variant.name == name]
-    if not chosen and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1:
+    if (
+        not chosen
+        and not any(v.local for v in variants)
+        and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1
+    ):
         # Where it acts was named by what was measured there; the structure is the same.
         chosen = variants[:1]
     return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model

@@ -20,12 +20,13 @@ import numpy as np
 from receptance.diagnosis.causes import Cause, changed
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
+from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import error_of
 from receptance.identification.mapping import Addresses, MappedResidual
 from receptance.identification.minimise import Found, minimise
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import Problem
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, InfeasibleError, Pair, Residual, Unit
+from receptance.identification.residuals import FRFResidual, InfeasibleError, Pair, Residual, Unit
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Variables
 

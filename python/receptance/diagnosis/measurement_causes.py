@@ -51,28 +51,35 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _receptances(model)
-    places = {
+    places = dict.fromkeys(
         (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
         for one in model.observations
         if isinstance(one, MeasuredFRF) and one.excitation.direction == "y"
-    }
-    if len(places) != 1:
-        raise UndecidableError("the hits were at different places")
-    part, position = places.pop()
-    if position == "end":
-        raise UndecidableError("the hit at the far end of a part can only be moved by hand")
-    at = max(float(position), _SPLIT)
+    )
+    if all(position == "end" for _, position in places):
+        raise UndecidableError("a hit at the far end of a part can only be moved by hand")
+    for part, position in places:
+        if position != "end":
+            yield _hits_at(p, model, part, float(position))
+
+
+def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: float) -> Variant:
+    """Return the hits at one place moved along the part; hits elsewhere are where they were said to be."""
+    at = max(position, _SPLIT)
     divided, index = model.split(part, at)
 
     def change(one: Observation) -> Observation:
         if not isinstance(one, MeasuredFRF) or one.excitation.direction != "y":
+            return one
+        place = (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
+        if place != (part, position):
             return one
         return altered(one, excitation=replace(one.excitation, part=part, position=at))
 
     moves = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
     offset = p["distance"].move(moves)
     offset = replace(offset, lower=0.0) if at == _SPLIT else offset
-    yield Variant("all", divided.map(change).plus(offset))
+    return Variant(f"on {part} at {1e3 * position:g} mm", divided.map(change).plus(offset), local=True)
 
 
 def _delay(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

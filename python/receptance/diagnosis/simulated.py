@@ -157,11 +157,14 @@ class FRFAgain:
     change : callable
         Gets the model and the number of an FRF that was measured; returns the one that would be, or None.
     without : frozenset of str
-        Ids of causes of which it is certainly free.
+        Ids of causes of which it is certainly free, which is why it is done.
+    elsewhere : frozenset of str
+        Ids of causes that act only where hits were before.
     """
 
     change: Callable[[Model, int], MeasuredFRF | None]
     without: frozenset[str] = frozenset()
+    elsewhere: frozenset[str] = frozenset()
 
     def apart(self, truth: Rival, other: Rival) -> float:
         """See `Measurement`."""
@@ -177,12 +180,12 @@ class FRFAgain:
         blank = altered(blank, configuration=_NEW, label=_NEW)
         try:
             spread = np.asarray(blank.standard_deviation)
-            real, imaginary = truth.predicts(blank, own, self.without).reshape(2, -1) * spread
+            real, imaginary = truth.predicts(blank, own, self.without | self.elsewhere).reshape(2, -1) * spread
             values = np.exp(-real - 1j * imaginary)
             variance = np.square(spread) + Floor().variance(blank.frequency_hz.real, values)
             data = altered(blank, receptance=values, standard_deviation=np.sqrt(variance))
             (fewer,) = thinned(replace(base, observations=(data,)), _LINES).observations
-            return other.answers(fewer, own, self.without)
+            return other.answers(fewer, own, self.without | self.elsewhere)
         except (InfeasibleError, ReceptanceError, ValueError):
             return 0.0
 

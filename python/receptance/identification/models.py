@@ -16,10 +16,11 @@ import numpy as np
 from receptance import _checks, _core
 from receptance._ties import tie
 from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
+from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.identification.problem import Normal, Problem, split_normal
 from receptance.identification.reduced import ENDED
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, InfeasibleError, Pair
+from receptance.identification.residuals import FRFResidual, InfeasibleError, Pair
 from receptance.identification.result import Start
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from receptance.errors import ReceptanceError
 from receptance.identification.bands import find_bands, within
 from receptance.identification.factors import FACTORS
+from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import Law
 from receptance.identification.mapping import Addresses, MappedResidual, Parameters, Place, Placed
 from receptance.identification.models import ModelledProblem, Models
@@ -17,7 +18,7 @@ from receptance.identification.observations import MeasuredFrequencies, Measured
 from receptance.identification.priors import PriorResidual
 from receptance.identification.problem import Problem
 from receptance.identification.reduced import JointResidual, only_joint
-from receptance.identification.residuals import FrequencyResidual, FRFResidual, Residual, Unit
+from receptance.identification.residuals import FRFResidual, Residual, Unit
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.residuals import FrequencyResidual, InfeasibleError
+from receptance.identification.frequency_residuals import FrequencyResidual
+from receptance.identification.residuals import InfeasibleError
 from receptance.sweep.outputs import Evaluated, Evaluation, Output, Variable, shared_candidates
 
 if TYPE_CHECKING:
