@@ -14,6 +14,7 @@ from receptance.identification import Identification, MeasuredFRF, Unknown, iden
 from receptance.identification.inversion_input import check_observations
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
+from receptance.terminals import ENTRIES, RESIDUALS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +29,8 @@ _ABOVE = 1.5
 _BEYOND = 0.5
 """Share of the residual that it takes at the start."""
 _FARTHEST = 5.0
+_AROUND = 0.04
+"""Share of its frequency to either side of a line over which modes and lines are compared."""
 _REACH = 0.25
 """How far a natural frequency may move from its start, as a share."""
 
@@ -42,10 +45,17 @@ class SpindleModes:
         The spindle, to end an assembly with; its band is that of the responses.
     identification : Identification
         The fit: values and their covariance by address, residuals, notes.
+    lines_hz : ndarray
+        `(n,)` usable lines of the spindle line by line.
+    discrepancy : ndarray
+        `(n, 3, 3)` how far the modes are from it, as a covariance of y/F, theta/M and y/M: the mean distance over the
+        lines around each, which few modes with viscous damping may not take up, and what those lines cannot tell.
     """
 
     part: ModalPart
     identification: Identification
+    lines_hz: NDArray[np.float64]
+    discrepancy: NDArray[np.complex128]
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -54,19 +64,35 @@ class SpindleModes:
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """`(m, m)` covariance of the parameters at `addresses`."""
-        order = [list(self.identification.values).index(address) for address in self.addresses]
-        result: NDArray[np.float64] = np.asarray(self.identification.covariance)[np.ix_(order, order)]
+        """`(m, m)` covariance of the parameters at `addresses`, in SI units.
+
+        What the modes leave over beyond noise widens it: it is that of the fit times the square of its rms, if above 1.
+        """
+        fit = self.identification
+        order = [list(fit.values).index(address) for address in self.addresses]
+        scales = [fit.unknowns[index].scale for index in order]
+        values = np.array([fit.values[address] for address in self.addresses])
+        slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
+        result: NDArray[np.float64] = np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
         return result
 
     def standard_deviation(self, machine: Assembly, frequency_hz: Any, **places: Any) -> NDArray[np.float64]:
-        """Standard deviation of a receptance of an assembly that ends with `part`, relative, `(n,)`.
+        """Standard deviation of the magnitude of a receptance of an assembly that ends with `part`, relative, `(n,)`.
 
-        First order in the errors of the modes; `places` as in `Assembly.receptance`.
+        First order in the errors of the modes and in their distance from the spindle line by line; `places` as in
+        `Assembly.receptance`.
         """
-        h, slope = machine.derivatives(frequency_hz, self.addresses, **places)
+        own = len(self.addresses)
+        through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
+        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
         relative = slope / h[..., None]
-        variance = np.einsum("ni,ij,nj->n", relative, self.covariance, relative.conj()).real / 2.0
+        lines = np.asarray(frequency_hz).real
+        flat = self.discrepancy.reshape(len(self.lines_hz), -1)
+        between = np.stack([np.interp(lines, self.lines_hz, column) for column in flat.T], axis=1).reshape(-1, 3, 3)
+        modes = relative[..., :own].real
+        variance = np.einsum("ni,ij,nj->n", modes, self.covariance, modes)
+        away = relative[..., own:]
+        variance += np.einsum("ni,nij,nj->n", away, between, away.conj()).real
         result: NDArray[np.float64] = np.sqrt(np.maximum(variance, 0.0))
         return result
 
@@ -117,7 +143,26 @@ def fit_spindle(
     ]
     fit = identify(coupled, _unknowns(start, high), starts=1, threads=threads)
     values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
-    return SpindleModes(part=replace(start.with_values(values), band_hz=(low, high)), identification=fit)
+    part = replace(start.with_values(values), band_hz=(low, high))
+    lines, away = _discrepancy(found, part)
+    return SpindleModes(part=part, identification=fit, lines_hz=lines, discrepancy=away)
+
+
+def _discrepancy(found: SpindleReceptance, part: ModalPart) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return usable lines, and how far the modes are from them, as a covariance."""
+    rows = np.flatnonzero(found.usable)
+    lines = np.asarray(found.frequency_hz)[rows]
+    matrix, places = found.matrix[rows], lines.real
+    off = np.stack([matrix[:, i, j] for i, j in ENTRIES], axis=1) - part.entries(lines)
+    covariance = found.covariance[rows]
+    result = np.empty(covariance.shape, dtype=np.complex128)
+    for index, place in enumerate(places):
+        first, last = np.searchsorted(places, [place * (1.0 - _AROUND), place * (1.0 + _AROUND)])
+        near = slice(int(first), max(int(last), int(first) + 1))
+        mean = off[near].mean(axis=0)
+        # Half of the square each for the real and the imaginary part.
+        result[index] = 0.5 * np.outer(mean, mean.conj()) + covariance[near].mean(axis=0) / (near.stop - near.start)
+    return places, result
 
 
 def start_from(
