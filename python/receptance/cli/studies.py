@@ -191,13 +191,4 @@ def machines(
     with input_errors():
         settings = study.MachinesSettings(hits=hits, seed=seed)
     result = with_progress(lambda say: study.run(settings, progress=say))
-
-    def draw() -> Figure:
-        from receptance.plot import draw_machines
-
-        return draw_machines(result)
-
-    targets.write(study.as_dict(result), draw)
-    console = output()
-    print_machines(console, result)
-    targets.name(console)
+    _tell(targets, study.as_dict(result), result, print_machines, "draw_machines")

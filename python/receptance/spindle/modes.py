@@ -82,19 +82,41 @@ class SpindleModes:
         First order in the errors of the modes and in their distance from the spindle line by line; `places` as in
         `Assembly.receptance`.
         """
-        own = len(self.addresses)
-        through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
-        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
-        relative = slope / h[..., None]
-        lines = np.asarray(frequency_hz).real
-        flat = self.discrepancy.reshape(len(self.lines_hz), -1)
-        between = np.stack([np.interp(lines, self.lines_hz, column) for column in flat.T], axis=1).reshape(-1, 3, 3)
-        modes = relative[..., :own].real
-        variance = np.einsum("ni,ij,nj->n", modes, self.covariance, modes)
-        away = relative[..., own:]
-        variance += np.einsum("ni,nij,nj->n", away, between, away.conj()).real
+        h, modes, away, between = self._reactions(machine, frequency_hz, places)
+        own = (modes / h[:, None]).real
+        variance = np.einsum("ni,ij,nj->n", own, self.covariance, own)
+        other = away / h[:, None]
+        variance += np.einsum("ni,nij,nj->n", other, between, other.conj()).real
         result: NDArray[np.float64] = np.sqrt(np.maximum(variance, 0.0))
         return result
+
+    def draws(
+        self, machine: Assembly, frequency_hz: Any, *, count: int = 100, seed: int = 0, **places: Any
+    ) -> NDArray[np.complex128]:
+        """Draw receptances of an assembly that ends with `part`, `(count, n)`, for bands of what is made of them.
+
+        First order in the logarithm; the distance from the lines is drawn as one for all lines of a draw.
+        """
+        h, modes, away, between = self._reactions(machine, frequency_hz, places)
+        random = np.random.default_rng(seed)
+        whole = random.multivariate_normal(np.zeros(len(self.addresses)), self.covariance, size=count, method="eigh")
+        moved = whole @ modes.T
+        value, shape = np.linalg.eigh(between)
+        reach = np.einsum("ni,nij,nj->nj", away, shape, np.sqrt(np.maximum(value, 0.0)))
+        normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
+        result: NDArray[np.complex128] = h * np.exp((moved + normal @ reach.T) / h)
+        return result
+
+    def _reactions(
+        self, machine: Assembly, frequency_hz: Any, places: dict[str, Any]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return a receptance `(n,)`, its derivatives by modes and by the plane's entries, and the discrepancy."""
+        through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
+        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
+        lines, flat = np.asarray(frequency_hz).real, self.discrepancy.reshape(len(self.lines_hz), -1)
+        between = np.stack([np.interp(lines, self.lines_hz, column) for column in flat.T], axis=1).reshape(-1, 3, 3)
+        own = len(self.addresses)
+        return h, slope[..., :own], slope[..., own:], between
 
     def __repr__(self) -> str:
         return f"SpindleModes({self.part!r}, rms {self.identification.rms:.3g})"
