@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bindings.test_fuzz import fit, good, normal_matrix, reduction
+from bindings.test_fuzz import good
+from bindings.test_fuzz_fits import fit, normal_matrix, reduction
 from receptance import _core
 
 
