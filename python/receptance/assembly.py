@@ -31,7 +31,7 @@ from receptance._flatten import MOTIONS, Element, Flat, Motion, constant, flatte
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
-from receptance.terminals import MeasuredPart
+from receptance.terminals import MeasuredPart, Terminal
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -111,6 +111,11 @@ class Assembly:
     def tabulated(self) -> bool:
         """Whether it ends with a table of receptances, so that it has a value on the table's lines only."""
         return any(isinstance(element, MeasuredPart) for element in self._elements.values())
+
+    @property
+    def countable(self) -> bool:
+        """Whether its natural frequencies can be counted: not where it ends with a spindle known by its receptances."""
+        return not any(isinstance(element, Terminal) for element in self._elements.values())
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:

@@ -97,7 +97,10 @@ def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["study", "er33"], "there is no study 'er33'; the studies are er32, clamped-rods, table3, clamping, bt50"),
+        (
+            ["study", "er33"],
+            "there is no study 'er33'; the studies are er32, clamped-rods, table3, clamping, bt50, machines",
+        ),
         (["stdy"], "stdy"),
         (["study", "er32", "--jsn", "a"], "--jsn"),
         (["study", "er32", "--seed", "-1"], "--seed"),

@@ -174,3 +174,21 @@ def bt50(
         settings = study.BT50Settings(step_kn=step, seed=seed)
     result = with_progress(lambda say: study.run(settings, progress=say))
     _tell(targets, study.as_dict(result), result, print_bt50, "draw_bt50")
+
+
+@studies.command()
+def machines(
+    json_file: Json = None,
+    plot: Plot = None,
+    hits: Annotated[int, typer.Option("--hits", min=3, help="Hammer hits of each simulated test of the blanks.")] = 10,
+    seed: Seed = 0,
+) -> None:
+    """VIRTUAL: spindles of two machines from blanks in them, the tools of table 5 predicted, and where that fails."""
+    targets = Targets(json_file, plot)
+    from receptance.cli.machines import print_machines
+    from receptance.studies import machines as study
+
+    with input_errors():
+        settings = study.MachinesSettings(hits=hits, seed=seed)
+    result = with_progress(lambda say: study.run(settings, progress=say))
+    _tell(targets, study.as_dict(result), result, print_machines, "draw_machines")

@@ -9,12 +9,13 @@ from receptance.diagnosis.causes import Cause
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.part_causes import PART_CAUSES
+from receptance.diagnosis.spindle_causes import SPINDLE_CAUSES
 from receptance.diagnosis.support_causes import SUPPORT_CAUSES
 
 __all__ = ["CATALOGUE", "listed"]
 
 CATALOGUE: Mapping[str, Cause] = MappingProxyType(
-    {cause.id: cause for cause in (*JOINT_CAUSES, *PART_CAUSES, *SUPPORT_CAUSES, *MEASUREMENT_CAUSES)}
+    {cause.id: cause for cause in (*JOINT_CAUSES, *PART_CAUSES, *SUPPORT_CAUSES, *SPINDLE_CAUSES, *MEASUREMENT_CAUSES)}
 )
 """The causes by id."""
 

@@ -149,6 +149,8 @@ def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
     if len(ends) != 1:
         raise UndecidableError("the model has no holder, or several")
+    if not all(one.assembly.countable for one in model.observations):
+        raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
     part = next(iter(ends))
     changed = model.rebuilt(lambda assembly: with_resonator(assembly, part))
     low = min(float(one.frequency_hz[0].real) for one in model.observations)

@@ -199,6 +199,9 @@ def _peaks(task: Task) -> Problem | None:
     """Return the peaks of the receptances as natural frequencies, numbered from the lowest."""
     from scipy.signal import find_peaks  # slow to import
 
+    if not all(one.assembly.countable for one in task.observed):
+        return None
+
     found: list[Observation] = []
     for one in task.observed:
         if isinstance(one, MeasuredFrequencies):

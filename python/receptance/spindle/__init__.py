@@ -1,8 +1,17 @@
 """Spindles: their receptances from tip responses of known blanks, as a table and as modes."""
 
+from receptance.spindle.crossed import CrossedSpindle, identify_crossed_spindle
 from receptance.spindle.differences import rotations
 from receptance.spindle.identify import identify_spindle
 from receptance.spindle.modes import SpindleModes, fit_spindle
 from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["SpindleModes", "SpindleReceptance", "fit_spindle", "identify_spindle", "rotations"]
+__all__ = [
+    "CrossedSpindle",
+    "SpindleModes",
+    "SpindleReceptance",
+    "fit_spindle",
+    "identify_crossed_spindle",
+    "identify_spindle",
+    "rotations",
+]

@@ -14,6 +14,7 @@ from receptance.identification import Identification, MeasuredFRF, Unknown, iden
 from receptance.identification.inversion_input import check_observations
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
+from receptance.terminals import ENTRIES, RESIDUALS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +29,8 @@ _ABOVE = 1.5
 _BEYOND = 0.5
 """Share of the residual that it takes at the start."""
 _FARTHEST = 5.0
+_AROUND = 0.04
+"""Share of its frequency to either side of a line over which modes and lines are compared."""
 _REACH = 0.25
 """How far a natural frequency may move from its start, as a share."""
 
@@ -42,10 +45,17 @@ class SpindleModes:
         The spindle, to end an assembly with; its band is that of the responses.
     identification : Identification
         The fit: values and their covariance by address, residuals, notes.
+    lines_hz : ndarray
+        `(n,)` usable lines of the spindle line by line.
+    discrepancy : ndarray
+        `(n, 3, 3)` how far the modes are from it, as a covariance of y/F, theta/M and y/M: the mean distance over the
+        lines around each, which few modes with viscous damping may not take up, and what those lines cannot tell.
     """
 
     part: ModalPart
     identification: Identification
+    lines_hz: NDArray[np.float64]
+    discrepancy: NDArray[np.complex128]
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -54,21 +64,59 @@ class SpindleModes:
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """`(m, m)` covariance of the parameters at `addresses`."""
-        order = [list(self.identification.values).index(address) for address in self.addresses]
-        result: NDArray[np.float64] = np.asarray(self.identification.covariance)[np.ix_(order, order)]
+        """`(m, m)` covariance of the parameters at `addresses`, in SI units.
+
+        What the modes leave over beyond noise widens it: it is that of the fit times the square of its rms, if above 1.
+        """
+        fit = self.identification
+        order = [list(fit.values).index(address) for address in self.addresses]
+        scales = [fit.unknowns[index].scale for index in order]
+        values = np.array([fit.values[address] for address in self.addresses])
+        slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
+        result: NDArray[np.float64] = np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
         return result
 
     def standard_deviation(self, machine: Assembly, frequency_hz: Any, **places: Any) -> NDArray[np.float64]:
-        """Standard deviation of a receptance of an assembly that ends with `part`, relative, `(n,)`.
+        """Standard deviation of the magnitude of a receptance of an assembly that ends with `part`, relative, `(n,)`.
 
-        First order in the errors of the modes; `places` as in `Assembly.receptance`.
+        First order in the errors of the modes and in their distance from the spindle line by line; `places` as in
+        `Assembly.receptance`.
         """
-        h, slope = machine.derivatives(frequency_hz, self.addresses, **places)
-        relative = slope / h[..., None]
-        variance = np.einsum("ni,ij,nj->n", relative, self.covariance, relative.conj()).real / 2.0
+        h, modes, away, between = self._reactions(machine, frequency_hz, places)
+        own = (modes / h[:, None]).real
+        variance = np.einsum("ni,ij,nj->n", own, self.covariance, own)
+        other = away / h[:, None]
+        variance += np.einsum("ni,nij,nj->n", other, between, other.conj()).real
         result: NDArray[np.float64] = np.sqrt(np.maximum(variance, 0.0))
         return result
+
+    def draws(
+        self, machine: Assembly, frequency_hz: Any, *, count: int = 100, seed: int = 0, **places: Any
+    ) -> NDArray[np.complex128]:
+        """Draw receptances of an assembly that ends with `part`, `(count, n)`, for bands of what is made of them.
+
+        First order in the logarithm; the distance from the lines is drawn as one for all lines of a draw.
+        """
+        h, modes, away, between = self._reactions(machine, frequency_hz, places)
+        random = np.random.default_rng(seed)
+        whole = random.multivariate_normal(np.zeros(len(self.addresses)), self.covariance, size=count, method="eigh")
+        moved = whole @ modes.T
+        value, shape = np.linalg.eigh(between)
+        reach = np.einsum("ni,nij,nj->nj", away, shape, np.sqrt(np.maximum(value, 0.0)))
+        normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
+        result: NDArray[np.complex128] = h * np.exp((moved + normal @ reach.T) / h)
+        return result
+
+    def _reactions(
+        self, machine: Assembly, frequency_hz: Any, places: dict[str, Any]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return a receptance `(n,)`, its derivatives by modes and by the plane's entries, and the discrepancy."""
+        through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
+        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
+        lines, flat = np.asarray(frequency_hz).real, self.discrepancy.reshape(len(self.lines_hz), -1)
+        between = np.stack([np.interp(lines, self.lines_hz, column) for column in flat.T], axis=1).reshape(-1, 3, 3)
+        own = len(self.addresses)
+        return h, slope[..., :own], slope[..., own:], between
 
     def __repr__(self) -> str:
         return f"SpindleModes({self.part!r}, rms {self.identification.rms:.3g})"
@@ -117,7 +165,26 @@ def fit_spindle(
     ]
     fit = identify(coupled, _unknowns(start, high), starts=1, threads=threads)
     values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
-    return SpindleModes(part=replace(start.with_values(values), band_hz=(low, high)), identification=fit)
+    part = replace(start.with_values(values), band_hz=(low, high))
+    lines, away = _discrepancy(found, part)
+    return SpindleModes(part=part, identification=fit, lines_hz=lines, discrepancy=away)
+
+
+def _discrepancy(found: SpindleReceptance, part: ModalPart) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return usable lines, and how far the modes are from them, as a covariance."""
+    rows = np.flatnonzero(found.usable)
+    lines = np.asarray(found.frequency_hz)[rows]
+    matrix, places = found.matrix[rows], lines.real
+    off = np.stack([matrix[:, i, j] for i, j in ENTRIES], axis=1) - part.entries(lines)
+    covariance = found.covariance[rows]
+    result = np.empty(covariance.shape, dtype=np.complex128)
+    for index, place in enumerate(places):
+        first, last = np.searchsorted(places, [place * (1.0 - _AROUND), place * (1.0 + _AROUND)])
+        near = slice(int(first), max(int(last), int(first) + 1))
+        mean = off[near].mean(axis=0)
+        # Half of the square each for the real and the imaginary part.
+        result[index] = 0.5 * np.outer(mean, mean.conj()) + covariance[near].mean(axis=0) / (near.stop - near.start)
+    return places, result
 
 
 def start_from(

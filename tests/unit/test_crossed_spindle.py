@@ -1,0 +1,110 @@
+"""A spindle whose principal directions lie across x and y: turned, it is two planes that know nothing of each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from machine_spindle import LINES, make_blank, make_spindle, seen_at_the_plane, with_spindle
+from receptance import Assembly, Coordinate, MeasuredFRF
+from receptance.spindle import identify_crossed_spindle
+
+FEW = LINES[::8]
+ANGLE = 0.5
+TURN = np.array([[np.cos(ANGLE), -np.sin(ANGLE)], [np.sin(ANGLE), np.cos(ANGLE)]])
+SPINDLES = [make_spindle(front) for front in (4e8, 2e8)]
+PLACES = [Coordinate("blank", 0.0), Coordinate("blank", 0.07)]
+
+
+def turned(principal: list[np.ndarray]) -> np.ndarray:
+    """Return what is seen in x and y, `(2, 2, n, ...)`, of what is apart in the principal directions."""
+    return np.einsum("ap,p...,bp->ab...", TURN, np.array(principal), TURN)
+
+
+def truth() -> np.ndarray:
+    parts = turned([seen_at_the_plane(one, FEW) for one in SPINDLES])
+    return np.moveaxis(parts, 2, 0).transpose(0, 1, 3, 2, 4).reshape(FEW.size, 4, 4)
+
+
+def measured(sd: float, rng: np.random.Generator | None = None, cross: str = "xy") -> dict[str, list[MeasuredFRF]]:
+    blank = make_blank()
+    h = turned([with_spindle(blank, one).receptance(FEW, response=PLACES, excitation=PLACES) for one in SPINDLES])
+    found: dict[str, list[MeasuredFRF]] = {}
+    for axes in ("xx", "yy", cross):
+        for i, response in enumerate(PLACES):
+            for j, excitation in enumerate(PLACES):
+                if axes != cross and i < j:
+                    continue
+                values = h["xy".index(axes[0]), "xy".index(axes[1]), :, i, j]
+                if rng is not None:
+                    values = values * np.exp(sd * (rng.normal(size=FEW.size) + 1j * rng.normal(size=FEW.size)))
+                one = MeasuredFRF(
+                    assembly=blank,
+                    frequency_hz=FEW,
+                    receptance=values,
+                    response=response,
+                    excitation=excitation,
+                    standard_deviation=sd,
+                )
+                found.setdefault(axes, []).append(one)
+    return found
+
+
+@pytest.mark.parametrize("cross", ["xy", "yx"])
+def test_without_noise_both_planes_come_back(cross: str) -> None:
+    found = identify_crossed_spindle(measured(1e-9, cross=cross))
+    assert found.usable.all()
+    root = np.sqrt(np.abs(np.einsum("nii->ni", truth())))
+    assert np.max(np.abs(found.matrix - truth()) / (root[:, :, None] * root[:, None, :])) < 1e-8
+    np.testing.assert_allclose(found.matrix, found.matrix.transpose(0, 2, 1), rtol=1e-9, atol=1e-16)
+    assert "usable" in repr(found)
+
+
+def test_a_tip_in_it_is_that_of_the_machine() -> None:
+    tool = make_blank(0.15, 0.02)
+    lines, tip, deviation = identify_crossed_spindle(measured(1e-9)).tip(tool)
+    true = turned([with_spindle(tool, one).receptance(FEW) for one in SPINDLES])
+    np.testing.assert_allclose(tip, np.moveaxis(true, 2, 0), rtol=1e-6, atol=1e-9 * np.abs(true).max())
+    assert lines.size == FEW.size
+    assert np.all(deviation <= 1e-5 * np.abs(tip).max(axis=(1, 2))[:, None, None])
+
+
+def test_the_stated_deviation_is_that_of_the_noise() -> None:
+    rng = np.random.default_rng(6)
+    tool = make_blank(0.15, 0.02)
+    true = np.moveaxis(turned([with_spindle(tool, one).receptance(FEW) for one in SPINDLES]), 2, 0)
+    inside = []
+    for _ in range(8):
+        found = identify_crossed_spindle(measured(0.002, rng))
+        rows = found.usable
+        z = (found.matrix - truth())[rows].real / found.standard_deviation[rows]
+        inside.append(np.mean(np.abs(z) < 1.96))
+        _, tip, deviation = found.tip(tool)
+        inside.append(np.mean(np.abs((tip - true[rows]).imag / deviation) < 1.96))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+
+
+def test_what_is_missing_is_said() -> None:
+    whole = measured(1e-3)
+    with pytest.raises(ValueError, match="there are 0 responses of xy, expected at least 4"):
+        identify_crossed_spindle({axis: whole[axis] for axis in ("xx", "yy")})
+    with pytest.raises(ValueError, match="there are 2 responses of yy, expected at least 3"):
+        identify_crossed_spindle({**whole, "yy": whole["yy"][:2]})
+    with pytest.raises(ValueError, match="has the directions 'xz', expected xx, yy, xy, yx"):
+        identify_crossed_spindle({**whole, "xz": whole["xy"]})
+    with pytest.raises(ValueError, match="of xx cannot tell its terms apart"):
+        identify_crossed_spindle({**whole, "xx": [whole["xx"][0]] * 3})
+    other = make_blank(0.12)
+    strange = [
+        MeasuredFRF(
+            assembly=Assembly(other.elements.values()),
+            frequency_hz=FEW,
+            receptance=one.receptance,
+            response=one.response,
+            excitation=one.excitation,
+            standard_deviation=1e-3,
+        )
+        for one in whole["yy"]
+    ]
+    with pytest.raises(ValueError, match="the responses are of several blanks"):
+        identify_crossed_spindle({**whole, "yy": strange})
