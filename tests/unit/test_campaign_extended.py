@@ -14,9 +14,9 @@ from campaign_text import TEXT, load
 from receptance import FRF, campaign
 from receptance.campaign.diagnosis import CampaignDiagnosis, campaign_model
 from receptance.diagnosis import CATALOGUE, Cause, UndecidableError, Variant
+from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.selection import Explanation
 from receptance.identification.observations import altered
 from receptance.io import write
 

@@ -11,10 +11,10 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.advice import MENU, advise
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.foresight import with_causes
 from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.selection import Explanation, Selection
 from receptance.diagnosis.simulated import Alone, FRFAgain, Known, Rival, at_the_nose, other_overhang, same_again
 from receptance.identification import Tolerance
 from receptance.identification.observations import altered

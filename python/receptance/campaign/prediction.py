@@ -16,8 +16,9 @@ from receptance.identification import MeasuredFRF
 from receptance.identification.factors import FACTORS
 from receptance.identification.mapping import Addresses
 from receptance.identification.peaks import match_peaks
-from receptance.identification.residuals import FRFResidual, SteppedPlace
+from receptance.identification.residuals import FRFResidual
 from receptance.identification.spread import quantile
+from receptance.identification.stepped_place import SteppedPlace
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 

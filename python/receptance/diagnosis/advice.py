@@ -7,8 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.selection import MARGIN, Explanation, Selection
 from receptance.diagnosis.simulated import (
     Alone,
     FRFAgain,

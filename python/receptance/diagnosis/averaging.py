@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
-    from receptance.diagnosis.selection import Explanation, Selection
+    from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
 

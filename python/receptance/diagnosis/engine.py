@@ -12,12 +12,13 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import listed
 from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import EXPLORING
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
-from receptance.diagnosis.selection import Explanation, Selection, select
+from receptance.diagnosis.selection import select
 from receptance.diagnosis.usable import usable
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.identification.laws import Tolerance

@@ -12,11 +12,12 @@ import numpy as np
 from receptance.diagnosis.bias import slenderness_of
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of
 from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.selection import Explanation, Selection, select
+from receptance.diagnosis.selection import select
 from receptance.diagnosis.verdict import Gain
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.selection import MARGIN, Explanation, Selection
 from receptance.diagnosis.verdict import Answer
 
 __all__ = ["Judgement", "conclude"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 
-from receptance.diagnosis.adequacy import GATE, Adequacy, judge
+from receptance.diagnosis.adequacy import GATE
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
+from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
@@ -19,10 +19,8 @@ from receptance.diagnosis.starts import starts_of, starts_together
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["Explanation", "Selection", "select"]
+__all__ = ["select"]
 
-MARGIN = 10.0
-"""What is within this much of the best evidence is reported with it."""
 _WAYS = 3
 """Variants of one cause that are fitted, the most promising ones first."""
 _ANOTHER = 20.0
@@ -30,9 +28,9 @@ _ANOTHER = 20.0
 _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
+"""Causes that are tried in addition to each of them."""
 _HOPELESS = 20.0
 """Misfit from which on neither a promise to first order nor a few steps say much: every cause is tried, to its end."""
-"""Causes that are tried in addition to each of them."""
 _FRESH_FROM = 0.3
 """Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
 _SETTLED = 1e-9
@@ -43,93 +41,6 @@ _IDLE = 10.0
 _FAR = 60.0
 _FAR_SHARE = 0.3
 """An explanation whose chi-square on few lines is worse than the best by more is only evaluated on all lines."""
-
-
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """Causes that act together, and the fit that has them.
-
-    Attributes
-    ----------
-    steps : tuple of (Cause, str)
-        The causes in the order of adding, each with the name of its variant.
-    fit : Fit
-        The extended model at its best point.
-    evidence : float
-        Decrease of chi-square against the base, less the penalty for its unknowns: twice the logarithm of odds, nearly.
-    """
-
-    steps: tuple[tuple[Cause, str], ...]
-    fit: Fit
-    gain: float
-    evidence: float
-
-    @property
-    def ids(self) -> frozenset[str]:
-        """Ids of the causes."""
-        return frozenset(cause.id for cause, _ in self.steps)
-
-    @cached_property
-    def adequacy(self) -> Adequacy:
-        """What it leaves."""
-        return judge(self.fit)
-
-    def sizes(self, cause: Cause) -> dict[str, float]:
-        """Return the values of a cause's parameters by the names of its unknowns."""
-        return {name: value for name, value in self.fit.values.items() if name.split(" ")[0].split(".")[0] == cause.id}
-
-    @property
-    def implausible(self) -> tuple[str, ...]:
-        """Names of sizes that nobody would believe."""
-        return tuple(
-            name
-            for cause, _ in self.steps
-            for name, value in self.sizes(cause).items()
-            if not cause.parameter_of(name).believable(value)
-        )
-
-
-@dataclass(eq=False)
-class Selection:
-    """All that was fitted.
-
-    Attributes
-    ----------
-    base : Fit
-        The model as it was given.
-    singles, several : list of Explanation
-        Each cause alone, and causes together, the best evidence first.
-    found : list of Direction
-        What the causes promised at the base.
-    threshold : float
-        Evidence that the best cause reaches by chance in one of a hundred diagnoses of an adequate model.
-    undecidable : dict of str to str
-        Causes that the data cannot speak about, and why.
-    evaluations : int
-        How often all observations were calculated with their derivatives, on few lines or on all.
-    seconds : float
-        How long it took.
-    """
-
-    base: Fit
-    penalty: float
-    threshold: float
-    found: list[Direction]
-    undecidable: dict[str, str]
-    singles: list[Explanation] = field(default_factory=list)
-    several: list[Explanation] = field(default_factory=list)
-    evaluations: int = 0
-    seconds: float = 0.0
-
-    @property
-    def evaluations_per_second(self) -> float:
-        """Evaluations of the whole model a second, everything else that was done included."""
-        return self.evaluations / self.seconds if self.seconds else 0.0
-
-    @property
-    def explanations(self) -> list[Explanation]:
-        """All explanations, the best evidence first."""
-        return sorted([*self.singles, *self.several], key=lambda one: -one.evidence)
 
 
 def select(

@@ -17,11 +17,11 @@ import numpy as np
 from receptance.assembly import Assembly
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit, refit, thinned
 from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model, with_points
-from receptance.diagnosis.selection import Explanation, Selection
 from receptance.errors import ReceptanceError
 from receptance.identification.floor import Floor
 from receptance.identification.laws import Tolerance

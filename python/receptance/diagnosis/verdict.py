@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from receptance.diagnosis.adequacy import Adequacy
     from receptance.diagnosis.bias import Bias
     from receptance.diagnosis.by_mode import ModeResidual
+    from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.diagnosis.held_out import Improvement
-    from receptance.diagnosis.selection import Explanation, Selection
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
 

@@ -6,26 +6,24 @@ observation (a compressed residual, many points at once) is another class here a
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from receptance.beams import Part
 from receptance.errors import ReceptanceError
 from receptance.identification.early_end import EarlyEnd
 from receptance.identification.factors import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, frequency_weights
+from receptance.identification.stepped_place import SteppedPlace
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
-    from receptance.coordinates import Coordinate
     from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["Addressed", "AtValues", "FRFResidual", "InfeasibleError", "Pair", "Residual", "SteppedPlace", "Unit"]
+__all__ = ["Addressed", "AtValues", "FRFResidual", "InfeasibleError", "Pair", "Residual", "Unit"]
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """What a residual of 1 means: one logarithm is a factor of e, one relative is twice a natural frequency."""
@@ -137,32 +135,6 @@ class _Factors:
         if name == DELAY:
             return np.asarray(-1j * self._angular, dtype=np.complex128)
         return np.ones(self._angular.size, dtype=np.complex128)
-
-
-class SteppedPlace:
-    """A coordinate that stays on its step between two segments when a length changes."""
-
-    def __init__(self, assembly: Assembly, place: Coordinate) -> None:
-        self._place = place
-        self._step: int | None = None
-        if place.position != "end":
-            edges = _edges(assembly, place.part)
-            distance = np.abs(edges - place.position)
-            if distance.min() <= 1e-9 * edges[-1]:
-                self._step = int(distance.argmin())
-
-    def on(self, assembly: Assembly) -> Coordinate:
-        """Return the coordinate on the assembly with other lengths."""
-        if self._step is None:
-            return self._place
-        return replace(self._place, position=float(_edges(assembly, self._place.part)[self._step]))
-
-
-def _edges(assembly: Assembly, name: str) -> NDArray[np.float64]:
-    """Return where the segments of a part begin and end."""
-    part = assembly.elements[name or next(iter(assembly.elements))]
-    lengths = [segment.length for segment in part.segments] if isinstance(part, Part) else []
-    return np.cumsum([0.0, *lengths])
 
 
 class FRFResidual:
