@@ -23,6 +23,7 @@ from receptance import (
 from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.usable import usable
 from receptance.identification import Law, Tolerance
 from receptance.identification.observations import altered
@@ -137,6 +138,23 @@ def test_a_rope_that_loses_energy_needs_no_second_cause() -> None:
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["suspension"])
     low, high = verdict.causes[0].parameters["suspension.damping"][1:]
     assert low < 60.0 < high
+
+
+def test_several_causes_beside_a_model_that_passes_are_a_suspicion() -> None:
+    true = [
+        altered(o, receptance=1.05 * o.receptance)
+        for o in (
+            measured(assembled(x), assembled(x, PointMass(mass=2e-3)), f"{x}", i) for i, x in enumerate(OVERHANGS)
+        )
+    ]
+    verdict = diagnose(true, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "calibration_gain"], most=2)
+    assert verdict.verdict == "named"
+    assert len(verdict.causes) == 2
+    # The same pair, had the model left no more than noise explains.
+    selection = replace(verdict.selection, base=verdict.explanation.fit)
+    judgement = conclude(selection)
+    assert judgement.answer == "suspected"
+    assert any("take it up between them" in note for note in judgement.notes)
 
 
 @pytest.mark.slow

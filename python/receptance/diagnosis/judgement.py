@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.verdict import Answer
@@ -33,7 +34,8 @@ def conclude(selection: Selection) -> Judgement:
     3. All within the margin of the best evidence are reported, without what only adds to another one of them.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
     5. One left: named; suspected near the limit of detection, or where the data cannot convict: there is but one
-       configuration, or a cause that all should show is seen in one of them. Several: ambiguous.
+       configuration, a cause that all should show is seen in one of them, or several causes share what a model leaves
+       that passes the gate by itself. Several left: ambiguous.
        Beside a fit that has not ended nothing is named.
     """
     notes: list[str] = []
@@ -78,7 +80,14 @@ def conclude(selection: Selection) -> Judgement:
             f"{_called(left[0])} shows in {lonely} alone: what sits on that tool or in that clamping may be it; "
             "until another configuration shows it, it is a suspicion"
         )
-    return Judgement("suspected" if weak or alone or lonely else "named", tuple(left), (), tuple(notes))
+    before = judge(base)
+    hardly = len(left[0].steps) > 1 and before.misfit <= before.limit
+    if hardly:
+        notes.append(
+            f"the model leaves hardly more than noise explains, and {_called(left[0])} take it up between them: so can "
+            "what no cause describes; they are a suspicion"
+        )
+    return Judgement("suspected" if weak or alone or lonely or hardly else "named", tuple(left), (), tuple(notes))
 
 
 def _lonely(base: Fit, one: Explanation) -> str | None:
@@ -96,8 +105,6 @@ def _lonely(base: Fit, one: Explanation) -> str | None:
 
 
 def _nothing(selection: Selection) -> Judgement:
-    from receptance.diagnosis.adequacy import judge
-
     adequacy = judge(selection.base)
     if not selection.base.converged:
         return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
