@@ -13,6 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 import ratios
 import roofline
 import scaling
+import sweeping
 from pairs import Pair, all_pairs, largest_difference
 
 PAIRS = all_pairs()
@@ -94,3 +95,10 @@ def test_what_cannot_be_done_is_said_first(arguments: list[str], capsys: pytest.
         ratios.main(arguments)
     assert stopped.value.code == 2
     assert arguments[0] in capsys.readouterr().err
+
+
+def test_a_sweep_gives_the_same_on_any_threads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "sweeping.json"
+    assert sweeping.main(["--quick", "--json", str(target)]) == 0
+    assert "two threads" in capsys.readouterr().out
+    assert [row["candidates"] for row in json.loads(target.read_text())] == [200, 2000, 2000]
