@@ -18,6 +18,7 @@ from receptance.campaign.draws import Draws
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import Described
 from receptance.cli import main
+from receptance.spindle import write_spindle
 
 SEED = 20261121
 
@@ -195,6 +196,27 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     of_table = np.sqrt(one.modes_deviation[0] ** 2 - alone.modes_deviation[0] ** 2)
     np.testing.assert_allclose(of_table, spread, rtol=0.25)
     assert (one.deviation > alone.deviation).all()
+
+
+def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None:
+    """From its file the same as from the object, and mistakes with the file's name."""
+    lines = np.linspace(100.0, 4000.0, 1000)
+    covariance = np.einsum("n,ij->nij", np.full(1000, 1e-22), np.eye(3)).astype(complex)
+    nose = _as_table(machine.built.assemblies["short"], lines, covariance)
+    write_spindle(tmp_path / "nose.npz", nose)
+    whole = 'machine = ["taper", "spindle"]\nattachments = ["front", "rear"]'
+    read = load(tmp_path, text=TEXT.replace(whole, 'machine = ["taper"]\nspindle = "nose.npz"'))
+    fit = read.identify()
+    one = next(predict_catalogue(Catalogue(read), fit))
+    other = next(predict_catalogue(Catalogue(read, spindle=nose), fit))
+    np.testing.assert_array_equal(one.receptance, other.receptance)
+    np.testing.assert_array_equal(one.modes_deviation, other.modes_deviation)
+    (tmp_path / "nose.npz").write_bytes(b"PK nothing")
+    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz is no file of arrays"):
+        Catalogue(read)
+    (tmp_path / "nose.npz").unlink()
+    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz"):
+        Catalogue(read)
 
 
 def test_errors_that_go_together() -> None:

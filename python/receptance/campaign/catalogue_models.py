@@ -37,6 +37,8 @@ class CatalogueTable(Table):
     """names of joints and parts behind the holder, from its joint on"""
     attachments: list[str] = Field(default=[])
     """names of masses and ground springs on these parts"""
+    spindle: str | None = None
+    """file beside the campaign with the receptances of a spindle behind all that: from `write_spindle`, or FRFs"""
     joint: str | None = None
     """name of the joint between tool and holder, where a row names no other"""
     tolerance: CatalogueSpread = CatalogueSpread()

@@ -56,7 +56,8 @@ class Catalogue:
     holders : str, path or dict of str to list of HolderRow, optional
         Likewise; parts of the campaign are holders as well.
     spindle : MeasuredPart or ModalPart, optional
-        What the chain ends with, behind the machine that the campaign describes.
+        What the chain ends with, behind the machine that the campaign describes; by default the file that it names, if
+        it names one.
     errors : dict, optional
         Further errors: by name and address the standard deviation in SI units, such as `errors_of` gives.
 
@@ -79,7 +80,8 @@ class Catalogue:
         table = campaign.table.catalogue
         if table is None:
             raise CampaignError.about(campaign.file, "there is no [catalogue], expected one with the `machine`")
-        self.campaign, self.table, self.spindle = campaign, table, spindle
+        self.campaign, self.table = campaign, table
+        self.spindle = spindle if spindle is not None or table.spindle is None else _spindle(table.spindle, campaign)
         self.errors = errors or {}
         self.file = _source(tools, table.tools, campaign, "tools")
         given = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
@@ -207,6 +209,15 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Eff
         for i, column in enumerate(root.T)
         if column.any()
     }
+
+
+def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
+    from receptance.spindle import read_spindle
+
+    try:
+        return read_spindle(campaign.file.parent / name)
+    except (OSError, ValueError) as error:
+        raise CampaignError.about(campaign.file, f"catalogue.spindle: {error}") from error
 
 
 def _source(given: object, written: str | None, campaign: Campaign, what: str) -> Path:

@@ -2,6 +2,7 @@
 
 from receptance.spindle.crossed import CrossedSpindle, identify_crossed_spindle
 from receptance.spindle.differences import rotations
+from receptance.spindle.files import read_spindle, write_spindle
 from receptance.spindle.identify import identify_spindle
 from receptance.spindle.modes import SpindleModes, fit_spindle
 from receptance.spindle.receptance import SpindleReceptance
@@ -13,5 +14,7 @@ __all__ = [
     "fit_spindle",
     "identify_crossed_spindle",
     "identify_spindle",
+    "read_spindle",
     "rotations",
+    "write_spindle",
 ]

@@ -1,0 +1,146 @@
+"""Spindles in files: their tables with what is known of their errors."""
+
+from __future__ import annotations
+
+import io as memory
+import os
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance._files import write_whole
+from receptance.frf import FRF
+from receptance.terminals import ENTRIES, MeasuredPart
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.spindle.receptance import SpindleReceptance
+
+__all__ = ["read_spindle", "write_spindle"]
+
+_FORMAT = "receptance spindle 1"
+_NAMES = ("frequency_hz", "matrix", "covariance", "decay_rate")
+
+
+def write_spindle(path: str | os.PathLike[str], spindle: MeasuredPart | SpindleReceptance) -> None:
+    """Write a spindle to a file of arrays (.npz), whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Its ending is .npz.
+    spindle : MeasuredPart or SpindleReceptance
+        Of the latter the usable lines. Residuals that were set are added to the table.
+
+    Raises
+    ------
+    ValueError
+        Another ending, or no usable line.
+    OSError
+        The file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from receptance import MeasuredPart
+    >>> from receptance.spindle import read_spindle, write_spindle
+    >>> lines = np.linspace(100.0, 1000.0, 10)
+    >>> spindle = MeasuredPart(frequency_hz=lines, matrix=np.ones((10, 1, 1)) * np.diag([2e-8, 1e-6]), name="spindle")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_spindle(Path(folder) / "spindle.npz", spindle)
+    ...     read_spindle(Path(folder) / "spindle.npz") == spindle
+    True
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".npz":
+        raise ValueError(f"cannot write {target}: a spindle is kept as arrays, expected an ending .npz")
+    part = spindle if isinstance(spindle, MeasuredPart) else spindle.part()
+    y, theta, both = part.residual_y, part.residual_theta, part.residual_ytheta
+    arrays: dict[str, Any] = {
+        "format": np.array(_FORMAT),
+        "frequency_hz": part.frequency_hz,
+        "matrix": part.matrix + np.array([[y, both], [both, theta]]),
+        "decay_rate": np.array(part.decay_rate),
+    }
+    if part.covariance is not None:
+        arrays["covariance"] = part.covariance
+    content = memory.BytesIO()
+    np.savez_compressed(content, **arrays)
+    write_whole({target: content.getvalue()})
+
+
+def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> MeasuredPart:
+    """Read a spindle: what `write_spindle` wrote, or an FRF matrix in any format that `receptance.io` knows.
+
+    Parameters
+    ----------
+    path : path
+        An FRF matrix has the responses y and theta and the excitations force and moment, in that order; the variance of
+        its logarithm is taken for each entry by itself.
+    name : str, optional
+        First word of the addresses of its parameters.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It holds no spindle; the message names the file.
+    """
+    source = Path(path)
+    try:
+        own = _own(source)
+        if own is not None:
+            covariance = own.get("covariance")
+            return MeasuredPart(
+                frequency_hz=own["frequency_hz"],
+                matrix=own["matrix"],
+                decay_rate=float(own["decay_rate"]),
+                covariance=covariance,
+                name=name,
+            )
+        from receptance.io import read
+
+        found = read(source)
+        if not isinstance(found, FRF):
+            raise ValueError(f"holds a {type(found).__name__}, expected an FRF matrix over y and theta")
+        return _of(found, name)
+    except (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        said = str(error)
+        raise ValueError(said if source.name in said else f"{source}: {said}") from error
+
+
+def _own(source: Path) -> dict[str, NDArray[Any]] | None:
+    """Return the arrays of a file of ours; None where it is none."""
+    if source.suffix.lower() != ".npz":
+        return None
+    with source.open("rb") as file:
+        if not zipfile.is_zipfile(file):
+            raise ValueError(f"{source} is no file of arrays")
+    with np.load(source, allow_pickle=False) as found:
+        if "format" not in found.files or str(found["format"]) != _FORMAT:
+            return None
+        return {name: found[name] for name in _NAMES if name in found.files}
+
+
+def _of(frf: FRF, name: str) -> MeasuredPart:
+    part = MeasuredPart.from_frf(frf, name=name)
+    kept = frf.to("receptance").masked()
+    if kept.log_variance is None:
+        return part
+    variance = np.asarray(kept.log_variance) * np.abs(kept.values) ** 2
+    covariance = np.zeros((len(part.frequency_hz), 3, 3), dtype=np.complex128)
+    for column, (i, j) in enumerate(ENTRIES):
+        covariance[:, column, column] = 0.5 * (variance[:, i, j] + variance[:, j, i])
+    return MeasuredPart(
+        frequency_hz=part.frequency_hz,
+        matrix=part.matrix,
+        decay_rate=part.decay_rate,
+        covariance=covariance,
+        name=name,
+    )

@@ -1,0 +1,64 @@
+"""Spindles in files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from receptance import FRF, MeasuredPart, io
+from receptance.spindle import read_spindle, write_spindle
+
+LINES = np.linspace(100.0, 2000.0, 40)
+
+
+def table() -> MeasuredPart:
+    pole = 1.0 / (1.0 - (LINES / 900.0) ** 2 + 0.05j * LINES / 900.0)
+    matrix = pole[:, None, None] * np.array([[2e-8, 3e-8], [3e-8, 1e-6]])
+    covariance = np.einsum("n,ij->nij", np.abs(pole) ** 2, np.diag([4e-20, 1e-16, 9e-20])).astype(complex)
+    covariance[:, 0, 1] = 1e-18j
+    covariance[:, 1, 0] = -1e-18j
+    return MeasuredPart(
+        frequency_hz=LINES, matrix=matrix, covariance=covariance, decay_rate=3.0, residual_y=1e-9, name="spindle"
+    )
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    write_spindle(tmp_path / "s.npz", table())
+    found = read_spindle(tmp_path / "s.npz", name="nose")
+    np.testing.assert_array_equal(found.frequency_hz, LINES)
+    np.testing.assert_allclose(found.matrix - table().matrix, np.diag([1e-9, 0.0])[None].repeat(40, 0), atol=1e-24)
+    np.testing.assert_array_equal(found.covariance, table().covariance)
+    assert (found.decay_rate, found.name) == (3.0, "nose")
+    assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
+
+
+def test_an_frf_matrix_of_another_program(tmp_path: Path) -> None:
+    part = table()
+    frf = FRF(
+        frequency_hz=LINES,
+        values=part.matrix,
+        responses=["y", "theta"],
+        excitations=["y", "theta"],
+        log_variance=np.full(part.matrix.shape, 1e-4),
+    )
+    io.write(tmp_path / "matrix.npz", frf)
+    found = read_spindle(tmp_path / "matrix.npz")
+    np.testing.assert_allclose(found.matrix, part.matrix)
+    assert found.covariance is not None
+    np.testing.assert_allclose(found.covariance[:, 0, 0].real, 1e-4 * np.abs(part.matrix[:, 0, 0]) ** 2)
+    np.testing.assert_allclose(found.covariance[:, 2, 2].real, 1e-4 * np.abs(part.matrix[:, 0, 1]) ** 2)
+
+
+def test_mistakes_name_the_file(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"expected an ending \.npz"):
+        write_spindle(tmp_path / "s.csv", table())
+    (tmp_path / "s.npz").write_bytes(b"nothing of that kind")
+    with pytest.raises(ValueError, match=r"s\.npz"):
+        read_spindle(tmp_path / "s.npz")
+    with pytest.raises(OSError, match=r"none\.npz"):
+        read_spindle(tmp_path / "none.npz")
+    io.write(tmp_path / "tip.npz", FRF(frequency_hz=LINES, values=table().matrix[:, 0, 0]))
+    with pytest.raises(ValueError, match=r"tip.npz: .*expected y, theta and y, theta"):
+        read_spindle(tmp_path / "tip.npz")
