@@ -25,7 +25,7 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.usable import usable
-from receptance.identification import Law, Tolerance
+from receptance.identification import Law, Move, Tolerance
 from receptance.identification.observations import altered
 
 LINES = np.linspace(200.0, 5000.0, 200)
@@ -228,3 +228,21 @@ def test_a_material_is_the_same_within_the_holder() -> None:
             assert f"{within}.{field}" in variant.model.unknowns[-1].moves
     (variant,) = CATALOGUE["holder_modulus"].variants(model)
     assert set(variant.model.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}
+
+
+def test_a_joint_spreads_beside_a_material_that_moves() -> None:
+    """Where it takes the whole insertion nothing of the shank is in the holder any more."""
+    section = Segment(length=0.03, outer_diameter=0.045, inner_diameter=0.012, material=STEEL, core=CARBIDE)
+    rest = Segment(length=0.1, outer_diameter=0.045, material=STEEL)
+    tool = Part([Segment(length=0.07, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    point = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+    assembly = Assembly([tool, point, Part([section, rest], name="holder")])
+    model = Model((measured(assembly, assembly, "", 0),), tuple(JOINT), tuple(TOLERANCES))
+    (stiffer,) = CATALOGUE["tool_modulus"].variants(model)
+    spread = CATALOGUE["joint_spread"].variants(stiffer.model)
+    assert {"whole" in one.name for one in spread} == {True, False}
+    for one in spread:
+        moves = next(u.moves for u in one.model.unknowns if isinstance(u, Move))
+        assert "joint.shank.youngs_modulus" in moves
+        assert ("holder.segment[*].core.youngs_modulus" in moves) == ("whole" not in one.name)
+        assert one.model.task().parameters.unknowns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -256,24 +256,27 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     length = p["length"]
     upper = min(length.upper, 0.98 * longest)
     tolerances = tuple(replace(t, moves=_beside(t.moves, anatomy)) for t in model.tolerances)
+    unknowns = tuple(replace(u, moves=_beside(u.moves, anatomy)) if isinstance(u, Move) else u for u in model.unknowns)
     for points in (None, 2, 4):
         title = "layer" if points is None else f"{points} points"
         partly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=False))
         unknown = length.move({f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0})
         unknown = replace(unknown, upper=upper - _SHORTEST)
-        yield Variant(title, replace(partly, tolerances=tolerances).plus(unknown))
+        yield Variant(title, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown))
         wholly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=True))
-        yield Variant(f"{title} over the whole insertion", replace(wholly, tolerances=_present(tolerances, wholly)))
+        kept = replace(wholly, unknowns=_present(unknowns, wholly), tolerances=_present(tolerances, wholly))
+        yield Variant(f"{title} over the whole insertion", kept)
 
 
-def _present(tolerances: tuple[Tolerance, ...], model: Model) -> tuple[Tolerance, ...]:
-    """Return tolerances without what a structure no longer has."""
-    kept = []
-    for one in tolerances:
+def _present(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
+    """Return unknowns or tolerances without what a structure no longer has."""
+
+    def there(one: Any) -> Any:
         moves = {a: n for a, n in one.moves.items() if any(covered(a, o.assembly) for o in model.observations)}
-        if moves:
-            kept.append(replace(one, moves=moves))
-    return tuple(kept)
+        return replace(one, moves=moves) if moves else None
+
+    kept = (there(one) if isinstance(one, (Move, Tolerance)) else one for one in moving)
+    return tuple(one for one in kept if one is not None)
 
 
 def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
@@ -291,12 +294,11 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole:
     sleeve = Section(
         outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear
     )
-    kept = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
+    held = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
     length = first.length - _SHORTEST if whole else _SHORTEST
-    elements[anatomy.joint] = SpreadJoint(
-        length=length, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **kept
-    )
-    # Where the joint holds the whole insertion nothing of the shank is bonded any more.
+    layer = SpreadJoint(length=length, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **held)
+    elements[anatomy.joint] = layer
+    # Where the joint holds all of it nothing of the shank is bonded any more.
     rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
     segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
