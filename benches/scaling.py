@@ -1,4 +1,4 @@
-"""How times grow with lines, segments, candidates and threads, as a figure: ``python benches/scaling.py --plot FILE``.
+"""How times grow with lines, segments, candidates, threads and workers: ``python benches/scaling.py --plot FILE``.
 
 Each point is the least processor time of several calls, ours beside the NumPy reference on one thread. That of several
 threads is by the clock on the wall, all numbers of threads in turns: it tells something on a quiet machine only.
@@ -12,6 +12,7 @@ if __name__ == "__main__":
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
+import itertools
 import json
 import sys
 import time
@@ -22,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import numpy_reference as reference
+import sweeping
 from numpy_reference.cases import segment_row, ten_segments, tool_and_holder
 from pairs.models import Array, chain, coupled, part, segment_addresses, sweep
 from pairs.sweeps import joints, measured, swept
@@ -35,6 +37,7 @@ SEGMENTS = (1, 3, 10, 30, 100)
 CANDIDATES = (1, 10, 100, 1_000, 10_000)
 AT_LINES = 1_000
 THREADS = tuple(range(1, min(os.cpu_count() or 1, 16) + 1))
+ON_THE_WALL = ("threads", "workers")
 ENOUGH_S = 0.3
 """About how long each point is measured."""
 
@@ -108,24 +111,36 @@ def threaded(seen: Array, few: slice, quick: bool) -> Iterator[Point]:
             yield Point("threads", curve, count, best)
 
 
+def on_workers(numbers: Sequence[int], quick: bool) -> Iterator[Point]:
+    """Yield the points of dask workers of one thread each: a sweep of misfits, on the wall."""
+    frf = sweeping.measured(0)
+    for number in numbers:
+        row, _ = sweeping.on_workers(frf, 2_000 if quick else 300_000, 0, number)
+        yield Point("workers", "sweep of 300,000 misfits, 2,000 lines", number, row["seconds"])
+
+
 def figure(points: Sequence[Point]) -> Any:
     """Return the figure: seconds over each abscissa, and how many times faster more threads are."""
     from matplotlib.figure import Figure
 
     panels = list(dict.fromkeys(point.panel for point in points))
-    drawn = Figure(figsize=(11.0, 7.5), layout="constrained")
-    for axes, panel in zip(drawn.subplots(2, 2).ravel(), panels, strict=True):
+    columns = (len(panels) + 1) // 2
+    drawn = Figure(figsize=(5.5 * columns, 7.5), layout="constrained")
+    every = drawn.subplots(2, columns).ravel()
+    for unused in every[len(panels) :]:
+        unused.set_axis_off()
+    for axes, panel in zip(every, panels, strict=False):
         own = [point for point in points if point.panel == panel]
         for curve in dict.fromkeys(point.curve for point in own):
             x = np.array([point.x for point in own if point.curve == curve])
             y = np.array([point.seconds for point in own if point.curve == curve])
-            if panel == "threads":
+            if panel in ON_THE_WALL:
                 axes.plot(x, y[0] / y, "o-", label=curve)
             else:
                 axes.loglog(x, 1e3 * y, "o-", label=curve)
         axes.set_xlabel(panel)
-        axes.set_ylabel("times as fast as on one thread" if panel == "threads" else "processor time of a call [ms]")
-        if panel == "threads":
+        axes.set_ylabel("times as fast as one" if panel in ON_THE_WALL else "processor time of a call [ms]")
+        if panel in ON_THE_WALL:
             ticks = sorted({point.x for point in own})
             axes.plot(ticks, ticks, color="0.7", zorder=0)
             axes.set_xticks(ticks)
@@ -140,6 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="How times grow with lines, segments, candidates and threads.")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (PNG, SVG or PDF)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the points")
+    parser.add_argument("--workers", type=int, nargs="*", default=[], help="numbers of dask workers; by default none")
     parser.add_argument("--quick", action="store_true", help="few points: to try it out")
     options = parser.parse_args(arguments)
     for name, target in (("--plot", options.plot), ("--json", options.json)):
@@ -151,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     load = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
     print(f"least processor times of several calls (threads: on the wall), {load}")
     found = []
-    for point in measure(options.quick):
+    for point in itertools.chain(measure(options.quick), on_workers(options.workers, options.quick)):
         found.append(point)
         print(f"{point.panel:<40}{point.curve:<40}{point.x:>9,}{1e3 * point.seconds:>12.3f} ms", flush=True)
     if options.json:
