@@ -15,7 +15,7 @@ from scipy import stats
 
 from blind.bridge import Answer, ask, assembly_of, observations_of, simulated, tolerances_of, unknowns_of
 from blind.generator import draw_case, every, rig
-from blind.generator.case import numbers_of, where_of, with_layer
+from blind.generator.case import at_place, numbers_of, where_of, with_layer
 from blind.oracle import consult, same_answer
 from blind.outcome import Outcome, run_case
 from blind.score import report, table
@@ -45,7 +45,8 @@ def test_both_physics_agree_where_nothing_is_hidden():
             p = with_layer(p, truth.layer_points)
         lines = record.estimate.frequency_hz, record.estimate.decay_rate
         limit = 2e-3 if case.nominal.layer else 1e-6
-        for place, own in (("tip", p), ("nose", p | {"at.nose": 1.0})):
+        for place in ("tip", "nose"):
+            own = at_place(case.nominal, p, place)
             theirs = simulated(case, p, replace(record, place=place))
             difference = np.abs(np.log(theirs / rig.recorded(own, *lines)))
             assert np.median(difference) < limit, (SEED, i, place)

@@ -207,12 +207,19 @@ def all_numbers(nominal: Nominal, truth: Truth, where: Where) -> dict[str, float
     return true_numbers(nominal, truth, truth.joint, truth.errors, tuple((one, None) for one in truth.effects), where)
 
 
+def at_place(nominal: Nominal, p: dict[str, float], place: str) -> dict[str, float]:
+    """Return numbers with hit and sensor at the tip or the nose; of a layer, that is where the holder goes on alone."""
+    if place == "tip":
+        return p
+    return p | {"nose.place": p["holder.0.length"] if nominal.layer else 0.0}
+
+
 def recorded(
     rng: np.random.Generator, nominal: Nominal, truth: Truth, c: Configuration, level: float, plane: int,
     *, place: str = "tip", **given: Any,
 ) -> Record:  # fmt: skip
     """Return one record, measured."""
-    p = all_numbers(nominal, truth, where_of(truth, c, level, plane)) | ({"at.nose": 1.0} if place == "nose" else {})
+    p = at_place(nominal, all_numbers(nominal, truth, where_of(truth, c, level, plane)), place)
     estimate = measure(rng, p, truth.setups[level])
     return Record(configuration=c.name, level=level, plane=plane, place=place, estimate=estimate, **given)
 

@@ -77,8 +77,9 @@ def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
     else:
         _link(s, p, mouth, holder[0.0])
     _attach(s, p, tool, holder)
-    if p.get("at.nose"):
-        return s, holder[0.0], holder[0.0]
+    if "nose.place" in p:
+        nose = holder[p["nose.place"]]
+        return s, nose, nose
     return s, tool[0.0], tool[p.get("hit.offset", 0.0)]
 
 
@@ -162,7 +163,7 @@ def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
     """Add masses, springs to ground and resonators."""
     total = _holder_length(p)
     masses = (
-        ("sensor.mass", holder[0.0] if p.get("at.nose") else tool[0.0], 0.0),
+        ("sensor.mass", holder[p["nose.place"]] if "nose.place" in p else tool[0.0], 0.0),
         ("middle.mass", tool[p.get("middle.place", 0.0) * p["tool.overhang"]], 0.0),
         ("holder.ring", holder[total], 2e-4),
         ("nose.ring", holder[p["holder.0.length"]], 2e-4),
