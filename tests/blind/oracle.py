@@ -55,7 +55,7 @@ def consult(case: Case, truth: Truth) -> Oracle:
     """Return what the oracle says of a case."""
     data = data_of(case, truth)
     full = Problem(case, truth, data, truth.effects)
-    best = full.fit(full.start(), most=4)
+    best = full.fit(full.start(), most=12)
     base_problem = Problem(case, truth, data)
     base = base_problem.fit(best.x[: base_problem.size]) if truth.effects else best
     each, each_held_out = {}, {}

@@ -75,7 +75,7 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
     for kind, title in (("one_configuration", "in one configuration only"), ("misleading", "with misleading remarks")):
         own = [o for o in of(kind) if o.large]
         lines.append(_line(f"{title}, large enough: rightly named", own, lambda o: o.named_right))
-    open_ = [o for o in cases if o.resolved is not None and o.large]
+    open_ = [o for o in cases if o.resolved is not None and o.large and o.kind != "outside"]
     lines.append(
         _line("ambiguous, large enough: the advised measurement resolves", open_, lambda o: bool(o.resolved), ">= 70 %")
     )

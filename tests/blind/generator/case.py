@@ -244,7 +244,7 @@ def draw_case(
     """
     rng = np.random.default_rng([seed, index, KINDS.index(kind)])
     chosen = effects or _choose(rng, kind)
-    layer = kind in ("nothing_exact", "nothing", "single") and rng.random() < 0.12 and not effects
+    layer = kind in ("nothing_exact", "nothing", "single") and rng.random() < 0.12 and not (quick and effects)
     layer = layer and not {"joint_cross_term", "joint_spread", "collet_mass"} & set(chosen)
     numbers = _ordinary(rng, layer)
     drawn = []
