@@ -18,7 +18,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
 # Where the name to install is not the name to import.
-DISTRIBUTION_OF: dict[str, str] = {}
+DISTRIBUTION_OF: dict[str, str] = {"tomli_w": "tomli-w"}
 
 
 def _toml(path: str) -> dict[str, Any]:
@@ -96,9 +96,10 @@ def test_what_is_imported_is_installed_with_the_package() -> None:
     needed = {DISTRIBUTION_OF.get(name, name).lower(): places for name, places in _imports().items()}
     missing = {name: sorted(places) for name, places in needed.items() if name not in _requirements()}
     # What an extra brings is imported in one place, which says how to install it where it is not there.
-    assert missing == {"emcee": ["identification/sampling.py"]}
+    assert missing == {"distributed": ["sweep/workers.py"], "emcee": ["identification/sampling.py"]}
     extras = _toml("pyproject.toml")["project"]["optional-dependencies"]
-    assert all(any(line.startswith("emcee") for line in extras[name]) for name in ("sampling", "test"))
+    for extra, package in (("dask", "dask[distributed]"), ("sampling", "emcee")):
+        assert all(any(line.startswith(package) for line in extras[name]) for name in (extra, "test"))
     assert {"numpy", "scipy"} <= needed.keys()
 
 
