@@ -46,7 +46,10 @@ def input_errors(*kinds: type[Exception]) -> Iterator[None]:
     try:
         yield
     except expected as error:
-        raise InputError(str(error)) from error
+        text = str(error)
+        if isinstance(error, OSError) and error.filename is not None and error.strerror:
+            text = f"{error.filename}: {error.strerror}"  # without the number that the system begins with
+        raise InputError(text) from error
 
 
 class Targets:
