@@ -93,7 +93,7 @@ class Terminal(ABC):
     def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]: ...
 
     def _slope(self, lines: NDArray[Any], parameter: str) -> NDArray[np.complex128]:
-        raise NotImplementedError(parameter)
+        raise ValueError(f"{self._owner}: there is no parameter {parameter!r}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -98,10 +98,10 @@ def sweep(
         raise ValueError(f"sweep: block is {block!r}, expected a whole number of at least one")
     with target(store, definition, None if block is None else int(block)) as kept:
         count, size = candidates.count, kept.block
-        todo = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~kept.finished).tolist()]
-        done = resumed = count - sum(stop - start for _, start, stop in todo)
+        missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~kept.finished).tolist()]
+        done = resumed = count - sum(stop - start for _, start, stop in missing)
         begun = time.perf_counter()
-        results = _here(definition, todo, threads) if client is None else _there(client, definition, todo)
+        results = _here(definition, missing, threads) if client is None else _there(client, definition, missing)
         for number, arrays in results:
             kept.write(number, arrays)
             done += len(next(iter(arrays.values())))
@@ -113,17 +113,17 @@ def sweep(
 
 
 def _here(
-    definition: Definition, todo: list[tuple[int, int, int]], threads: int | None
+    definition: Definition, missing: list[tuple[int, int, int]], threads: int | None
 ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
-    if todo:
+    if missing:
         run = definition.prepare(threads)
-        for number, start, stop in todo:
+        for number, start, stop in missing:
             yield number, run(start, stop)
 
 
 def _there(
-    client: Any, definition: Definition, todo: list[tuple[int, int, int]]
+    client: Any, definition: Definition, missing: list[tuple[int, int, int]]
 ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
     from receptance.sweep.workers import on_workers
 
-    return on_workers(client, definition, todo)
+    return on_workers(client, definition, missing)
