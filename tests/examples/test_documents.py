@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from examples.documents import DOCUMENTS, ROOT, Block, blocks, commands, difference, links
+from examples.documents import DOCUMENTS, ROOT, blocks, commands, difference, links
 
 # One tool from the longest command that a document shows should not hold up everything.
 SECONDS_AT_MOST = 300
@@ -60,21 +60,18 @@ def _output(command: str, folder: Path) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="session")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return an empty folder in which the commands of all documents run."""
-    return tmp_path_factory.mktemp("shell")
+def test_shell_lines(tmp_path: Path) -> None:
+    """Commands do what the documents say that one can type, and print the lines shown below them.
 
-
-@pytest.mark.parametrize(
-    ("document", "block"), SHELL, ids=[f"{_named(document)}:{block.line}" for document, block in SHELL]
-)
-def test_shell_lines(document: Path, block: Block, folder: Path) -> None:
-    """Commands do what the documents say that one can type, and print the lines shown below them."""
-    printed = [line for command in commands(block) for line in _output(command, folder).splitlines()]
-    assert any(printed), f"{_named(document)}: {block.body} prints nothing"
-    for shown in (block.shown or "").splitlines():
-        assert any(difference(line, shown) is None for line in printed), f"{_named(document)} shows {shown!r}"
+    All in one empty folder and in their order, for later lines take the files of earlier ones: so one test, that no
+    distribution of tests over processes tears apart.
+    """
+    for document, block in SHELL:
+        where = f"{_named(document)}:{block.line}"
+        printed = [line for command in commands(block) for line in _output(command, tmp_path).splitlines()]
+        assert any(printed), f"{where}: {block.body} prints nothing"
+        for shown in (block.shown or "").splitlines():
+            assert any(difference(line, shown) is None for line in printed), f"{where} shows {shown!r}"
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_named)
