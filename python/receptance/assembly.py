@@ -27,7 +27,8 @@ from receptance._addresses import (
     value_in_segment,
 )
 from receptance._evaluation import beyond, modes, responses
-from receptance._flatten import MOTIONS, Element, Flat, Motion, constant, flatten
+from receptance._flatten import MOTIONS, Element, Flat, Motion
+from receptance._placing import distinct, flattened, places_of, rows_of
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
 from receptance.joints import GroundSpring, PointJoint, PointMass
@@ -95,7 +96,7 @@ class Assembly:
         if double := self._elements.keys() & self._attachments.keys():
             raise ValueError(f"Assembly: the name {sorted(double)[0]!r} is given to two elements")
         for name, attachment in self._attachments.items():
-            self._places(name, attachment)
+            places_of(self._elements, name, attachment)
 
     @property
     def elements(self) -> dict[str, Element]:
@@ -356,48 +357,17 @@ class Assembly:
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
         if points not in self._flats:
-            self._flats[points] = self._flattened(points)
+            self._flats[points] = flattened(self._elements, self._attachments, points)
         return self._flats[points]
-
-    def _flattened(self, points: tuple[Coordinate, ...]) -> Flat:
-        positions: dict[str, set[float]] = {}
-        attached = []
-        for point in points:
-            part, x = place_on(self._elements, "coordinate", point.part, point.position)
-            positions.setdefault(part, set()).add(x)
-        for name, attachment in self._attachments.items():
-            part, places = self._places(name, attachment)
-            positions.setdefault(part, set()).update(places)
-            attached.append((name, attachment, part, places))
-        return flatten(list(self._elements.items()), attached, positions)
-
-    def _places(self, name: str, attachment: Attachment) -> tuple[str, list[float]]:
-        """Name of the part and the points along it at which an attachment acts."""
-        part, x = place_on(self._elements, f"attachment {name!r}", attachment.part, attachment.position)
-        return part, [
-            place_on(self._elements, f"attachment {name!r}", part, x + offset)[1] for offset in attachment.offsets
-        ]
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
         if self.motion != "bending" and any(point.direction == "theta" for point in side):
             raise ValueError(f"a coordinate is in the direction 'theta', and nothing turns in {self.motion} motion")
-        if side not in flat.points:
-            nodes = [flat.nodes[place_on(self._elements, "coordinate", point.part, point.position)] for point in side]
-            rows = [(node, point.direction == "theta") for node, point in zip(nodes, side, strict=True)]
-            flat.points[side] = constant(np.array(rows, float))
-        return flat.points[side]
+        return rows_of(self._elements, flat, side)
 
     def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distinct table entries that the addresses move, and the matrix from them to the addresses."""
-        found: dict[tuple[int, int, int], int] = {}
-        weights = []
-        for column, address in enumerate(addresses):
-            for table, row, field, weight in self._entries(address, flat):
-                weights.append((found.setdefault((table, row, field), len(found)), column, weight))
-        matrix = np.zeros((len(found), len(addresses)))
-        for index, column, weight in weights:
-            matrix[index, column] += weight
-        return np.array(list(found), dtype=np.float64).reshape(-1, 3), matrix
+        return distinct([self._entries(address, flat) for address in addresses])
 
     def _entries(self, address: str, flat: Flat) -> list[tuple[int, int, int, float]]:
         if address in flat.entries:

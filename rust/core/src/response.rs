@@ -11,7 +11,7 @@ use crate::model::{Model, Step};
 use crate::outputs::{chunks, first_broken, first_of};
 use crate::request::{ByLine, Coordinate, Request, Response, check};
 use crate::sensitivity;
-use crate::small::Mat;
+use crate::small::column;
 use crate::sweep::{Blind, Field, Record, Within};
 use crate::threads::on_threads;
 use crate::tip::Tip;
@@ -391,14 +391,4 @@ fn together(lines: &[Complex64]) -> &[Complex64] {
         (1.0 / MOST_APART..=MOST_APART).contains(&ratio)
     };
     &lines[..lines.iter().take_while(like).count().max(1)]
-}
-
-/// A column of a matrix.
-#[inline(always)]
-fn column<S: Simd, const D: usize>(matrix: &Mat<S, D>, j: usize) -> [C<S>; D] {
-    let mut out = matrix[0];
-    for i in 0..D {
-        out[i] = matrix[i][j];
-    }
-    out
 }

@@ -115,3 +115,13 @@ pub fn scale<S: Simd, const D: usize>(a: &Mat<S, D>, factor: C<S>) -> Mat<S, D> 
 pub fn inverse<S: Simd, const D: usize>(a: &Mat<S, D>) -> Mat<S, D> {
     scale(&adjugate(a), det(a).recip())
 }
+
+/// A column of a matrix.
+#[inline(always)]
+pub fn column<S: Simd, const D: usize>(matrix: &Mat<S, D>, j: usize) -> [C<S>; D] {
+    let mut out = matrix[0];
+    for i in 0..D {
+        out[i] = matrix[i][j];
+    }
+    out
+}
