@@ -17,6 +17,8 @@ from receptance.diagnosis import CATALOGUE, Cause, UndecidableError, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
+from receptance.identification.early_end import EarlyEnd
+from receptance.identification.laws import Law
 from receptance.identification.observations import altered
 from receptance.io import write
 
@@ -40,6 +42,23 @@ UNKNOWNS = """
 "joint.k_theta" = { lower = "1e3 N m/rad", upper = "1e7 N m/rad", start = "1e5 N m/rad" }
 "joint.c_y" = { lower = "1 N s/m", upper = "1e5 N s/m", start = "200 N s/m" }
 "joint.c_theta" = { lower = "1e-3 N m s/rad", upper = "1e2 N m s/rad", start = "0.5 N m s/rad" }
+"""
+SERIES = """
+[series]
+over = "torque"
+levels = ["40 N m", "50 N m", "60 N m"]
+hold_out = ["50 N m"]
+
+[assemblies."at {level}"]
+chain = ["tool", "joint", "holder"]
+
+[measurements."at {level}"]
+kind = "frf"
+assembly = "at {level}"
+file = "data/{value}.csv"
+standard_deviation = "1 %"
+
+[unknowns]
 """
 
 
@@ -119,6 +138,39 @@ def test_every_cause_can_be_written(tmp_path: Path, step: tuple[str, str]) -> No
     assert set(again.measurements) == {"short", "long", "longest"}
     if CATALOGUE[step[0]].group == "measurement":
         assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
+
+
+def cut_off(folder: Path) -> campaign.Campaign:
+    """The same records on the lines of an analyser, cut off 71 ms after each hit."""
+    read = written(folder)
+    lines = np.arange(24, 480) / 0.08
+    early = EarlyEnd(lines, 0.1)
+    for name, assembly in read.assemblies.items():
+        seen = early.seen(assembly.replace(JOINT).receptance(early.lines_hz), 0.071)
+        write(folder / "data" / f"{name}.csv", FRF(frequency_hz=lines, values=seen))
+    return campaign.load(folder / "campaign.toml")
+
+
+def test_records_that_end_too_early_say_when(tmp_path: Path) -> None:
+    read = cut_off(tmp_path)
+    found = as_if_found(read, ("coarse_resolution", "records end too early"))
+    again = campaign.load(found.write_extended(tmp_path / "extended.toml"))
+    ends = {one.observation.ends for one in again.measurements.values()}
+    assert len(ends) == 1
+    assert ends.pop() == pytest.approx(0.071, abs=2e-3)
+    assert again.unknowns[-1].address == "observation.end"
+
+
+def test_every_level_of_a_series_is_written_out(tmp_path: Path) -> None:
+    unknowns = written(tmp_path).file.read_text().partition("[unknowns]")[2]
+    for value in (40, 50, 60):
+        (tmp_path / "data" / f"{value}.csv").write_bytes((tmp_path / "data" / "short.csv").read_bytes())
+    read = load(tmp_path, HEAD + SERIES + unknowns.replace('"joint.k_y" = {', '"joint.k_y" = { free = true,'))
+    again = campaign.load(as_if_found(read, ("tool_density", "all of the tool")).write_extended(tmp_path / "e.toml"))
+    assert list(again.measurements) == ["at 40 N m", "at 50 N m", "at 60 N m"]
+    assert list(again.held_out) == ["at 50 N m"]
+    assert [one.along for one in again.unknowns if isinstance(one, Law)] == ["torque"]
+    assert again.unknowns[-1].name == "tool_density.log_density"
 
 
 def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:

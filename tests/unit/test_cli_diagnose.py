@@ -73,6 +73,39 @@ def test_it_names_a_gain_and_writes_the_extended_campaign(
     assert gain["value"] == pytest.approx(np.log(1.06), abs=3e-3)
 
 
+CUTS = """
+[cuts.roughing]
+kind = "milling"
+teeth = 2
+k_t = "800 MPa"
+k_n = "250 MPa"
+x = { assembly = "short" }
+
+[cuts.facing]
+kind = "turning"
+k = "2000 MPa"
+x = { assembly = "short" }
+"""
+
+
+def test_the_stable_depth_is_a_metric(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    simulated(1.06)
+    asked = ("diagnose", "rods", "--cause", "calibration_gain", "--metric")
+    assert call(monkeypatch, *asked, "stable_depth") == 2
+    assert "expected [cuts.NAME]" in capsys.readouterr().err
+    file = Path("rods/campaign.toml")
+    file.write_text(file.read_text() + CUTS)
+    assert call(monkeypatch, *asked, "stable_dept") == 2
+    assert 'did you mean "stable_depth"' in " ".join(capsys.readouterr().err.split())
+    assert call(monkeypatch, *asked, "stable_depth", "--json", "v.json") == 0
+    gains = {one["metric"]: one for one in json.loads(Path("v.json").read_text())["gains"]}
+    assert np.isfinite(gains["stable depth of roughing, error in percent"]["held_out_after"])
+    # The depth goes with one over the receptance, of which the base lacks a gain of 1.06.
+    own = gains["stable depth of facing, error in percent"]
+    assert own["held_out_before"] == pytest.approx(6.0, abs=3.0)
+    assert own["held_out_after"] < 0.5 * own["held_out_before"]
+
+
 def test_nothing_to_extend_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     simulated(1.0)
     assert call(monkeypatch, "diagnose", "rods", "--cause", "calibration_gain", "--extended", "e.toml") == 0

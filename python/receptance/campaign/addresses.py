@@ -41,6 +41,7 @@ _OBSERVATION = {
     "decay_rate": "a rate of decay",
     "decay_rate_of_velocity": "a rate of decay",
     "decay_rate_of_displacement": "a rate of decay",
+    "end": "a time",
 }
 """What stands between a structure and the record, see `receptance.identification.factors`."""
 FIELDS: dict[str, Kind] = {

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.campaign.problems import Problems
 from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.quantities import KINDS
+from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tables import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
 from receptance.campaign.unknown_building import addresses_of
 from receptance.coordinates import Coordinate
@@ -79,18 +81,20 @@ def extended_text(diagnosis: CampaignDiagnosis, folder: Path) -> str:
 
 def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
     verdict, campaign = diagnosis.verdict, diagnosis.campaign
-    if campaign.table.series is not None:
-        raise ValueError("a campaign over levels cannot be written with its extended model yet")
     if verdict.explanation is None or verdict.extended is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
-    data = tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig"))
+    # A cause may act at one level alone, so that each has tables of its own.
+    data = spelled_out(tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig")), Problems({})).data
     measured = {
         name: _applied(diagnosis, name, one.observation, one.effects) for name, one in campaign.measurements.items()
     }
     assemblies = {name: _of_assembly(diagnosis, name) for name in campaign.assemblies}
     _write_structure(data, campaign, assemblies, {a for u in _unknowns(diagnosis) for a in addresses_of(u)})
+    end = _early_end(diagnosis)
     for name, one in measured.items():
         _write_measurement(data, name, one, name in diagnosis.measurements)
+        if end is not None and isinstance(one.given, MeasuredFRF):
+            data["measurements"][name]["ends"] = quantity(end, KINDS["a time"])
     _write_unknowns(data, diagnosis)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "tolerances": "fit", "starts": 1}
@@ -108,6 +112,14 @@ def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
 def _unknowns(diagnosis: CampaignDiagnosis) -> tuple[Any, ...]:
     assert diagnosis.verdict.explanation is not None
     return diagnosis.verdict.explanation.fit.model.unknowns
+
+
+def _early_end(diagnosis: CampaignDiagnosis) -> float | None:
+    """Return when records ended while the structure still rang, where a cause says so; they show it together."""
+    assert diagnosis.verdict.explanation is not None
+    given = {name: getattr(one.observation, "ends", None) for name, one in diagnosis.campaign.measurements.items()}
+    found = [one for one in diagnosis.verdict.explanation.fit.model.observations if isinstance(one, MeasuredFRF)]
+    return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
 def _applied(

@@ -136,8 +136,11 @@ def observe(
     Raises
     ------
     ValueError
-        No usable line, or a band without one.
+            No usable line, a band without one, or an early end of a stepped sine.
     """
+    force = table.force if table.kind == "frf" else None
+    if force is not None and table.ends is not None:
+        raise ValueError("has a force, which belongs to a stepped sine, and ends, which belongs to the record of a hit")
     if table.bands is not None:
         usable = np.ones(frf.frequency_hz.size, dtype=np.bool_) if frf.usable is None else frf.usable
         chosen = np.zeros_like(usable)
@@ -153,9 +156,8 @@ def observe(
                 )
             chosen |= inside
         frf = frf.with_(usable=chosen)
-    force = table.force if table.kind == "frf" else None
     found = MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)
-    return integrated(found, table.integrate)
+    return altered(integrated(found, table.integrate), ends=table.ends)
 
 
 def integrated(one: MeasuredFRF, times: int) -> MeasuredFRF:

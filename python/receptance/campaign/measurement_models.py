@@ -75,6 +75,9 @@ class _Response(_Measured):
     integrate: Annotated[int, Field(ge=-2, le=2)] = 0
     """how often the motion is integrated in addition, where a file holds another quantity than it says: 1 where it
     holds velocities and says displacements, -1 the other way round"""
+    ends: Time | None = None
+    """how long after the hit the record ended, where the structure still rang; `"observation.end"` as an unknown
+    finds it exactly"""
 
 
 class FRFTable(FileFields, _Response):

@@ -64,8 +64,9 @@ def spelled_out(data: dict[str, Any], problems: Problems) -> Spelled:
     if not isinstance(over, str) or not isinstance(levels, list) or not all(map(_is_level, levels)) or not levels:
         return _without(data, templates)  # what is wrong with it is said when it is checked
     names = [_name(level) for level in levels]
-    if not templates:
-        problems.add(("series",), f"is of nothing: no assembly and no measurement has {LEVEL} in its name")
+    if not templates and not _conditioned(data, over):
+        text = f"is of nothing: no assembly and no measurement has {LEVEL} in its name, and no assembly the condition"
+        problems.add(("series",), f"{text} {shown(over)}")
     for index, name in enumerate(names):
         if name in names[:index]:
             problems.add(("series", "levels", index), f"is {shown(levels[index])}, which is there already")
@@ -87,6 +88,13 @@ def spelled_out(data: dict[str, Any], problems: Problems) -> Spelled:
             found[section][own] = _at(section, table, name, over, name in held)
             written[section, own] = (section, template)
     return Spelled(found, written)
+
+
+def _conditioned(data: Mapping[str, Any], over: str) -> bool:
+    """Whether an assembly has the condition of its own, as where the tables of all levels are written out."""
+    return any(
+        over in _table(one, "conditions") for one in _table(data, "assemblies").values() if isinstance(one, dict)
+    )
 
 
 def _at(section: str, table: Any, level: str, over: str, held: bool) -> Any:

@@ -169,6 +169,10 @@ def diagnose(
         Path | None,
         typer.Option("--extended", metavar="FILE.toml", help="Write the extended model as a campaign of its own."),
     ] = None,
+    metrics: Annotated[
+        list[str] | None,
+        typer.Option("--metric", metavar="NAME", help="What to measure besides on held-out data: stable_depth."),
+    ] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with 3 where the verdict is anything but adequate.")
     ] = False,
@@ -176,11 +180,13 @@ def diagnose(
     """Say whether the model is adequate for what was measured, and what it lacks if not."""
     targets = Targets(json_file, None, report, extended)
     from receptance.campaign import CampaignError
+    from receptance.campaign.metrics import named_metrics
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
-        found = with_progress(lambda say: read.diagnose(causes or None, progress=say))
+        wanted = named_metrics(read, metrics or ())
+        found = with_progress(lambda say: read.diagnose(causes or None, metrics=wanted, progress=say))
 
     def page() -> str:
         from receptance.report import diagnosis_html

@@ -146,6 +146,9 @@ impl<const D: usize> Prepared<D> {
         into.real = w.iter().all(|w| w.im == 0.0);
         into.iw = line.times_i();
         into.w2 = line * line;
+        if into.kernels.is_empty() {
+            into.reserve(self);
+        }
         for (row, segment) in self.segments.iter().enumerate() {
             if into.kernels.len() <= row {
                 into.kernels.push(Kernel::Skipped);
@@ -236,6 +239,18 @@ fn lanes<S: Simd>(simd: S, values: &[Complex64], which: usize, a_line: usize) ->
 }
 
 impl<S: Simd, const D: usize> Block<S, D> {
+    /// Makes room for a model at once: kernels are large, and moving them costs more than a count of modes.
+    fn reserve(&mut self, prepared: &Prepared<D>) {
+        let (segments, joints) = (prepared.segments.len(), prepared.joints.len());
+        self.kernels.reserve_exact(segments);
+        self.choices.reserve_exact(segments);
+        self.weights.reserve_exact(segments);
+        self.compliances.reserve_exact(joints);
+        self.centres.reserve_exact(joints);
+        self.coupled.reserve_exact(joints);
+        self.points.reserve_exact(prepared.points.len());
+    }
+
     /// A block to be filled.
     pub fn empty(simd: S) -> Self {
         Self {

@@ -25,6 +25,7 @@ mod lane;
 mod layer;
 mod layer_energy;
 mod least_squares;
+mod locate;
 mod minors;
 mod model;
 mod model_fit;

@@ -79,11 +79,14 @@ impl Campaign<'_> {
         let size = x.len() + 1;
         let mut sum = vec![0.0; size * size];
         let parts = self.each(x, free, threads, |one, at, threads| match one.seen {
-            Seen::Receptance { .. } => one.normal_of_lines(at, threads),
-            Seen::Frequencies { .. } => one.normal_of_frequencies(at),
+            Seen::Receptance { .. } => one.normal_of_lines(at, threads).map(Part::Sum),
+            Seen::Frequencies { .. } => one.frequencies(at).map(Part::Rows),
         })?;
         for (own, at) in &parts {
-            spread(own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size);
+            match own {
+                Part::Sum(own) => spread(own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size),
+                Part::Rows(rows) => rows.iter().for_each(|row| add(row, &at.slopes, &mut sum, size)),
+            }
         }
         for known in &self.known {
             let (i, r) = (known.variable, known.scale * x[known.variable] - known.offset);
@@ -134,20 +137,29 @@ impl Modelled<'_> {
         // Added in the order of the lines, whichever thread was first.
         parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect())
     }
+}
 
-    fn normal_of_frequencies(&self, at: &At) -> Option<Vec<f64>> {
-        let count = at.entries.len();
-        let mut sum = vec![0.0; (count + 1) * (count + 2) / 2];
-        for row in self.frequencies(at)? {
-            let mut entry = 0;
-            for i in 0..=count {
-                for j in i..=count {
-                    sum[entry] += row[i] * row[j];
-                    entry += 1;
-                }
-            }
+/// What an observation adds to a normal matrix.
+enum Part {
+    /// A^T A over the entries and the residual, the upper triangle row by row.
+    Sum(Vec<f64>),
+    /// Rows of A, the residual last: of few modes they are less work than their products.
+    Rows(Vec<Vec<f64>>),
+}
+
+/// Adds a row of derivatives by the entries and of a residual to a sum over the variables and the residual.
+fn add(row: &[f64], slopes: &[f64], sum: &mut [f64], size: usize) {
+    let mut whole = vec![0.0; size];
+    for (entry, slopes) in row.iter().zip(slopes.chunks((size - 1).max(1))) {
+        for (into, slope) in whole.iter_mut().zip(slopes) {
+            *into += entry * slope;
         }
-        Some(sum)
+    }
+    whole[size - 1] = row[row.len() - 1];
+    for (value, into) in whole.iter().zip(sum.chunks_mut(size)).filter(|(value, _)| **value != 0.0) {
+        for (into, other) in into.iter_mut().zip(&whole) {
+            *into += value * other;
+        }
     }
 }
 
@@ -158,22 +170,25 @@ fn spread(own: &[f64], slopes: &[f64], entries: usize, sum: &mut [f64], size: us
         let (i, j) = (i.min(j), i.max(j));
         i * (2 * entries + 3 - i) / 2 + j - i
     };
-    let moved: Vec<usize> =
-        (0..count).filter(|&j| (0..entries).any(|k| slopes[k * count + j] != 0.0)).collect();
-    let mut half = vec![0.0; (entries + 1) * count];
-    for i in 0..=entries {
-        for &j in &moved {
-            half[i * count + j] = (0..entries).map(|k| own[index(i, k)] * slopes[k * count + j]).sum();
+    // A variable moves few entries.
+    let mut moved: Vec<(usize, Vec<(usize, f64)>)> = Vec::new();
+    for j in 0..count {
+        let own = (0..entries).map(|k| (k, slopes[k * count + j])).filter(|(_, slope)| *slope != 0.0);
+        let own: Vec<(usize, f64)> = own.collect();
+        if !own.is_empty() {
+            moved.push((j, own));
         }
     }
-    for &i in &moved {
-        for &j in &moved {
-            sum[i * size + j] +=
-                (0..entries).map(|k| slopes[k * count + i] * half[k * count + j]).sum::<f64>();
+    let mut half = vec![0.0; entries + 1];
+    for (j, by) in &moved {
+        for (i, half) in half.iter_mut().enumerate() {
+            *half = by.iter().map(|(k, slope)| own[index(i, *k)] * slope).sum();
         }
-        let slope = half[entries * count + i];
-        sum[i * size + count] += slope;
-        sum[count * size + i] += slope;
+        for (i, by) in &moved {
+            sum[i * size + j] += by.iter().map(|(k, slope)| slope * half[*k]).sum::<f64>();
+        }
+        sum[j * size + count] += half[entries];
+        sum[count * size + j] += half[entries];
     }
     sum[size * size - 1] += own[index(entries, entries)];
 }

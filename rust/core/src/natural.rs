@@ -5,33 +5,31 @@
 //! Williams, Q. J. Mech. Appl. Math. 24, 1971, 263). Pieces are kept shorter than |lambda| L = 3, where
 //! there are none of the latter: with lambda_2 L < pi both halves of the clamped problem have determinants
 //! without a zero. A pivot is T^-1 U_near U_far^-1 with the piece's compliance T, which the sweep has in
-//! hand with all its digits. Counts at eight frequencies at a time narrow each bracket ninefold.
+//! hand with all its digits. What these counts make of where the modes lie is in `locate`.
 
 use crate::block::{Block, Prepared};
 use crate::error::{Error, Result};
 use crate::gradient::Gradient;
-use crate::lane::{C, MAX_LANES};
+use crate::lane::{C, MAX_LANES, R};
+use crate::locate::{Locating, Wanted, too_high};
 use crate::model::{Model, Step};
 use crate::request::{ByLine, Parameter, check_parameters, singular};
 use crate::rigid::rigid_modes;
-use crate::sensitivity::{self, Sensitivity};
+use crate::sensitivity;
 use crate::series;
 use crate::small::{self, Mat};
 use crate::sweep::{Blind, Field, Observer, Within};
 use num_complex::Complex64;
-use pulp::{Arch, Scalar, Simd, WithSimd};
-
-/// Relative width at which a bracket is a number.
-const WIDTH: f64 = 4e-15;
-
-/// Lowest frequency looked at, as a share of the upper limit.
-const LOWEST: f64 = 1e-12;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
 const MOST_PIECES: f64 = 3e3;
 
-/// Most modes that are located in one call.
-const MOST_MODES: usize = 1_000;
+/// Expected modes are counted up to this many times the highest one first.
+const MARGIN: f64 = 1.05;
+
+/// A mode this many times above where it is expected says nothing but that the point is far off.
+const FARTHEST: f64 = 1e3;
 
 /// Natural frequencies with derivatives.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,6 +58,31 @@ pub fn natural_frequencies(
             "the upper limit is {upper} rad/s, expected a positive finite number"
         )));
     }
+    find(model, upper, Wanted::UpTo(most), parameters)
+}
+
+/// The modes of some numbers, counted from 0 on and ascending, expected near some frequencies (rad/s).
+///
+/// # Errors
+/// As `natural_frequencies`; modes that lie far above where they are expected.
+pub(crate) fn expected_frequencies(
+    model: &Model,
+    modes: &[usize],
+    near: &[f64],
+    parameters: &[Parameter],
+) -> Result<NaturalFrequencies> {
+    let highest = near.iter().fold(0.0_f64, |most, w| most.max(*w));
+    let wanted = Wanted::These { modes, near, farthest: FARTHEST * highest };
+    let found = find(model, MARGIN * highest, wanted, parameters)?;
+    if found.angular.len() < modes.len() {
+        return Err(Error::NaturalFrequency(format!(
+            "the highest mode lies more than {FARTHEST} times above where it is expected"
+        )));
+    }
+    Ok(found)
+}
+
+fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
     check_parameters(model, parameters, 0)?;
     let model = undamped(model);
     for (row, (_, spring)) in model.joints.iter().enumerate() {
@@ -80,9 +103,10 @@ pub fn natural_frequencies(
             return Err(singular(overlap, row, Complex64::ZERO));
         }
     }
+    let at = Locating::new(wanted, upper, rigid_modes(&model));
     match model.motion.degrees() {
-        1 => Search::<1>::new(&model).run(&model, upper, most, parameters),
-        _ => Search::<2>::new(&model).run(&model, upper, most, parameters),
+        1 => Search::<1>::new(&model).run(&model, at, parameters),
+        _ => Search::<2>::new(&model).run(&model, at, parameters),
     }
 }
 
@@ -113,13 +137,20 @@ fn undamped(model: &Model) -> Model {
 struct Search<const D: usize> {
     prepared: Prepared<D>,
     plan: Vec<Step>,
-    nodes: usize,
 }
 
-/// Counts of natural frequencies below each of some frequencies.
-struct Count<'a, const D: usize> {
+/// The search for modes by counts below each of some frequencies.
+struct Locate<'a, 'b, const D: usize> {
     search: &'a Search<D>,
-    w: &'a [f64],
+    at: &'a mut Locating<'b>,
+}
+
+/// Derivatives of modes, mode by mode.
+struct Slopes<'a, const D: usize> {
+    search: &'a Search<D>,
+    model: &'a Model,
+    angular: &'a [f64],
+    gradients: &'a [Gradient<D>],
 }
 
 /// Negative pivots, by lane.
@@ -173,81 +204,126 @@ impl<S: Simd, const D: usize> Observer<S, D> for Negatives {
     }
 }
 
-impl<const D: usize> WithSimd for Count<'_, D> {
-    type Output = Vec<usize>;
+impl<const D: usize> WithSimd for Locate<'_, '_, D> {
+    type Output = Result<()>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Vec<usize> {
-        let mut out = Vec::with_capacity(self.w.len());
+    fn with_simd<S: Simd>(self, simd: S) -> Result<()> {
         let mut block = Block::empty(simd);
-        let mut records = Vec::new();
-        for lines in self.w.chunks(S::F64_LANES) {
-            let mut w = [Complex64::ONE; MAX_LANES];
-            for (to, from) in w.iter_mut().zip(lines) {
-                to.re = *from;
+        let mut records = Vec::with_capacity(4 * self.search.plan.len());
+        let mut seen = Vec::with_capacity(2 * MAX_LANES);
+        while let Some(&highest) = self.at.points().last() {
+            self.search.within_reach(highest)?;
+            seen.clear();
+            for lines in self.at.points().chunks(S::F64_LANES) {
+                let mut negatives = Negatives { count: [0; MAX_LANES] };
+                let mut determinants = [Complex64::ZERO; MAX_LANES];
+                let w = angular(lines);
+                self.search.prepared.block(simd, &w[..lines.len()], true, ByLine::default(), &mut block);
+                block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
+                if let Some(top) = records.last() {
+                    let (u, f) = top.plane.basis();
+                    let entry = small::mul(&f, &small::adjugate(&u))[0][0];
+                    let (below, above) = (small::det(&u), small::det(&f));
+                    negatives.add::<S, D>(entry, below, above);
+                    (above * below.recip()).store(&mut determinants);
+                }
+                let both = negatives.count.iter().zip(&determinants).take(lines.len());
+                seen.extend(both.map(|(count, determinant)| (*count, determinant.re)));
             }
-            let mut negatives = Negatives { count: [0; MAX_LANES] };
-            self.search.prepared.block(simd, &w[..lines.len()], true, ByLine::default(), &mut block);
-            block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
-            if let Some(top) = records.last() {
-                let (u, f) = top.plane.basis();
-                let entry = small::mul(&f, &small::adjugate(&u))[0][0];
-                negatives.add::<S, D>(entry, small::det(&u), small::det(&f));
+            self.at.see(&seen)?;
+        }
+        Ok(())
+    }
+}
+
+impl<const D: usize> WithSimd for Slopes<'_, D> {
+    type Output = Vec<f64>;
+
+    /// d w / d p = -G_p / G_w, G being the work of a change in the mode of frequency w.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
+        let prepared = &self.search.prepared;
+        let count = self.gradients.len();
+        let mut out = vec![0.0; self.angular.len() * count];
+        let mut block = Block::empty(simd);
+        let mut records = Vec::with_capacity(4 * self.search.plan.len());
+        let mut field = Field::empty(simd, self.model.nodes, prepared);
+        let (mut sensitivities, mut beside) = (Vec::new(), Vec::new());
+        for (lines, out) in self.angular.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES * count)) {
+            let w = angular(lines);
+            prepared.block(simd, &w[..lines.len()], false, ByLine::default(), &mut block);
+            block.upwards(simd, &self.search.plan, &[], &mut records, &mut Blind);
+            let Some(top) = records.last() else { continue };
+            let (_, f) = top.plane.basis();
+            let mode = null_vector(&f, &block.weights_of_first());
+            let within = Within { segments: true, overlaps: true };
+            block.downwards(&self.search.plan, &records, mode, within, &mut field, 0);
+            // Work by w^2, which inertia alone has, times w^2.
+            let mut by_square = C::zero(simd);
+            sensitivities.clear();
+            for (row, segment) in prepared.segments.iter().enumerate() {
+                let states = &field.states[row];
+                let (kernel, choice) = (&block.kernels[row], block.choices[row]);
+                let found = sensitivity::segment(segment, kernel, choice, block.w2, states, states);
+                for i in 0..D {
+                    by_square = by_square + found.kinetic[i].scale(segment.per_length.kinetic[i]);
+                }
+                sensitivities.push(Some(found));
             }
-            out.extend_from_slice(&negatives.count[..lines.len()]);
+            beside.clear();
+            for (row, overlap) in prepared.overlaps.iter().enumerate() {
+                let states = &field.overlaps[row];
+                let found = block.overlap_derivatives(overlap, row, states, states);
+                for i in 0..4 {
+                    by_square = by_square + found[i].scale(overlap.beams[i / 2].per_length.kinetic[i % 2]);
+                }
+                beside.push(Some(found));
+            }
+            for (node, inertia) in &self.model.masses {
+                for i in 0..D {
+                    let u = field.nodes[*node][i];
+                    by_square = (u * u * block.w2).scale(inertia[i]) + by_square;
+                }
+            }
+            let mut lanes = [Complex64::ZERO; MAX_LANES];
+            by_square.store(&mut lanes);
+            let factors = lanes.map(|work| -0.5 / work.re);
+            for (k, gradient) in self.gradients.iter().enumerate() {
+                gradient.evaluate(&block, &field, &field, &sensitivities, &beside).store(&mut lanes);
+                for (lane, w) in lines.iter().enumerate() {
+                    out[lane * count + k] = w * factors[lane] * lanes[lane].re;
+                }
+            }
         }
         out
     }
+}
+
+/// Frequencies as the kernels take them, one a lane.
+fn angular(lines: &[f64]) -> [Complex64; MAX_LANES] {
+    let mut w = [Complex64::ONE; MAX_LANES];
+    for (to, from) in w.iter_mut().zip(lines) {
+        to.re = *from;
+    }
+    w
 }
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
         let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
         prepared.follow(&plan);
-        Self { prepared, plan, nodes: model.nodes }
+        Self { prepared, plan }
     }
 
-    fn count(&self, w: &[f64]) -> Vec<usize> {
-        Arch::new().dispatch(Count { search: self, w })
-    }
-
-    fn run(
-        &self,
-        model: &Model,
-        upper: f64,
-        most: usize,
-        parameters: &[Parameter],
-    ) -> Result<NaturalFrequencies> {
-        let spans = self.prepared.segments.iter();
-        let span: f64 = spans.map(|one| one.wave_number_square(upper * upper).sqrt() * one.length).sum();
-        let beside = self.prepared.overlaps.iter();
-        let span = span + beside.map(|one| one.growth(upper * upper) * one.overlap.length()).sum::<f64>();
-        if span.is_nan() || span > MOST_PIECES * series::REACH {
-            return Err(too_high(upper, "the waves there are too short for the lengths of the segments"));
-        }
-        let rigid = rigid_modes(model);
-        let mut lowest = upper * 1e-3;
-        while self.count(&[lowest])[0] > rigid {
-            lowest *= 1e-3;
-            if lowest < upper * LOWEST {
-                return Err(Error::NaturalFrequency(format!(
-                    "there are modes below {:e} Hz that are not rigid-body modes",
-                    lowest / core::f64::consts::TAU
-                )));
-            }
-        }
-        let mut samples = vec![(lowest, rigid), (upper, self.count(&[upper])[0])];
-        let last = samples[1].1.min(rigid.saturating_add(most));
-        if last > MOST_MODES {
-            return Err(too_high(upper, &format!("there are {last} modes below it")));
-        }
-        let angular: Vec<f64> = (rigid + 1..=last).map(|mode| self.locate(mode, &mut samples)).collect();
+    fn run(&self, model: &Model, mut at: Locating, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
+        Arch::new().dispatch(Locate { search: self, at: &mut at })?;
+        let angular = at.found();
         let gradients: Vec<Gradient<D>> = parameters.iter().map(|p| Gradient::new(model, p)).collect();
-        let mut derivative = Vec::with_capacity(angular.len() * gradients.len());
+        let mut derivative = Vec::new();
         if !gradients.is_empty() {
-            for &w in &angular {
-                derivative.extend(self.slopes(model, w, &gradients));
-            }
+            let work = Slopes { search: self, model, angular: &angular, gradients: &gradients };
+            derivative = Arch::new().dispatch(work);
         }
         if let Some(index) = derivative.iter().position(|value: &f64| !value.is_finite()) {
             let hz = angular[index / gradients.len()] / core::f64::consts::TAU;
@@ -260,105 +336,44 @@ impl<const D: usize> Search<D> {
         Ok(NaturalFrequencies { angular, derivative })
     }
 
-    /// The frequency at which the count reaches `mode`.
-    fn locate(&self, mode: usize, samples: &mut Vec<(f64, usize)>) -> f64 {
-        loop {
-            let above = samples.partition_point(|sample| sample.1 < mode).clamp(1, samples.len() - 1);
-            let (low, high) = (samples[above - 1].0, samples[above].0);
-            if high - low <= WIDTH * high {
-                return 0.5 * (low + high);
-            }
-            let ratio = high / low;
-            let points: [f64; MAX_LANES] = core::array::from_fn(|i| {
-                let share = (i + 1) as f64 / (MAX_LANES + 1) as f64;
-                if ratio > 2.0 { low * ratio.powf(share) } else { low + share * (high - low) }
-            });
-            let counts = self.count(&points);
-            // Rounding at the root itself may disturb the order by one; clamping keeps the samples sorted.
-            let (least, most) = (samples[above - 1].1, samples[above].1);
-            let mut floor = least;
-            let found = points.iter().zip(counts).map(|(&w, count)| {
-                floor = count.clamp(floor, most);
-                (w, floor)
-            });
-            let found: Vec<_> = found.filter(|sample| sample.0 > low && sample.0 < high).collect();
-            if found.is_empty() {
-                return 0.5 * (low + high);
-            }
-            samples.splice(above..above, found);
+    /// Whether a count at a frequency is no endless work.
+    fn within_reach(&self, w: f64) -> Result<()> {
+        let spans = self.prepared.segments.iter();
+        let span: f64 = spans.map(|one| one.wave_number_square(w * w).sqrt() * one.length).sum();
+        let beside = self.prepared.overlaps.iter();
+        let span = span + beside.map(|one| one.growth(w * w) * one.overlap.length()).sum::<f64>();
+        if span.is_nan() || span > MOST_PIECES * series::REACH {
+            return Err(too_high(w, "the waves there are too short for the lengths of the segments"));
         }
+        Ok(())
     }
-
-    /// d w / d p = -G_p / G_w, G being the work of a change in the mode of frequency w.
-    fn slopes(&self, model: &Model, w: f64, gradients: &[Gradient<D>]) -> Vec<f64> {
-        let simd = Scalar::new();
-        let mut block = Block::empty(simd);
-        let mut records = Vec::new();
-        self.prepared.block(simd, &[Complex64::new(w, 0.0)], false, ByLine::default(), &mut block);
-        block.upwards(simd, &self.plan, &[], &mut records, &mut Blind);
-        let Some(top) = records.last() else {
-            return Vec::new();
-        };
-        let (_, f) = top.plane.basis();
-        let mode = null_vector(&f, &block.weights_of_first());
-        let mut field = Field::empty(simd, self.nodes, &self.prepared);
-        let within = Within { segments: true, overlaps: true };
-        block.downwards(&self.plan, &records, mode, within, &mut field, 0);
-        let mut by_w = 0.0;
-        let mut sensitivities = Vec::new();
-        for (row, segment) in self.prepared.segments.iter().enumerate() {
-            let states = &field.states[row];
-            let found: Sensitivity<Scalar, D> = sensitivity::segment(
-                segment,
-                &block.kernels[row],
-                block.choices[row],
-                block.w2,
-                states,
-                states,
-            );
-            for i in 0..D {
-                by_w += 2.0 / w * segment.per_length.kinetic[i] * found.kinetic[i].re;
-            }
-            sensitivities.push(Some(found));
-        }
-        let mut beside = Vec::new();
-        for (row, overlap) in self.prepared.overlaps.iter().enumerate() {
-            let states = &field.overlaps[row];
-            let found = block.overlap_derivatives(overlap, row, states, states);
-            for i in 0..4 {
-                by_w += 2.0 / w * overlap.beams[i / 2].per_length.kinetic[i % 2] * found[i].re;
-            }
-            beside.push(Some(found));
-        }
-        for (node, inertia) in &model.masses {
-            for i in 0..D {
-                let u = field.nodes[*node][i].re;
-                by_w += 2.0 * w * inertia[i] * u * u;
-            }
-        }
-        let slope = |gradient: &Gradient<D>| {
-            -gradient.evaluate(&block, &field, &field, &sensitivities, &beside).re / by_w
-        };
-        gradients.iter().map(slope).collect()
-    }
-}
-
-fn too_high(upper: f64, reason: &str) -> Error {
-    let hz = upper / core::f64::consts::TAU;
-    Error::NaturalFrequency(format!("the upper limit of {hz:.6e} Hz is too high: {reason}"))
 }
 
 /// The independent variables at which the root carries no load.
-fn null_vector<const D: usize>(f: &Mat<Scalar, D>, weights: &[f64; D]) -> [C<Scalar>; D] {
-    let one = C::real(f[0][0].simd, 1.0);
+#[inline(always)]
+fn null_vector<S: Simd, const D: usize>(f: &Mat<S, D>, weights: &[f64; D]) -> [C<S>; D] {
+    let simd = f[0][0].simd;
+    let one = C::real(simd, 1.0);
     if D == 1 {
         return [one; D];
     }
     // Near the mode the rows are parallel; the larger one has the digits.
-    let size = |i: usize| -> f64 { (0..D).map(|j| f[i][j].re.powi(2) / (weights[i] * weights[j])).sum() };
-    let row = if size(0) >= size(D - 1) { &f[0] } else { &f[D - 1] };
-    let mut out = [row[D - 1]; D];
-    out[D - 1] = -row[0];
-    let length = out.iter().map(|value| value.re * value.re).sum::<f64>().sqrt();
-    if length > 0.0 { out.map(|value| value.scale(1.0 / length)) } else { [one; D] }
+    let size = |i: usize| {
+        let mut sum = simd.splat_f64s(0.0);
+        for j in 0..D {
+            let share = simd.splat_f64s(1.0 / (weights[i] * weights[j]));
+            sum = simd.mul_add_e_f64s(f[i][j].norm_sqr().v, share, sum);
+        }
+        R { simd, v: sum }
+    };
+    let last = size(D - 1).greater(size(0));
+    let mut out = [-C::select(last, f[D - 1][0], f[0][0]); D];
+    out[0] = C::select(last, f[D - 1][D - 1], f[0][D - 1]);
+    let mut square = R::splat(simd, 0.0);
+    for value in &out {
+        square = R { simd, v: simd.add_f64s(square.v, value.norm_sqr().v) };
+    }
+    let some = square.greater(R::splat(simd, 0.0));
+    let inverse = simd.div_f64s(simd.splat_f64s(1.0), simd.sqrt_f64s(square.v));
+    out.map(|value| C::select(some, value.mul_real(inverse), one))
 }

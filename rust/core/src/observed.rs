@@ -4,7 +4,7 @@
 //! a gain, a delay, an exponential window on what was recorded.
 
 use crate::frequencies::Frequencies;
-use crate::natural::natural_frequencies;
+use crate::natural::expected_frequencies;
 use crate::request::{ByLine, Coordinate, Parameter, Request, check};
 use crate::response::{Job, LINES_PER_TASK};
 use crate::threads::on_threads;
@@ -12,15 +12,6 @@ use crate::ties::{At, Tied};
 use core::ops::Range;
 use num_complex::Complex64;
 use pulp::Arch;
-
-/// Modes are counted up to this many times the highest measured frequency first.
-const MARGIN: f64 = 1.05;
-
-/// By how much that limit grows when there are too few modes below it.
-const GROWTH: f64 = 1.5;
-
-/// A mode this many times above its measured frequency says nothing but that the point is far off.
-const FARTHEST: f64 = 1e3;
 
 /// What stands between a structure and what was recorded of it.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -143,25 +134,14 @@ impl Modelled<'_> {
     /// Weighted derivatives by the entries and weighted residual of each measured mode.
     pub(crate) fn frequencies(&self, at: &At) -> Option<Vec<Vec<f64>>> {
         let Seen::Frequencies { modes, measured, weights } = self.seen else { return None };
-        let (most, highest) = (modes.last()? + 1, *measured.last()?);
-        let mut upper = MARGIN * highest;
-        let found = loop {
-            let found = natural_frequencies(&at.model, upper, most, &at.entries).ok()?;
-            if found.angular.len() >= most {
-                break found;
-            }
-            if upper > FARTHEST * highest {
-                return None;
-            }
-            upper *= GROWTH;
-        };
+        let found = expected_frequencies(&at.model, modes, measured, &at.entries).ok()?;
         let count = at.entries.len();
-        let row = |((&mode, measured), weight): ((&usize, &f64), &f64)| {
+        let row = |(mode, (measured, weight)): (usize, (&f64, &f64))| {
             let slopes = found.derivative[mode * count..(mode + 1) * count].iter();
             let residual = (found.angular[mode] - measured) * weight;
             slopes.map(|slope| slope * weight).chain([residual]).collect()
         };
-        Some(modes.iter().zip(measured).zip(weights).map(row).collect())
+        Some(measured.iter().zip(weights).enumerate().map(row).collect())
     }
 }
 

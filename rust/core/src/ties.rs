@@ -127,17 +127,22 @@ impl<'a> Tied<'a> {
         let mut tables = self.fixed.map(<[f64]>::to_vec);
         let mut by_variable = vec![0.0; self.entries.len() * self.count];
         let width = 2 + 2 * self.count;
-        let rows: Vec<(f64, Vec<f64>)> =
-            self.addresses.chunks(width).map(|row| address(row, values, slopes)).collect();
-        if rows.iter().any(|row| !row.0.is_finite()) {
+        let mut by_address = vec![0.0; self.addresses.len() / width * self.count];
+        let rows = self.addresses.chunks(width).enumerate();
+        let found: Vec<f64> = rows
+            .map(|(i, row)| {
+                address(row, values, slopes, &mut by_address[i * self.count..(i + 1) * self.count])
+            })
+            .collect();
+        if found.iter().any(|value| !value.is_finite()) {
             return None;
         }
+        let slopes_of = |address: usize| &by_address[address * self.count..(address + 1) * self.count];
         for &(entry, address, rate) in &self.rates {
             let Parameter { table, row, column } = self.entries[entry];
-            let (value, slope) = &rows[address];
-            tables[table as usize][row * columns(table) + column] += rate * value;
+            tables[table as usize][row * columns(table) + column] += rate * found[address];
             let start = entry * self.count;
-            for (into, slope) in by_variable[start..start + self.count].iter_mut().zip(slope) {
+            for (into, slope) in by_variable[start..start + self.count].iter_mut().zip(slopes_of(address)) {
                 *into += rate * slope;
             }
         }
@@ -157,9 +162,9 @@ impl<'a> Tied<'a> {
                 moving.extend_from_slice(slopes);
             }
         }
-        let factors = self.factors.iter().map(|&(factor, address)| (factor, rows[address].0)).collect();
+        let factors = self.factors.iter().map(|&(factor, address)| (factor, found[address])).collect();
         for (_, address) in &self.factors {
-            moving.extend_from_slice(&rows[*address].1);
+            moving.extend_from_slice(slopes_of(*address));
         }
         let [segments, joints, masses, grounds, overlaps] = &tables;
         let tables = Tables { segments, joints, masses, grounds, overlaps };
@@ -168,18 +173,24 @@ impl<'a> Tied<'a> {
     }
 }
 
-/// Value of an address, and its derivatives by the variables.
-fn address(row: &[f64], values: &[f64], slopes: &[f64]) -> (f64, Vec<f64>) {
+/// Value of an address; its derivatives by the variables go into `by`.
+fn address(row: &[f64], values: &[f64], slopes: &[f64], by: &mut [f64]) -> f64 {
     let (exponents, shifts) = row[2..].split_at(values.len());
-    let dot = |x: &[f64]| x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>();
+    // Few unknowns act on an address.
+    let some = |x: &[f64]| x.iter().any(|x| *x != 0.0);
+    let dot = |x: &[f64]| {
+        if some(x) { x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>() } else { 0.0 }
+    };
     let factor = dot(exponents).exp();
     let own = (row[0] >= 0.0).then_some(row[0] as usize);
     let start = own.map_or(row[1], |own| row[1] * values[own]);
-    let by = |i: usize| {
-        let direct = if own == Some(i) { row[1] * factor } else { 0.0 };
-        (start * factor * exponents[i] + shifts[i] + direct) * slopes[i]
-    };
-    (start * factor + dot(shifts), (0..values.len()).map(by).collect())
+    for (i, by) in by.iter_mut().enumerate() {
+        *by = (start * factor * exponents[i] + shifts[i]) * slopes[i];
+    }
+    if let Some(own) = own {
+        by[own] += row[1] * factor * slopes[own];
+    }
+    start * factor + dot(shifts)
 }
 
 /// Columns of a table.
