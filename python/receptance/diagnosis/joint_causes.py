@@ -328,11 +328,10 @@ def _beside(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:
     return result
 
 
-def _exponents(*names: str) -> tuple[Parameter, ...]:
-    return tuple(
-        Parameter(name=name, unit="", lower=-4.0, upper=4.0, typical=-0.3, plausible=(-2.5, 2.5)) for name in names
-    )
-
+_EXPONENTS = tuple(
+    Parameter(name=name, unit="", lower=-4.0, upper=4.0, typical=-0.3, plausible=(-2.5, 2.5))
+    for name in ("exponent", *_STIFFNESSES, *_DAMPINGS)
+)
 
 JOINT_CAUSES = (
     Cause(
@@ -365,7 +364,7 @@ JOINT_CAUSES = (
     Cause(
         id="joint_amplitude",
         group="structure",
-        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
+        parameters=_EXPONENTS,
         change=_amplitude,
         meaning="the joint depends on how hard it is hit",
         remedy="measure at the amplitude of use, or give the joint its law of amplitude",
@@ -373,7 +372,7 @@ JOINT_CAUSES = (
     Cause(
         id="joint_overhang_law",
         group="structure",
-        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
+        parameters=_EXPONENTS,
         change=_across,
         meaning="the joint changes with overhang, torque or pre-force, and the model has one for all",
         remedy="give the joint a law of that condition; vary it alone to confirm",
@@ -381,7 +380,7 @@ JOINT_CAUSES = (
     Cause(
         id="xy_asymmetry",
         group="structure",
-        parameters=_exponents("exponent", *_STIFFNESSES, *_DAMPINGS),
+        parameters=_EXPONENTS,
         change=_planes,
         meaning="the joint is stiffer in one plane than in the other",
         remedy="identify the two planes apart",

@@ -235,10 +235,8 @@ class Verdict:
         ----------
         assembly : Assembly
             As the base model describes it.
-        upper_hz : float
-            Limit in Hz.
-        configuration, conditions, tolerances : optional
-            As in `Identification.apply`; an error that the fit does not know is standard normal.
+        upper_hz, configuration, conditions, tolerances
+            As in `Identification.predict_natural_frequencies`.
 
         Returns
         -------

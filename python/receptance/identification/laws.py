@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from receptance import _checks
@@ -19,6 +20,8 @@ _FARTHEST = 8.0
 """Standard deviations beyond which no error of a tolerance is looked for."""
 
 
+# A diagnosis asks for the same errors in every one of some hundred models.
+@lru_cache(maxsize=1 << 12)
 def error_of(name: str) -> Unknown:
     """Return the unknown for an error, in standard deviations of it."""
     return Unknown(

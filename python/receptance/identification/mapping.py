@@ -240,8 +240,12 @@ class Parameters:
         rows += [
             (f"Tolerance {one.name!r}", tuple(one.moves), one.configurations, one.labels) for one in self.tolerances
         ]
+        among: dict[tuple[Names, Names | str], list[Place]] = {}
         for title, addresses, configurations, labels in rows:
-            there = [place for place in places if place.among(configurations, labels)]
+            # Most rows are of the same places.
+            if (configurations, labels) not in among:
+                among[configurations, labels] = [one for one in places if one.among(configurations, labels)]
+            there = among[configurations, labels]
             if not there:
                 names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in places))
                 raise ValueError(
