@@ -59,12 +59,16 @@ class Strain:
         Sum of squares of all that the data see, as a multiple of its expectation.
     together_limit : float
         Its limit.
+    chance : float
+        How often an adequate model would be pulled as far, by its farthest error or by all together, whichever is
+        rarer.
     """
 
     worst: tuple[tuple[str, float], ...] = ()
     limit: float = np.inf
     together: float = 1.0
     together_limit: float = np.inf
+    chance: float = 1.0
 
     @property
     def passed(self) -> bool:
@@ -149,7 +153,7 @@ def _strain(fit: Fit) -> Strain:
     With residuals r = J x and their rows P of the priors, those of an adequate model have the covariance
     I - P (J^T J)^-1 P^T: the prior's own less what a prior keeps to itself where the data say nothing.
     """
-    from scipy.special import ndtri  # the light part of scipy.stats
+    from scipy.special import chdtrc, ndtr, ndtri  # the light part of scipy.stats
 
     names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
     if not names:
@@ -168,12 +172,15 @@ def _strain(fit: Fit) -> Strain:
     kept = values > _SEEN
     parts = vectors[:, kept].T @ off
     count = int(np.count_nonzero(kept))
+    together = float(np.sum(parts**2 / values[kept]))
     order = np.argsort(-np.abs(sizes))[:_FARTHEST]
+    farthest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if seen[i]),
         limit=float(-ndtri(0.5 * _RARE / np.count_nonzero(seen))),
-        together=float(np.sum(parts**2 / values[kept])) / max(count, 1),
+        together=together / max(count, 1),
         together_limit=_quantile(float(max(count, 1))),
+        chance=min(2.0 * np.count_nonzero(seen) * float(ndtr(-farthest)), float(chdtrc(max(count, 1), together)), 1.0),
     )
 
 
