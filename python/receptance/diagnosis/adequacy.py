@@ -107,12 +107,17 @@ class Adequacy:
     @property
     def passed(self) -> bool:
         """Whether noise and floor explain what is left, with tolerances that nobody would doubt."""
-        return self.misfit <= self.limit and self.smooth <= self.smooth_limit and self.strain.passed
+        return self.of_lines and self.strain.passed
+
+    @property
+    def of_lines(self) -> bool:
+        """Whether noise and floor explain what is left, whatever tolerances it takes."""
+        return self.misfit <= self.limit and self.smooth <= self.smooth_limit
 
     @property
     def why_not(self) -> str:
         """What is too large, for people; empty where nothing is."""
-        if self.misfit > self.limit or self.smooth > self.smooth_limit:
+        if not self.of_lines:
             return f"leaves {self.misfit:.2f} times what noise and floor explain, most of it in {self.worst[0]}"
         if not self.strain.passed:
             far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
