@@ -121,6 +121,24 @@ class Fit:
             for one in self.model.observations
         )
 
+    @cached_property
+    def several_modes(self) -> bool:
+        """Whether any observation has more than one mode of the fitted model, or goes more than an octave beyond it."""
+        values = self.task.variables.to_values(self.x)
+        for index, one in enumerate(self.model.observations):
+            if not isinstance(one, MeasuredFRF):
+                modes, low, high = one.frequency_hz, 0.0, np.inf
+            elif one.assembly.countable:
+                low, high = (float(one.frequency_hz[i].real) for i in (0, -1))
+                assembly = self.task.parameters.at(place_of(one, index)).apply(one.assembly, values)
+                modes = assembly.natural_frequencies(high)
+                modes = modes[modes > low]
+            else:
+                return True
+            if modes.size > 1 or (modes.size and low and not 0.5 * modes[0] < low < high < 2.0 * modes[0]):
+                return True
+        return False
+
     @property
     def freedom(self) -> float:
         """Degrees of freedom: a prior counts as an observed number, so errors of tolerances cost none."""

@@ -36,8 +36,8 @@ def conclude(selection: Selection) -> Judgement:
     3. All within the margin of the best evidence are reported, without what only adds to another one of them.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
     5. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
-       in one of a hundred, or where the data cannot convict: there is but one configuration, a cause that all should
-       show is seen in one of them, or several causes share what a model leaves that passes the gate by itself.
+       in one of a hundred, or where the data cannot convict: there is but one configuration or one mode, a cause that
+       all should show is seen in one of them, or several causes share what a model leaves that passes the gate by itself.
        Several left: ambiguous.
        Beside a fit that has not ended nothing is named.
     """
@@ -84,11 +84,16 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             f"{name} leaves tolerances farther off than chance would in one of a hundred, in standard deviations: "
             f"{far}; something else may be at work, so it is a suspicion"
         )
-    alone = len(base.model.configurations) == 1 and any(cause.group == "structure" for cause, _ in one.steps)
+    structure = any(cause.group == "structure" for cause, _ in one.steps)
+    alone = len(base.model.configurations) == 1 and structure
     if alone:
         yield (
             "one configuration cannot tell the joint from the parts: measure another overhang; until then it is "
             "a suspicion"
+        )
+    if structure and not base.several_modes:
+        yield (
+            "one mode cannot tell the joint from the parts: measure up to a second one; until then it is a suspicion"
         )
     lonely = None if alone else _lonely(base, one)
     if lonely:
