@@ -37,12 +37,12 @@ def conclude(selection: Selection) -> Judgement:
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
     5. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
        in one of a hundred, or where the data cannot convict: there is but one configuration or one mode, a cause that
-       all should show is seen in one of them, or several causes share what a model leaves that passes the gate by itself.
-       Several left: ambiguous.
+       all should show is seen in one of them, or several causes share what a model leaves that passes the gate by
+       itself. Several left: ambiguous.
        Beside a fit that has not ended nothing is named.
     """
     notes: list[str] = []
-    base, limit = selection.base, max(selection.threshold, 0.0)
+    limit = max(selection.threshold, 0.0)
     best = next(iter(selection.explanations), None)
     if best is None or best.evidence <= limit:
         return _nothing(selection)
