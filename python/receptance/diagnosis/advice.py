@@ -114,7 +114,7 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
         return NextMeasurement(
             action="measure another overhang", reason="one configuration cannot tell the joint from the parts"
         )
-    if not selection.base.several_modes:
+    if selection.base.one_mode:
         return NextMeasurement(
             action="measure up to a second mode", reason="one mode cannot tell the joint from the parts"
         )

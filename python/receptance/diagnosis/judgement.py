@@ -91,7 +91,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             "one configuration cannot tell the joint from the parts: measure another overhang; until then it is "
             "a suspicion"
         )
-    if structure and not base.several_modes:
+    if structure and base.one_mode:
         yield (
             "one mode cannot tell the joint from the parts: measure up to a second one; until then it is a suspicion"
         )
