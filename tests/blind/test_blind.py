@@ -180,6 +180,10 @@ def always(verdict, *reported):
     return fixed_answer(verdict, *reported)
 
 
+BROKEN = 20
+"""The seed of the cases that broken engines are tried on: whether the quick part sees one of them must not be luck."""
+
+
 def forgetful(case, **_):
     """Answer as one who takes every dimension and material for exact."""
     exact = replace(case, nominal=replace(case.nominal, tolerances=()))
@@ -206,7 +210,7 @@ def gullible(case, **_):
     ids=["adequate", "one name", "unexplained", "suspected", "no tolerances", "no gate"],
 )
 def test_the_quick_part_sees_a_broken_engine(broken, shows):
-    assert shows in shortfalls(quick_run(broken))
+    assert shows in shortfalls(quick_run(broken, BROKEN))
 
 
 @pytest.mark.slow
