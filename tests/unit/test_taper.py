@@ -171,7 +171,7 @@ def test_series_say_what_they_show() -> None:
 
 
 def test_a_shape_needs_two_points() -> None:
-    with pytest.raises(ValueError, match="both 0.05 m, expected two points"):
+    with pytest.raises(ValueError, match=r"both 0\.05 m"):
         Shape(first=0.05, second=0.05, ratio=(1.0, 1.0))
 
 

@@ -54,7 +54,7 @@ def fit_from_far(model: Model, *, seed: int = 0, threads: int | None = None) -> 
 
 
 def fit_again(before: Fit, *, seed: int = 0, threads: int | None = None) -> Fit | None:
-    """Return a model fitted from far again; None where it has levels and does not even explain one by itself.
+    """Return a model fitted from far again; None where it has levels and is not seen to explain one by itself.
 
     Where the fit before left most is where that shows first.
     """
@@ -69,15 +69,20 @@ def _by_level(
     model: Model, kinds: Sequence[Sequence[_Level]], gate: bool, seed: int, threads: int | None
 ) -> Fit | None:
     """Return a model fitted level after level, then all together; None without levels, and if one fails the gate."""
-    begun: list[Fit] = []
+    begun: list[tuple[int, Fit]] = []
     for kind in kinds:
-        begun.append(fit_base(kind[len(kind) // 2].of(model), seed=seed, threads=threads))
-        if gate and not judge(begun[-1]).passed:
+        # Where one level's fit goes astray another one's need not.
+        tried = dict.fromkeys((len(kind) // 2, 0, len(kind) - 1)) if gate else [len(kind) // 2]
+        for at in tried:
+            first = fit_base(kind[at].of(model), seed=seed, threads=threads)
+            if not gate or judge(first).passed:
+                begun.append((at, first))
+                break
+        else:
             return None
-    found = [first.values for first in begun]
-    for kind, first in zip(kinds, begun, strict=True):
-        middle = len(kind) // 2
-        for onwards in (kind[middle:], kind[middle::-1]):
+    found = [first.values for _, first in begun]
+    for kind, (at, first) in zip(kinds, begun, strict=True):
+        for onwards in (kind[at:], kind[at::-1]):
             found += _carried_on(model, onwards, first, seed, threads)
     if not found:
         return None
