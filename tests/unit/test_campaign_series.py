@@ -154,6 +154,7 @@ def test_a_rigid_part_is_the_rigid_body(folder: Path, tmp_path: Path) -> None:
         ),
         ((('hold_out = ["15 kN"]', 'hold_out = ["16 kN"]'),), ['hold_out[0]: is "16 kN", which is none of the levels']),
         ((('"2 kN", "5 kN"', '"2 kN", "2 kN"'),), ["series.levels[2]", "which is there already"]),
+        ((('"2 kN", "5 kN"', '"2 mm", "5 kN"'),), ['levels[1]: is "2 mm" after "0 kN"', "the same quantity"]),
         ((('motion = "axial"', 'motion = "sideways"'),), ['assemblies."axial {level}".motion', '"sideways"']),
         (
             (('"axial_{value}.csv"', '"radial_{value}.csv"'),),
@@ -181,6 +182,13 @@ def test_mistakes_are_told_once_with_their_place(
     if "radial" not in text:
         assert len(error.value.problems) <= 3
     assert all(problem.line for problem in error.value.problems)
+
+
+def test_few_levels_say_that_there_are_no_trends(folder: Path, tmp_path: Path) -> None:
+    few = [(f', "{force} kN"', "") for force in (10, 15, 20, 22, 25)]
+    found = campaign.load(changed(folder, tmp_path, *few, ('hold_out = ["15 kN"]', "hold_out = []"))).identify()
+    assert not found.series
+    assert any("6 different levels or more" in note for note in found.notes)
 
 
 def test_a_level_beyond_those_measured_is_refused(folder: Path, tmp_path: Path) -> None:

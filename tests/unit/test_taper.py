@@ -18,6 +18,7 @@ from receptance.taper import (
     Holder,
     RadialJoint,
     Shape,
+    axial_from_mode,
     fit_axial,
     fit_laws,
     fit_radial,
@@ -167,6 +168,17 @@ def test_series_say_what_they_show() -> None:
     assert ends[0] > 4.0 * ends[1]
     law = fit_laws(force, 3.0 + 2.0 * (force / 25.0) ** 2, errors)[2]
     np.testing.assert_allclose(law.at([0.0, 12.5, 25.0]), [3.0, 3.5, 5.0], rtol=1e-5)
+
+
+def test_a_shape_needs_two_points() -> None:
+    with pytest.raises(ValueError, match=r"both 0\.05 m"):
+        Shape(first=0.05, second=0.05, ratio=(1.0, 1.0))
+
+
+def test_more_than_critical_damping_is_no_mode() -> None:
+    for ratio in (1.2, -0.01):
+        with pytest.raises(ValueError, match="damping_ratio"):
+            axial_from_mode(Body(mass=4.5, inertia=0.01), 4800.0, ratio)
 
 
 def test_mistakes_in_series() -> None:

@@ -12,7 +12,7 @@ from receptance.campaign.deviations import parse_share
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, tolerances_of
-from receptance.campaign.series import level_unit, over_levels, started_by_level
+from receptance.campaign.series import FEWEST, level_unit, over_levels, started_by_level
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
@@ -232,6 +232,7 @@ def identify_campaign(
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
+    series = over_levels(campaign, fit)
     say("propagating the tolerances")
     propagation = Propagation(fit, observations, effects, width)
     notes = [
@@ -255,6 +256,8 @@ def identify_campaign(
             "each level was fitted by itself first, and all together from there; profile intervals are not computed "
             "for a series"
         )
+        if not series:
+            notes.append(f"nothing is said of trends and laws: that takes {FEWEST} different levels or more, from 0 on")
     if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log" and not any(effects):
         profiles = fit.profiles(progress=say)
     return CampaignIdentification(
@@ -264,7 +267,7 @@ def identify_campaign(
         notes=tuple(notes),
         versions=versions(),
         profiles=profiles,
-        series=over_levels(campaign, fit),
+        series=series,
     )
 
 

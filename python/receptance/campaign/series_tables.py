@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from receptance.campaign.conditions import parse_condition
 from receptance.campaign.quantities import shown
 from receptance.campaign.suggestions import did_you_mean
 
@@ -70,6 +72,7 @@ def spelled_out(data: dict[str, Any], problems: Problems) -> Spelled:
     for index, name in enumerate(names):
         if name in names[:index]:
             problems.add(("series", "levels", index), f"is {shown(levels[index])}, which is there already")
+    _check_units(levels, problems)
     out = series.get("hold_out", [])
     held = [_name(level) for level in out if _is_level(level)] if isinstance(out, list) else []
     for index, name in enumerate(held):
@@ -95,6 +98,21 @@ def _conditioned(data: Mapping[str, Any], over: str) -> bool:
     return any(
         over in _table(one, "conditions") for one in _table(data, "assemblies").values() if isinstance(one, dict)
     )
+
+
+def _check_units(levels: list[Any], problems: Problems) -> None:
+    """Add a mistake for the first level that is another quantity than the one before."""
+    try:
+        units = [parse_condition(level).unit for level in levels]
+    except ValueError:
+        return  # said where the level becomes a condition
+    for index, (before, unit) in enumerate(pairwise(units), 1):
+        if unit != before:
+            text = (
+                f"is {shown(levels[index])} after {shown(levels[index - 1])}, expected the same quantity at all levels"
+            )
+            problems.add(("series", "levels", index), text)
+            return
 
 
 def _at(section: str, table: Any, level: str, over: str, held: bool) -> Any:

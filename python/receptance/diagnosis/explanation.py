@@ -70,6 +70,8 @@ class Selection:
         The model as it was given.
     singles, several : list of Explanation
         Each cause alone, and causes together, the best evidence first.
+    tried : list of Explanation
+        All causes together that were fitted, those that added nothing too.
     found : list of Direction
         What the causes promised at the base.
     threshold : float
@@ -89,6 +91,7 @@ class Selection:
     undecidable: dict[str, str]
     singles: list[Explanation] = field(default_factory=list)
     several: list[Explanation] = field(default_factory=list)
+    tried: list[Explanation] = field(default_factory=list)
     evaluations: int = 0
     seconds: float = 0.0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -13,6 +13,7 @@ from receptance.diagnosis.adequacy import GATE
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
+from receptance.diagnosis.levels import fit_again, fit_from_far, has_levels
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, chance, directions
 from receptance.diagnosis.starts import starts_of, starts_together
@@ -29,6 +30,8 @@ _ROOTS = 3
 """Explanations to which more causes are added."""
 _MORE = 6
 """Causes that are tried in addition to each of them."""
+_PAIRS = 8
+"""Explanations by several causes that are fitted again, by level, where nothing explains the data."""
 _HOPELESS = 20.0
 """Misfit from which on neither a promise to first order nor a few steps say much: every cause is tried, to its end."""
 _FRESH_FROM = 0.3
@@ -75,7 +78,7 @@ def select(
     say = progress or (lambda text: None)
     began = perf_counter()
     say("base model")
-    base = base or fit_base(model, seed=seed, threads=threads)
+    base = base or fit_from_far(model, seed=seed, threads=threads)
     variants, undecidable = _variants(base.model, causes, base)
     found = directions(base, variants)
     penalty = math.log(max(base.independent, 2.0))
@@ -112,30 +115,38 @@ def _ended(selection: Selection, threads: int | None) -> None:
 
 
 def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
-    """Fit the best causes from far, each alone: a base that is far off may have led all their starts astray."""
+    """Fit the best causes from far: a base that is far off may have led all their starts astray.
+
+    Where there are levels, causes together as well: who cannot explain one of them is not fitted to the others.
+    """
     if selection.base.misfit <= GATE:
         return
-    for one in selection.singles[:_ROOTS]:
-        say(f"{one.steps[-1][0].id}, anew")
+    levels = has_levels(selection.base.model)
+    together = sorted(selection.tried, key=lambda one: -one.evidence)[:_PAIRS] if levels else []
+    for one in [*selection.singles[:_ROOTS], *together]:
+        say(f"{' + '.join(cause.id for cause, _ in one.steps)}, anew")
         try:
-            fit = fit_base(one.fit.model, seed=seed, threads=threads)
+            fit = fit_again(one.fit, seed=seed, threads=threads)
         except (ReceptanceError, ValueError):
             continue
+        if fit is None:
+            continue
         selection.evaluations += fit.evaluations
-        selection.singles.append(_explanation(selection, (), one.steps[-1], fit))
-    selection.singles = _best_each(selection.singles)
+        target = selection.singles if len(one.steps) == 1 else selection.several
+        target.append(_explanation(selection, one.steps[:-1], one.steps[-1], fit))
+    selection.singles, selection.several = _best_each(selection.singles), _best_each(selection.several)
 
 
 def _pruned(selection: Selection, threads: int | None) -> None:
-    """Take each cause out of the best explanation again, and keep what does as well without it.
+    """Take each cause out of the best explanation again, or some of its numbers, and keep what does as well without.
 
     A cause that fails alone, because the base led its fit astray, may have needed company only on the way.
     """
     best = selection.explanations[0] if selection.explanations else None
     if best is None or len(best.steps) < 2 or not best.adequacy.passed:
         return
-    for left in best.steps:
-        steps = tuple(step for step in best.steps if step is not left)
+    fewer = [tuple(step for step in best.steps if step is not left) for left in best.steps]
+    for steps in [*fewer, *_with_less(selection.base.model, best)]:
         try:
             fit = refit(_with(selection.base.model, steps), best.fit.values, threads=threads)
         except (ReceptanceError, UndecidableError, StopIteration):
@@ -143,6 +154,17 @@ def _pruned(selection: Selection, threads: int | None) -> None:
         own = _explanation(selection, steps[:-1], steps[-1], fit)
         target = selection.singles if len(steps) == 1 else selection.several
         target[:] = _best_each([*target, own])
+
+
+def _with_less(model: Model, best: Explanation) -> Iterator[tuple[tuple[Cause, str], ...]]:
+    """Yield the steps of an explanation with a variant of one cause that has some of its unknowns and no others."""
+    for i, (cause, own) in enumerate(best.steps):
+        variants = cause.variants(model)
+        names = {v.name: {one.name for one in v.model.unknowns} for v in variants if not v.fresh}
+        for name, unknowns in names.items():
+            if unknowns < names.get(own, set()):
+                yield (*best.steps[:i], (cause, name), *best.steps[i + 1 :])
+        model = next(v.model for v in variants if v.name == own)
 
 
 def _exchanged(
@@ -346,7 +368,9 @@ def _added(
         for direction in ranked:
             if (far or len(own) < _MORE) and all(direction.cause.id != other.cause.id for other in own):
                 own.append(direction)
-        for one in _fitted(selection, root.steps, root.fit, own, seed, threads, say):
+        fitted = _fitted(selection, root.steps, root.fit, own, seed, threads, say)
+        selection.tried = _best_each([*selection.tried, *fitted])
+        for one in fitted:
             if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):
                 found.append(one)
     return _best_each(found)

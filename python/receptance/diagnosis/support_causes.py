@@ -44,16 +44,18 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     points = [one for one in wanted if one.length == 0.0]
     if len(points) not in (0, 2) or (not spread and len(points) != 2):
         raise UndecidableError("nothing says along which stretch the springs to ground could act")
-    uneven: list[Unknown] = []
+    uneven: dict[str, tuple[Unknown, ...]] = {}
     if spread:
         own = _within(spread)
-        uneven = [
-            _moved(p["log_ends"], own, {one.name: [2.0 * x * x - 1.0 for x in one.places] for one in own}),
-            _moved(p["log_tilt"], own, {one.name: list(one.places) for one in own}),
-        ]
-        yield Variant("more or less at the ends", _with(model, own).plus(uneven[0]))
-        yield Variant("more at one end", _with(model, own).plus(uneven[1]))
-        yield Variant("more at the ends, and more at one of them", _with(model, own).plus(*uneven))
+        ends = _moved(p["log_ends"], own, {one.name: [2.0 * x * x - 1.0 for x in one.places] for one in own})
+        tilt = _moved(p["log_tilt"], own, {one.name: list(one.places) for one in own})
+        uneven = {
+            "more or less at the ends": (ends,),
+            "more at one end": (tilt,),
+            "more at the ends, and more at one of them": (ends, tilt),
+        }
+        for name, unknowns in uneven.items():
+            yield Variant(name, _with(model, own).plus(*unknowns))
         spread = own
     if not points:
         return
@@ -64,8 +66,8 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         _moved(p["fading"], laid, {one.name: [0.0, *(0.5 - x for x in one.places[1:])] for one in laid}),
     )
     yield Variant("not at points", _with(model, laid).plus(*along))
-    if spread:
-        yield Variant("not at points, and not evenly", _with(model, [*laid, *spread]).plus(*along, *uneven))
+    for name, unknowns in uneven.items():
+        yield Variant(f"not at points, {name}", _with(model, [*laid, *spread]).plus(*along, *unknowns))
 
 
 def _wanted(model: Model) -> list[GroundSpring]:

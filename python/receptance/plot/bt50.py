@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,13 +36,15 @@ def draw_bt50(study: BT50Study) -> Figure:
         It belongs to no window; save it with `savefig`.
     """
     figure = new_figure(16.0, 9.6)
-    panels = figure.subplots(2, 3)
-    _draw_axial_stiffness(panels[0, 0], study)
-    _draw_axial_damping(panels[0, 1], study)
-    _draw_frequencies(panels[0, 2], study)
-    _draw_radial(panels[1, 0], study, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
-    _draw_radial(panels[1, 1], study, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
-    _draw_left_out(panels[1, 2], study)
+    cells = figure.add_gridspec(2, 3)
+    broken = cells[0, 2].subgridspec(2, 1, height_ratios=(1.0, 4.0))
+    _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), study)
+    _draw_axial_damping(figure.add_subplot(cells[0, 1]), study)
+    _draw_frequencies(figure.add_subplot(broken[0]), figure.add_subplot(broken[1]), study)
+    across = [figure.add_subplot(cells[1, i]) for i in range(3)]
+    _draw_radial(across[0], study, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
+    _draw_radial(across[1], study, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
+    _draw_left_out(across[2], study)
     keep_clear(figure, 0.93)
     title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
     figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
@@ -87,9 +89,17 @@ def _draw_axial_damping(axes: Axes, study: BT50Study) -> None:
     axes.legend(frameon=False, fontsize=9, loc="upper left")
 
 
-def _draw_frequencies(axes: Axes, study: BT50Study) -> None:
-    set_up(axes, "First axial mode (paper's figure 16)", _FORCE, "frequency (Hz)")
+def _draw_frequencies(above: Axes, axes: Axes, study: BT50Study) -> None:
+    """Draw the first axial mode below a break of the axis, and bonded, which is far off, above it."""
+    set_up(above, "First axial mode (paper's figure 16)")
+    set_up(axes, "", _FORCE, "frequency (Hz)")
     force = [level.force_kn for level in study.axial]
+    bonded = study.bonded_hz["axial"][0]
+    above.plot(force, [bonded] * len(force), color=COLOURS[2], linestyle="--")
+    above.text(
+        0.98, 0.12, f"bonded, {bonded:.0f} Hz", transform=above.transAxes, ha="right", fontsize=9, color=COLOURS[2]
+    )
+    above.set_ylim(0.96 * bonded, 1.02 * bonded)
     axes.plot(
         force,
         [level.circle.frequency_hz for level in study.axial],
@@ -108,11 +118,28 @@ def _draw_frequencies(axes: Axes, study: BT50Study) -> None:
         label="elastic holder on the rigid holder's springs",
     )
     bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.4 * (top - bottom))
+    axes.set_ylim(bottom, top + 0.35 * (top - bottom))
     axes.legend(frameon=False, fontsize=9, loc="upper left")
     share = np.mean([100.0 * (level.simulated_hz / level.circle.frequency_hz - 1.0) for level in study.axial])
-    text = f"{share:+.1f} % on average\n(bonded: {study.bonded_hz['axial'][0]:.0f} Hz, far above)"
-    axes.text(0.98, 0.35, text, transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
+    axes.text(0.98, 0.3, f"{share:+.1f} % on average", transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
+    _break(above, axes)
+
+
+def _break(above: Axes, below: Axes) -> None:
+    """Show that one axis goes on above a gap: no frame and no ticks there, and two slanting strokes."""
+    above.sharex(below)
+    above.spines["bottom"].set_visible(False)
+    above.tick_params(bottom=False, labelbottom=False)
+    above.locator_params(axis="y", nbins=2)
+    stroke: dict[str, Any] = {
+        "marker": [(-1.0, -0.5), (1.0, 0.5)],
+        "markersize": 9,
+        "color": INK,
+        "linestyle": "none",
+        "clip_on": False,
+    }
+    above.plot([0.0], [0.0], transform=above.transAxes, **stroke)
+    below.plot([0.0], [1.0], transform=below.transAxes, **stroke)
 
 
 def _draw_radial(axes: Axes, study: BT50Study, kind: str, title: str, label: str, factor: float) -> None:

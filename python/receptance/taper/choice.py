@@ -32,12 +32,21 @@ class Shape:
         Modal constant at the first over that at the second, of both modes, for one and the same hit.
     standard_error : tuple of float, optional
         Of the real and of the imaginary part of each ratio.
+
+    Raises
+    ------
+    ValueError
+        Both points are the same: the ratio is then 1 for every joint.
     """
 
     first: float
     second: float
     ratio: tuple[complex, complex]
     standard_error: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.first == self.second:
+            raise ValueError(f"Shape: first and second are both {self.first:g} m, expected two points")
 
 
 def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, Choice, str]:

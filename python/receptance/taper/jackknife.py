@@ -42,7 +42,9 @@ def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
     with warnings.catch_warnings():
         # Whatever there is to say was said of all hits together.
         warnings.simplefilter("ignore", ReceptanceWarning)
-        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **settings) for hit in hits.kept)
+        # Only the values count, so that no variance has to be pooled.
+        own = {"pooled_lines": 1, **settings}
+        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
 
 
 def relative_errors(

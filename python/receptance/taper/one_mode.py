@@ -38,6 +38,11 @@ def axial_from_mode(
 ) -> AxialSolution:
     """Return the axial joint of a rigid holder: K = m (2 pi f)^2 and C = 4 pi m f zeta (eqs. 14 and 15).
 
+    Raises
+    ------
+    ValueError
+        A frequency that is not positive; a damping ratio below 0, or from 1 on.
+
     Examples
     --------
     >>> from receptance.taper import Body, axial_from_mode
@@ -48,7 +53,9 @@ def axial_from_mode(
     from receptance.identification.spread import quantile
 
     f = _checks.positive("axial_from_mode", "frequency_hz", frequency_hz, unit="Hz")
-    zeta = _checks.number("axial_from_mode", "damping_ratio", damping_ratio)
+    zeta = _checks.not_negative("axial_from_mode", "damping_ratio", damping_ratio)
+    if zeta >= 1.0:
+        raise ValueError(f"axial_from_mode: damping_ratio is {zeta:g}, expected a share of critical damping, below 1")
     w = 2.0 * np.pi * f
     joint = AxialJoint(body=body, k_z1=body.mass * w**2, c_z1=2.0 * body.mass * w * zeta)
     intervals: dict[str, Interval] = {}
