@@ -187,7 +187,8 @@ def test_workers_that_die_change_no_number(tmp_path: Path) -> None:
         distributed.LocalCluster(
             n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
         ) as cluster,
-        distributed.Client(cluster) as client,
+        # Not the default one, which is another's business.
+        distributed.Client(cluster, set_as_default=False) as client,
     ):
         workers = client.run(os.getpid)
 

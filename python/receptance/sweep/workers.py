@@ -49,7 +49,8 @@ def on_workers(
         running[future] = own, tries
         return future
 
-    done = as_completed(submit(own) for own in waiting.first())
+    # Without its loop it would take the default client's, which may be another's.
+    done = as_completed((submit(own) for own in waiting.first()), loop=client.loop)
     try:
         for future in done:
             own, tries = running.pop(future)
