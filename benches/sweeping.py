@@ -15,7 +15,6 @@ if __name__ == "__main__":
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
-import contextlib
 import json
 import resource
 import sys
@@ -100,20 +99,16 @@ def processor_seconds(client: Any) -> tuple[float, float]:
 def on_workers(
     frf: MeasuredFRF, count: int, seed: int, numbers: Sequence[int], rounds: int
 ) -> Iterator[tuple[int, dict[str, Any], Any]]:
-    """Sweep on so many dask workers of one thread each, in turns; small sweeps before let them load what they need."""
+    """Sweep on so many dask workers of one thread each, in turns; a small sweep before lets them load what they need."""
     from distributed import Client, LocalCluster
 
     options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with contextlib.ExitStack() as opened:
-        clients = {}
-        for number in numbers:
-            cluster = opened.enter_context(LocalCluster(n_workers=number, **options))
-            clients[number] = opened.enter_context(Client(cluster, set_as_default=False))
-            sweep(frf.assembly, drawn(200 * number, seed), Misfit(frf), block=50, client=clients[number])
-        for _ in range(rounds):
-            for number, client in clients.items():
-                title = f"dask, {number} worker{'s' if number > 1 else ''} of one thread"
-                yield number, *run(frf, count, seed, title, client=client)
+    for number in list(numbers) * rounds:
+        # One cluster at a time: workers and schedulers that wait take some of the processors too.
+        with LocalCluster(n_workers=number, **options) as cluster, Client(cluster) as client:
+            sweep(frf.assembly, drawn(200 * number, seed), Misfit(frf), block=50, client=client)
+            title = f"dask, {number} worker{'s' if number > 1 else ''} of one thread"
+            yield number, *run(frf, count, seed, title, client=client)
 
 
 def compared(rows: Sequence[dict[str, Any]]) -> str:
