@@ -99,7 +99,7 @@ def processor_seconds(client: Any) -> tuple[float, float]:
 def on_workers(
     frf: MeasuredFRF, count: int, seed: int, numbers: Sequence[int], rounds: int
 ) -> Iterator[tuple[int, dict[str, Any], Any]]:
-    """Sweep on so many dask workers of one thread each, in turns; a small sweep before lets them load what they need."""
+    """Sweep on so many dask workers of one thread each, in turns; small sweeps before let them load what they need."""
     from distributed import Client, LocalCluster
 
     options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
