@@ -65,6 +65,8 @@ def test_draws_of_named_ranges(campaign: str, monkeypatch: pytest.MonkeyPatch) -
         (["--vary", "joint.k_y"], "expected 'ADDRESS = LOW to HIGH'"),
         (["--vary", "joint.k_y = 1e7 N to 1e8 N"], 'the lower end is "1e7 N", a force'),
         (["--vary", "joint.k_y = 1e8 N/m to 1e7 N/m"], "expected the lower end first"),
+        (["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m"] * 2, "--vary joint.k_y is there twice"),
+        (["--points", "5", "--sample", "10"], "expected one of them"),
         (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
         (["--points", "4000"], "use --sample"),
         (["--store", "none/s.zarr"], "there is no folder none"),
