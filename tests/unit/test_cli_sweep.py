@@ -82,3 +82,19 @@ def test_mistakes_are_answered_in_words(
     assert call(monkeypatch, "sweep", campaign, *arguments) == 2
     assert words in capsys.readouterr().err
     assert {path.name for path in Path().iterdir()} == {Path(campaign).name}
+
+
+def test_an_interruption_names_the_store(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("sweep", campaign, "--sample", "40", "--store", "tried.zarr")
+
+    def interrupted(_: object) -> str:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as until:
+        until.setattr("receptance.sweep.SweepProgress.__str__", interrupted)
+        assert call(monkeypatch, *arguments) == 130
+    assert "the store tried.zarr keeps what is done; the same command goes on" in capsys.readouterr().err
+    assert call(monkeypatch, *arguments) == 0
+    assert "40 candidates" in capsys.readouterr().out

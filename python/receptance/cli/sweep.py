@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -71,9 +72,17 @@ def sweep(
             raise InputError("this campaign has no measurement that candidates could be compared with")
         candidates = _candidates(read, vary or [], points, sample, seed)
         misfit = Misfit([measured.observation for measured in read.to_identify.values()])
-        found = with_progress(
-            lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told)))
-        )
+        try:
+            found = with_progress(
+                lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told)))
+            )
+        except KeyboardInterrupt:
+            if store is not None and store.is_dir():
+                print(
+                    f"receptance: the store {store} keeps what is done; the same command goes on with it",
+                    file=sys.stderr,
+                )
+            raise
     best = _best(found)
     # The rest of a store stays where it is.
     chosen = found.isel(candidate=best).load()
