@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Chunks"]
 
-_KEPT_EVERY = 2.0
+_KEPT_EVERY = 1.0
 """Seconds between two moments from which on an interrupted run is resumed."""
 _MOST_WAITING = 4
 """Blocks that wait for the disk: where it is slower than the sweep, the sweep waits, and memory stays bounded."""
