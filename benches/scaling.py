@@ -28,7 +28,7 @@ import sweeping
 from numpy_reference.cases import segment_row, ten_segments, tool_and_holder
 from pairs.models import Array, chain, coupled, part, segment_addresses, sweep
 from pairs.sweeps import joints, measured, swept
-from receptance import Assembly, Coordinate
+from receptance import Assembly, Coordinate, _core
 from receptance._files import check_target, write_whole
 from roofline import least
 
@@ -123,13 +123,14 @@ def on_workers(numbers: Sequence[int], quick: bool) -> Iterator[Point]:
         yield Point("workers", "500,000 misfits of 2,000 lines to a store", number, seconds)
 
 
-def figure(points: Sequence[Point]) -> Any:
-    """Return the figure: seconds over each abscissa, and how many times faster more threads are."""
+def figure(points: Sequence[Point], about: str = "") -> Any:
+    """Return the figure: seconds over each abscissa, and how many times faster more threads are; `about` on top."""
     from matplotlib.figure import Figure
 
     panels = list(dict.fromkeys(point.panel for point in points))
     columns = (len(panels) + 1) // 2
     drawn = Figure(figsize=(5.5 * columns, 7.5), layout="constrained")
+    drawn.suptitle(about, fontsize="medium")
     every = drawn.subplots(2, columns).ravel()
     for unused in every[len(panels) :]:
         unused.set_axis_off()
@@ -146,7 +147,7 @@ def figure(points: Sequence[Point]) -> Any:
         axes.set_ylabel("times as fast as one" if panel in ON_THE_WALL else "processor time of a call [ms]")
         if panel in ON_THE_WALL:
             ticks = sorted({point.x for point in own})
-            axes.plot(ticks, ticks, color="0.7", zorder=0)
+            axes.plot(ticks, ticks, color="0.7", zorder=0, label="as many times as fast")
             axes.set_xticks(ticks)
             axes.set_ylim(bottom=0.0)
         axes.grid(visible=True, which="major", color="0.9")
@@ -169,7 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except OSError as error:
             parser.error(f"{name}: {error}")
     load = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
-    print(f"least processor times of several calls (threads: on the wall), {load}")
+    about = f"{os.cpu_count()} processors, {_core.instruction_set()}, {load} at the beginning"
+    print(f"least processor times of several calls (threads and workers: on the wall), {about}")
     found = []
     for point in itertools.chain(measure(options.quick), on_workers(options.workers, options.quick)):
         found.append(point)
@@ -180,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from io import BytesIO
 
         content = BytesIO()
-        figure(found).savefig(content, format=options.plot.suffix.lstrip(".") or "png", dpi=150)
+        figure(found, about).savefig(content, format=options.plot.suffix.lstrip(".") or "png", dpi=150)
         write_whole({options.plot: content.getvalue()})
     return 0
 
