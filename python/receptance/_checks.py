@@ -28,6 +28,17 @@ def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     return result
 
 
+def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
+    """Return an array of some kinds of numbers, or raise."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
+    if array.dtype.kind not in kinds:
+        raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
+    return array
+
+
 def positive(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     """Return `value` as a positive finite float."""
     result = number(owner, quantity, value, unit=unit)

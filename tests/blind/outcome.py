@@ -123,21 +123,19 @@ def _resolved(ask: Callable[..., Any], case: Case, truth: Truth, answer: Any) ->
     """Return whether the advised measurement, when taken, resolves an ambiguous verdict to the right name.
 
     What it shows by itself (a weight, a length, a gain) is known afterwards: either it is the effect, or it is none and
-    the diagnosis is repeated without it. Other measurements are taken, and the diagnosis is repeated with them.
+    the diagnosis is repeated without it. Other measurements are taken, and the diagnosis is repeated with them. Where
+    two things are advised both are done.
     """
     names = {effect.id for effect in truth.effects}
     shown = shown_by(answer.next_measurement)
-    if shown:
-        left = names - shown
-        if not left:
-            return True
-        second = ask(case, without=tuple(shown))
-        return second.verdict == "named" and set(second.reported) == left
     more = measured_again(case, truth, answer.next_measurement)
-    if more is None:
+    if not shown and more is None:
         return False
-    second = ask(more)
-    return second.verdict == "named" and set(second.reported) == names
+    left = names - shown
+    if not left:
+        return True
+    second = ask(more or case, without=tuple(shown))
+    return second.verdict == "named" and set(second.reported) == left
 
 
 def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> float | None:

@@ -23,6 +23,7 @@ from receptance import (
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
+from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -147,6 +148,35 @@ def test_one_configuration_convicts_no_part() -> None:
     verdict = diagnose(stiffer, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
     assert verdict.verdict != "named"
     assert any("one configuration" in note for note in verdict.notes)
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_one_mode_convicts_no_part(listed: bool) -> None:
+    """Of each overhang only the first mode was measured: lines around it, or its frequency alone."""
+    rng = np.random.default_rng(6)
+    seen: list[MeasuredFRF | MeasuredFrequencies] = []
+    for x in (0.05, 0.06, 0.07, 0.08, 0.09):
+        true = assembled(x).replace({"tool.segment[0].density": 1.1 * CARBIDE.density})
+        first, second = true.natural_frequencies(12000.0)[:2]
+        if listed:
+            own = first * (1.0 + 3e-4 * rng.normal())
+            spread = 3e-4 * own
+            seen.append(MeasuredFrequencies(assembly=assembled(x), frequency_hz=[own], standard_deviation_hz=spread))
+            continue
+        lines = np.linspace(0.6 * first, min(1.4 * first, 0.9 * second), 120)
+        noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
+        values = true.receptance(lines) * np.exp(noise)
+        seen.append(
+            MeasuredFRF(assembly=assembled(x), frequency_hz=lines, receptance=values, standard_deviation=0.0105)
+        )
+    seen = [altered(one, label=f"{i}") for i, one in enumerate(seen)]
+    verdict = diagnose(seen, JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
+    assert verdict.verdict != "named"
+    assert any("one mode" in note for note in verdict.notes)
+    if verdict.verdict != "adequate":
+        assert "second mode" in str(verdict.next_measurement)
+    several = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
+    assert not any("one mode" in note for note in several.notes)
 
 
 def test_what_data_cannot_decide_says_what_is_missing() -> None:

@@ -12,7 +12,7 @@ from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, 
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.advice import MENU, advise
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.fitting import refit, starting_at
 from receptance.diagnosis.foresight import with_causes
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.simulated import Alone, FRFAgain, Known, Rival, at_the_nose, other_overhang, same_again
@@ -154,6 +154,24 @@ def test_two_measurements_settle_what_one_leaves_open(selection: Selection) -> N
     assert ", and " in found.action
     assert "weigh the sensor" in found.action
     assert found.cost > 1.0
+
+
+def test_losses_that_look_alike_are_looked_up(selection: Selection) -> None:
+    """A window or a rope of that size costs hardly anything in one record more, and is there to be seen by itself."""
+    model = selection.base.model
+    close = []
+    for name in ("joint_hysteretic_loss", "exponential_window", "suspension"):
+        variant = CATALOGUE[name].variants(model)[-1 if name == "suspension" else 0]
+        start = {"suspension.stiffness": 2e4, "suspension.damping": 20.0, "exponential_window.decay_rate": 2.0}
+        fit = replace(starting_at(selection.base, variant.model))
+        values = {**fit.values, **{key: value for key, value in start.items() if key in fit.values}}
+        fit = replace(fit, x=fit.task.variables.from_values(np.array(list(values.values()))))
+        close.append(Explanation(((CATALOGUE[name], variant.name),), fit, 40.0, 30.0))
+    found = advise(selection, Judgement("ambiguous", tuple(close), tuple(next(iter(one.ids)) for one in close), ()))
+    assert found is not None
+    assert found.resolves == 1.0
+    assert "exponential window" in found.action
+    assert "swing" in found.action
 
 
 def test_a_verdict_has_it() -> None:

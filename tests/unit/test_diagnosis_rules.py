@@ -22,8 +22,10 @@ from receptance import (
 )
 from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose
 from receptance.diagnosis.adequacy import judge
-from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.explanation import Explanation
+from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.selection import _exchanged, select
 from receptance.diagnosis.usable import usable
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.observations import altered
@@ -106,7 +108,57 @@ def test_clampings_that_scatter_more_than_stated_are_no_adequate_model() -> None
     assert adequacy.strain.worst[0][0].startswith("joint.k_theta @")
     assert "joint.k_theta @" in adequacy.why_not
     quiet = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
-    assert judge(fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES)))).passed
+    passed = judge(fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES))))
+    assert passed.passed
+    assert adequacy.strain.chance < 1e-3 < passed.strain.chance
+
+
+def test_what_leaves_tolerances_strained_is_a_suspicion() -> None:
+    true = [
+        altered(o, receptance=1.05 * o.receptance)
+        for o in (measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS))
+    ]
+    verdict = diagnose(true, JOINT, tolerances=TOLERANCES, causes=["calibration_gain"], most=1)
+    assert verdict.verdict == "named"
+    one = replace(verdict.explanation)
+    # Had it taken tolerances of 3.5 standard deviations to get there, which the gate lets pass.
+    strain = replace(verdict.adequacy_after.strain, worst=(("carbide", 3.5),), chance=5e-3)
+    one.__dict__["adequacy"] = replace(verdict.adequacy_after, strain=strain)
+    judgement = conclude(replace(verdict.selection, singles=[one], several=[]))
+    assert judgement.answer == "suspected"
+    assert any("carbide at +3.5" in note for note in judgement.notes)
+
+
+def test_a_mode_that_no_line_shows_is_not_believed() -> None:
+    data = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+    cause = CATALOGUE["missing_mode"]
+    for variant in cause.variants(Model(tuple(data), tuple(JOINT))):
+        tuned = variant.of(cause).parameter_of("missing_mode.log_frequency")
+        for target in (0.9 * LINES[0], 1.01 * LINES[0], 0.99 * LINES[-1], 1.1 * LINES[-1]):
+            away = float(np.log(target / hertz(variant.name)))
+            if abs(away) < 0.3:
+                assert tuned.believable(away) == (LINES[0] < target < LINES[-1])
+
+
+def test_causes_are_exchanged_for_other_ways_of_acting() -> None:
+    """A gain that was found in one configuration while it is in all of them, beside a sensor."""
+    sensor = PointMass(mass=2e-3)
+    data = [
+        altered(one, receptance=1.004 * one.receptance)
+        for one in (measured(assembled(x), assembled(x, sensor), f"{x}", i) for i, x in enumerate(OVERHANGS))
+    ]
+    causes = [CATALOGUE[name] for name in ("sensor_mass", "calibration_gain")]
+    selection = select(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES)), causes, most=1)
+    root = next(one for one in selection.singles if "sensor_mass" in one.ids)
+    variants = {v.name: v.model for v in causes[1].variants(root.fit.model)}
+    fit = refit(variants["0.05"], root.fit.values)
+    gain = selection.base.chi_square - fit.chi_square
+    steps = (*root.steps, (causes[1], "0.05"))
+    selection.several.append(Explanation(steps, fit, gain, root.evidence + 1.0))
+    assert selection.explanations[0].adequacy.of_lines
+    _exchanged(selection, causes, 0, None, lambda text: None)
+    found = {cause.id: name for cause, name in selection.explanations[0].steps}
+    assert found == {"sensor_mass": "all", "calibration_gain": "all"}
 
 
 def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> None:

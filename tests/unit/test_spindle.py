@@ -146,6 +146,19 @@ def test_rotations_by_differences_say_what_they_are_off_by() -> None:
     assert noise[0] > 3.0 * noise[1]
 
 
+def test_both_of_a_reciprocal_pair_count_as_two_measurements() -> None:
+    """The noise of y/F at the second place through the first is that of a mean of two."""
+    blank = make_blank(0.12)
+    once = [measure(blank, b, a, sd=1e-2, lines=LOW) for a, b in ((0.0, 0.0), (0.0, 0.03), (0.03, 0.03))]
+    twice = [*once, measure(blank, 0.0, 0.03, sd=1e-2, lines=LOW)]
+    y, cross, _ = (one.receptance for one in once)
+    for observed, share in ((once, 1.0), (twice, 0.5)):
+        found = rotations(observed, truncation=False)[1]
+        # theta/F is (H_21 - H_11)/s, and each H errs by a hundredth of itself.
+        expected = 1e-2 * np.sqrt(np.abs(y) ** 2 + share * np.abs(cross) ** 2) / np.abs(cross - y)
+        np.testing.assert_allclose(np.asarray(found.standard_deviation), expected, rtol=1e-9)
+
+
 def test_a_spindle_by_differences_is_off_by_their_truncation() -> None:
     blank = make_blank(0.12)
     observed = [measure(blank, b, a, sd=1e-6, lines=FEW) for a, b in ((0.0, 0.0), (0.0, 0.03), (0.03, 0.03))]
@@ -175,6 +188,9 @@ def test_modes_are_fitted_to_the_responses() -> None:
     whole = with_spindle(make_blank(0.15), make_spindle()).receptance(LINES[::20])
     z = np.abs(np.log(machine.receptance(LINES[::20]) / whole)) / (np.sqrt(2.0) * deviation)
     assert np.sqrt(np.mean(z**2)) < 2.0
+    # Draws have the spread that is stated, which modes and distance from the lines both make.
+    drawn = np.log(np.abs(fit.draws(machine, LINES[::20], count=400))).std(axis=0)
+    np.testing.assert_allclose(np.median(drawn / deviation), 1.0, atol=0.1)
     assert fit.covariance.shape == (len(fit.addresses),) * 2
 
 

@@ -59,12 +59,16 @@ class Strain:
         Sum of squares of all that the data see, as a multiple of its expectation.
     together_limit : float
         Its limit.
+    chance : float
+        How often an adequate model would be pulled as far, by its farthest error or by all together, whichever is
+        rarer.
     """
 
     worst: tuple[tuple[str, float], ...] = ()
     limit: float = np.inf
     together: float = 1.0
     together_limit: float = np.inf
+    chance: float = 1.0
 
     @property
     def passed(self) -> bool:
@@ -103,12 +107,17 @@ class Adequacy:
     @property
     def passed(self) -> bool:
         """Whether noise and floor explain what is left, with tolerances that nobody would doubt."""
-        return self.misfit <= self.limit and self.smooth <= self.smooth_limit and self.strain.passed
+        return self.of_lines and self.strain.passed
+
+    @property
+    def of_lines(self) -> bool:
+        """Whether noise and floor explain what is left, whatever tolerances it takes."""
+        return self.misfit <= self.limit and self.smooth <= self.smooth_limit
 
     @property
     def why_not(self) -> str:
         """What is too large, for people; empty where nothing is."""
-        if self.misfit > self.limit or self.smooth > self.smooth_limit:
+        if not self.of_lines:
             return f"leaves {self.misfit:.2f} times what noise and floor explain, most of it in {self.worst[0]}"
         if not self.strain.passed:
             far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
@@ -149,7 +158,7 @@ def _strain(fit: Fit) -> Strain:
     With residuals r = J x and their rows P of the priors, those of an adequate model have the covariance
     I - P (J^T J)^-1 P^T: the prior's own less what a prior keeps to itself where the data say nothing.
     """
-    from scipy.special import ndtri  # the light part of scipy.stats
+    from scipy.special import chdtrc, ndtr, ndtri  # the light part of scipy.stats
 
     names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
     if not names:
@@ -168,12 +177,15 @@ def _strain(fit: Fit) -> Strain:
     kept = values > _SEEN
     parts = vectors[:, kept].T @ off
     count = int(np.count_nonzero(kept))
+    together = float(np.sum(parts**2 / values[kept]))
     order = np.argsort(-np.abs(sizes))[:_FARTHEST]
+    farthest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if seen[i]),
         limit=float(-ndtri(0.5 * _RARE / np.count_nonzero(seen))),
-        together=float(np.sum(parts**2 / values[kept])) / max(count, 1),
+        together=together / max(count, 1),
         together_limit=_quantile(float(max(count, 1))),
+        chance=min(2.0 * np.count_nonzero(seen) * float(ndtr(-farthest)), float(chdtrc(max(count, 1), together)), 1.0),
     )
 
 

@@ -55,6 +55,16 @@ MENU = (
     Choice("weigh the holder", 1.0, Known({"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3})),
     Choice("measure the overhangs again with a caliper", 1.0, Known({"overhang_error.length": 3e-5})),
     Choice(
+        "look up which exponential window the analyser had",
+        1.0,
+        Known({"exponential_window.decay_rate": 0.1}),
+    ),
+    Choice(
+        "measure frequency and decay of its swing on the suspension",
+        1.0,
+        Known({"suspension.stiffness": 2e3, "suspension.damping": 2.0}),
+    ),
+    Choice(
         "repeat one measurement without the exponential window",
         2.0,
         FRFAgain(same_again, _WINDOW),
@@ -103,6 +113,10 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
     if len(selection.base.model.configurations) == 1:
         return NextMeasurement(
             action="measure another overhang", reason="one configuration cannot tell the joint from the parts"
+        )
+    if selection.base.one_mode:
+        return NextMeasurement(
+            action="measure up to a second mode", reason="one mode cannot tell the joint from the parts"
         )
     if judgement.answer == "unexplained":
         return NextMeasurement(

@@ -235,6 +235,8 @@ def _on_data(selection: Selection) -> list[str]:
         )
     if len(model.configurations) == 1:
         notes.append("there is one configuration: measure another overhang to tell the joint from the parts")
+    if selection.base.one_mode:
+        notes.append("there is one mode in each record: measure up to a second one to tell the joint from the parts")
     listed = [isinstance(one, MeasuredFrequencies) for one in model.observations]
     if all(listed):
         damped = any(isinstance(one, MeasuredFrequencies) and one.damped.size for one in model.observations)

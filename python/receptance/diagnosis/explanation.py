@@ -73,7 +73,7 @@ class Selection:
     found : list of Direction
         What the causes promised at the base.
     threshold : float
-        Evidence that the best cause reaches by chance in one of a hundred diagnoses of an adequate model.
+        Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
     undecidable : dict of str to str
         Causes that the data cannot speak about, and why.
     evaluations : int

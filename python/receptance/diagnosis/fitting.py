@@ -121,6 +121,27 @@ class Fit:
             for one in self.model.observations
         )
 
+    @cached_property
+    def one_mode(self) -> bool:
+        """Whether no observation of a jointed model has more than one mode, or lines more than an octave beyond it."""
+        if not self.model.joints:
+            return False
+        values = self.task.variables.to_values(self.x)
+        for index, one in enumerate(self.model.observations):
+            if not isinstance(one, MeasuredFRF):
+                if one.frequency_hz.size > 1:
+                    return False
+                continue
+            if not one.assembly.countable:
+                return False
+            low, high = (float(one.frequency_hz[i].real) for i in (0, -1))
+            assembly = self.task.parameters.at(place_of(one, index)).apply(one.assembly, values)
+            modes = assembly.natural_frequencies(high)
+            modes = modes[modes > low]
+            if modes.size > 1 or (modes.size and not 0.5 * modes[0] < low < high < 2.0 * modes[0]):
+                return False
+        return True
+
     @property
     def freedom(self) -> float:
         """Degrees of freedom: a prior counts as an observed number, so errors of tolerances cost none."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from receptance.diagnosis.adequacy import judge
@@ -14,6 +14,8 @@ __all__ = ["Judgement", "conclude"]
 
 _LONELY = 0.97
 """Share of the improvement from which one configuration has it alone."""
+_HARDLY = 1e-2
+"""Chance of strained tolerances below which a cause is not named: a wrong one leaves them to take up the rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +35,14 @@ def conclude(selection: Selection) -> Judgement:
     2. Only what passes the gate itself may explain; nothing does: unexplained.
     3. All within the margin of the best evidence are reported, without what only adds to another one of them.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
-    5. One left: named; suspected near the limit of detection, or where the data cannot convict: there is but one
-       configuration, a cause that all should show is seen in one of them, or several causes share what a model leaves
-       that passes the gate by itself. Several left: ambiguous.
+    5. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
+       in one of a hundred, or where the data cannot convict: there is but one configuration or one mode, a cause that
+       all should show is seen in one of them, or several causes share what a model leaves that passes the gate by
+       itself. Several left: ambiguous.
        Beside a fit that has not ended nothing is named.
     """
     notes: list[str] = []
-    base, limit = selection.base, max(selection.threshold, 0.0)
+    limit = max(selection.threshold, 0.0)
     best = next(iter(selection.explanations), None)
     if best is None or best.evidence <= limit:
         return _nothing(selection)
@@ -65,29 +68,45 @@ def conclude(selection: Selection) -> Judgement:
         return Judgement("ambiguous", tuple(left), between, tuple(notes))
     if unfinished:
         return Judgement("suspected", tuple(left), (), tuple(notes))
-    weak = left[0].evidence <= limit + MARGIN
-    if weak:
-        notes.append(f"{_called(left[0])} gains little more than chance could, so it is suspected and not named")
-    alone = len(base.model.configurations) == 1 and any(cause.group == "structure" for cause, _ in left[0].steps)
+    doubts = list(_doubts(selection, left[0], limit))
+    return Judgement("suspected" if doubts else "named", tuple(left), (), (*notes, *doubts))
+
+
+def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
+    """Yield why the only explanation that is left is suspected and not named."""
+    base, name = selection.base, _called(one)
+    if one.evidence <= limit + MARGIN:
+        yield f"{name} gains little more than chance could, so it is suspected and not named"
+    strain = one.adequacy.strain
+    if strain.chance < _HARDLY:
+        far = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
+        yield (
+            f"{name} leaves tolerances farther off than chance would in one of a hundred, in standard deviations: "
+            f"{far}; something else may be at work, so it is a suspicion"
+        )
+    structure = any(cause.group == "structure" for cause, _ in one.steps)
+    alone = len(base.model.configurations) == 1 and structure
     if alone:
-        notes.append(
+        yield (
             "one configuration cannot tell the joint from the parts: measure another overhang; until then it is "
             "a suspicion"
         )
-    lonely = None if alone else _lonely(base, left[0])
+    if structure and base.one_mode:
+        yield (
+            "one mode cannot tell the joint from the parts: measure up to a second one; until then it is a suspicion"
+        )
+    lonely = None if alone else _lonely(base, one)
     if lonely:
-        notes.append(
-            f"{_called(left[0])} shows in {lonely} alone: what sits on that tool or in that clamping may be it; "
+        yield (
+            f"{name} shows in {lonely} alone: what sits on that tool or in that clamping may be it; "
             "until another configuration shows it, it is a suspicion"
         )
     before = judge(base)
-    hardly = len(left[0].steps) > 1 and before.misfit <= before.limit
-    if hardly:
-        notes.append(
-            f"the model leaves hardly more than noise explains, and {_called(left[0])} take it up between them: so can "
+    if len(one.steps) > 1 and before.misfit <= before.limit:
+        yield (
+            f"the model leaves hardly more than noise explains, and {name} take it up between them: so can "
             "what no cause describes; they are a suspicion"
         )
-    return Judgement("suspected" if weak or alone or lonely or hardly else "named", tuple(left), (), tuple(notes))
 
 
 def _lonely(base: Fit, one: Explanation) -> str | None:

@@ -171,7 +171,13 @@ def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
         tuned = p["log_frequency"].move({"cause_link.k_y": 2.0, "cause_link.c_y": 1.0}, relative=True)
         damped = p["log_damping"].move({"cause_link.c_y": 1.0}, relative=True)
-        yield Variant(f"near {frequency:.0f} Hz at the holder's far end", changed.plus(body, tuned, damped))
+        within = (math.log(low / frequency), math.log(high / frequency))
+        yield Variant(
+            f"near {frequency:.0f} Hz at the holder's far end",
+            changed.plus(body, tuned, damped),
+            # Below the lines or above them nobody has seen a mode: a spring to ground or a mass does the same there.
+            limited=(replace(p["log_frequency"], plausible=within),),
+        )
 
 
 def with_resonator(assembly: Assembly, part: str) -> Assembly:

@@ -89,6 +89,7 @@ def select(
         if not roots:
             break
         selection.several += roots
+    _exchanged(selection, causes, seed, threads, say)
     if not any(one.adequacy.passed for one in selection.explanations):
         _begun_anew(selection, seed, threads, say)
     _ended(selection, threads)
@@ -134,17 +135,47 @@ def _pruned(selection: Selection, threads: int | None) -> None:
     if best is None or len(best.steps) < 2 or not best.adequacy.passed:
         return
     for left in best.steps:
-        model = selection.base.model
         steps = tuple(step for step in best.steps if step is not left)
         try:
-            for cause, name in steps:
-                model = next(v.model for v in cause.variants(model) if v.name == name)
-            fit = refit(model, best.fit.values, threads=threads)
+            fit = refit(_with(selection.base.model, steps), best.fit.values, threads=threads)
         except (ReceptanceError, UndecidableError, StopIteration):
             continue
         own = _explanation(selection, steps[:-1], steps[-1], fit)
         target = selection.singles if len(steps) == 1 else selection.several
         target[:] = _best_each([*target, own])
+
+
+def _exchanged(
+    selection: Selection, causes: Sequence[Cause], seed: int, threads: int | None, say: Callable[[str], None]
+) -> None:
+    """Put other causes, and other ways of acting, in the place of each cause of the best explanation.
+
+    What was found first decided how it acts while the others were not there, and kept rivals from being tried.
+    """
+    best = selection.explanations[0] if selection.explanations else None
+    if best is None or len(best.steps) < 2 or not best.adequacy.of_lines:
+        return
+    for left in best.steps:
+        kept = tuple(step for step in best.steps if step is not left)
+        ids = {cause.id for cause, _ in kept}
+        try:
+            root = refit(_with(selection.base.model, kept), best.fit.values, threads=threads)
+        except (ReceptanceError, UndecidableError, StopIteration):
+            continue
+        variants, _ = _variants(root.model, [cause for cause in causes if cause.id not in ids], root)
+        directed = [one for one in directions(root, variants) if not one.variant.fresh]
+        selection.evaluations += root.evaluations + len(directed)
+        ranked = _chosen(directed, selection.penalty)
+        others = list({one.cause.id: one for one in reversed(ranked) if one.cause.id != left[0].id}.values())[::-1]
+        own = [one for one in ranked if one.cause.id == left[0].id] + others[:_MORE]
+        found = _fitted(selection, kept, root, own, seed, threads, say)
+        selection.several = _best_each([*selection.several, *found])
+
+
+def _with(model: Model, steps: Sequence[tuple[Cause, str]]) -> Model:
+    for cause, name in steps:
+        model = next(variant.model for variant in cause.variants(model) if variant.name == name)
+    return model
 
 
 def _rebased(selection: Selection, threads: int | None) -> Selection:

@@ -140,7 +140,7 @@ class Verdict:
     adequacy, adequacy_after : Adequacy
         What base and best explanation leave.
     threshold : float
-        Evidence that chance alone reaches in one of a hundred diagnoses.
+        Evidence that chance alone reaches in one of a thousand diagnoses.
     base, extended : Identification
         The fitted models; no extended one where nothing is reported.
     gains : tuple of Gain

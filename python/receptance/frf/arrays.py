@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -15,7 +17,6 @@ __all__ = [
     "count",
     "lines",
     "mask",
-    "numbers",
     "per_entry",
     "per_line",
     "response_values",
@@ -32,20 +33,9 @@ _ROUNDING = 1e-4
 """A coherence above one by less is rounding of the analyser or of its file."""
 
 
-def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
-    """Return an array of some kinds of numbers, or raise."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
-    if array.dtype.kind not in kinds:
-        raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
-    return array
-
-
 def lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:
     """Return frequency lines `(n,)`: real, finite, ascending, none below 0 Hz."""
-    array = numbers(
+    array = _checks.numbers(
         owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz (complex lines follow from decay_rate)"
     ).astype(np.float64)
     if array.ndim != 1:
@@ -66,7 +56,7 @@ def lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:
 
 def response_values(owner: str, values: ArrayLike, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return values as `(n, n_out, n_in)` complex; they may still be not finite."""
-    array = numbers(owner, "values", values, "iufc", "complex numbers").astype(np.complex128)
+    array = _checks.numbers(owner, "values", values, "iufc", "complex numbers").astype(np.complex128)
     n = frequency_hz.size
     if array.shape == (n,):
         array = array.reshape(n, 1, 1)
@@ -93,7 +83,7 @@ def per_entry(
     """
     if value is None:
         return None
-    array = numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), shape[:1], shape):
         raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number, {shape[:1]} or {shape}")
     if array.shape == shape[:1]:
@@ -109,7 +99,7 @@ def per_entry(
 
 def per_line(owner: str, quantity: str, value: ArrayLike, n: int, *, at_least: float) -> NDArray[np.float64]:
     """Return finite real numbers `(n,)`, one number for all lines or one each."""
-    array = numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), (n,)):
         raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or ({n},)")
     array = np.ascontiguousarray(np.broadcast_to(array, (n,)))

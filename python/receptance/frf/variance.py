@@ -63,7 +63,7 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
     >>> [round(number, 5) for number in variance.tolist()], freedom
     ([0.00617, 0.0], 18.0)
     """
-    quality = arrays.numbers("variance_from_coherence", "coherence", coherence, "iuf", "real numbers").astype(float)
+    quality = _checks.numbers("variance_from_coherence", "coherence", coherence, "iuf", "real numbers").astype(float)
     wrong = ~((quality >= 0.0) & (quality <= 1.0))
     if wrong.any():
         raise ValueError(f"variance_from_coherence: coherence is {quality[wrong][0]:g}, expected from 0 to 1")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["ascending", "conditions_of", "decaying", "fill", "mode_numbers", "numbers", "owner_of", "spread"]
+__all__ = ["ascending", "conditions_of", "decaying", "fill", "mode_numbers", "owner_of", "spread"]
 
 
 def owner_of(kind: str, label: str, assembly: Any) -> str:
@@ -37,16 +37,6 @@ def conditions_of(owner: str, conditions: Mapping[str, float] | None) -> dict[st
     return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
 
 
-def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
-    if array.dtype.kind not in kinds:
-        raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
-    return array
-
-
 def ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
     try:
         return _checks.frequencies(array)
@@ -66,7 +56,7 @@ def decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
 
 
 def spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    array = numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), shape):
         raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
     array = np.broadcast_to(array, shape)
@@ -93,7 +83,7 @@ def damping(
         if deviation is not None:
             raise ValueError(f"{owner}: standard_deviation_damping is given without damping_ratio")
         return None, None
-    values = np.atleast_1d(numbers(owner, "damping_ratio", ratio, "iuf", "real numbers")).astype(np.float64)
+    values = np.atleast_1d(_checks.numbers(owner, "damping_ratio", ratio, "iuf", "real numbers")).astype(np.float64)
     if values.shape != shape:
         raise ValueError(f"{owner}: damping_ratio has shape {values.shape}, expected {shape}, one for each frequency")
     known = ~np.isnan(values)

@@ -117,8 +117,8 @@ class MeasuredFRF:
         ends: float | None = None,
     ) -> None:
         owner = _checked.owner_of("MeasuredFRF", label, assembly)
-        lines = _checked.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
-        values = _checked.numbers(owner, "receptance", receptance, "iufc", "complex numbers")
+        lines = _checks.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
+        values = _checks.numbers(owner, "receptance", receptance, "iufc", "complex numbers")
         if lines.ndim != 1:
             raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
         if values.shape != lines.shape:
@@ -318,7 +318,7 @@ class MeasuredFrequencies:
         conditions: Mapping[str, float] | None = None,
     ) -> None:
         owner = _checked.owner_of("MeasuredFrequencies", label, assembly)
-        values = np.atleast_1d(_checked.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
+        values = np.atleast_1d(_checks.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
         values = _checked.ascending(owner, values)
         numbers = tuple(range(1, values.size + 1)) if modes is None else _checked.mode_numbers(owner, modes)
         if len(numbers) != values.size:

@@ -36,6 +36,9 @@ mod observed;
 mod outputs;
 pub mod overlap;
 mod plane;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod properties;
 mod reduction;
 mod request;
 mod response;

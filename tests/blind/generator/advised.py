@@ -16,9 +16,11 @@ _SHOWN = {
     "weigh the holder": ("holder_inertia",),
     "caliper": ("overhang_error",),
     "without the exponential window": ("exponential_window",),
+    "which exponential window": ("exponential_window",),
     "marked": ("hammer_offset",),
     "free mass": ("calibration_gain", "time_delay", "wrong_quantity"),
     "softer": ("suspension",),
+    "swing on the suspension": ("suspension",),
     "blank alone": ("tool_modulus", "tool_density", "fluted_part"),
     "holder alone": ("holder_modulus", "holder_inertia", "flexible_body"),
     "plain blank": ("fluted_part",),
@@ -31,23 +33,24 @@ def shown_by(action: str) -> frozenset[str]:
 
 
 def measured_again(case: Case, truth: Truth, action: str) -> Case | None:
-    """Return the case with the records that were advised; None where the bench has no such measurement."""
+    """Return the case with the records that were advised, of all that was; None where the bench has none of them."""
     rng = np.random.default_rng([*truth.seed, 79])
     levels = sorted({record.level for record in case.records})
     form, notes = case.records[0].form, case.records[0].notes
     added = []
-    if "overhang" in action and "caliper" not in action:
-        longest = max(case.nominal.configurations, key=lambda one: one.overhang)
-        new = replace(longest, name="longer", overhang=round(1.2 * longest.overhang, 4))
-        case, truth = _with_configuration(case, truth, new, rng)
-        added = [(new, level, "tip") for level in levels]
-    elif "nose" in action:
-        added = [(one, levels[-1], "nose") for one in case.nominal.configurations]
-    elif "force" in action:
-        level = 3.0 * levels[-1]
-        truth = replace(truth, setups={**truth.setups, level: like(truth.setups[levels[-1]], level)})
-        added = [(one, level, "tip") for one in case.nominal.configurations]
-    else:
+    for one in action.split(", and "):
+        if "overhang" in one and "caliper" not in one:
+            longest = max(case.nominal.configurations, key=lambda c: c.overhang)
+            new = replace(longest, name="longer", overhang=round(1.2 * longest.overhang, 4))
+            case, truth = _with_configuration(case, truth, new, rng)
+            added += [(new, level, "tip") for level in levels]
+        elif "nose" in one:
+            added += [(c, levels[-1], "nose") for c in case.nominal.configurations if c.name != "longer"]
+        elif "force" in one:
+            level = 3.0 * levels[-1]
+            truth = replace(truth, setups={**truth.setups, level: like(truth.setups[levels[-1]], level)})
+            added += [(c, level, "tip") for c in case.nominal.configurations if c.name != "longer"]
+    if not added:
         return None
     records = [
         recorded(rng, case.nominal, truth, one, level, 1, place=place, form=form, notes=notes, label=f"again {i}")

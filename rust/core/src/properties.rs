@@ -1,10 +1,9 @@
 //! Properties of the core that hold for every assembly.
 
-#![allow(clippy::unwrap_used, missing_docs)]
-
 use num_complex::Complex64;
 use proptest::prelude::*;
-use receptance_core::{
+
+use crate::{
     Coordinate, Frequencies, Model, Motion, Request, Response, Tables, natural_frequencies, receptance,
 };
 

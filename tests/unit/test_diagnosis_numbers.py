@@ -1,0 +1,122 @@
+"""Numbers that a diagnosis rests on, each against what it is by definition: no fold sees its data, strain, margins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance.diagnosis import Model, diagnose
+from receptance.diagnosis.adequacy import _strain, judge
+from receptance.diagnosis.averaging import Ensemble, Target
+from receptance.diagnosis.explanation import MARGIN
+from receptance.diagnosis.fitting import fit_base, refit
+from receptance.diagnosis.held_out import SPECTRAL, measured_by
+from receptance.diagnosis.judgement import conclude
+
+SEED = 31
+LINES = np.linspace(200.0, 6000.0, 300)
+JOINT = [
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
+    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=300.0),
+    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=1.0),
+]
+
+
+def assembled(overhang: float, k_theta: float = 1e5) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=STEEL)], name="tool")
+    joint = PointJoint(k_y=6e8, k_theta=k_theta, c_y=300.0, c_theta=1.0, name="joint")
+    return Assembly([tool, joint, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
+
+
+def observed(overhang: float, factor: Any = 1.0, k_theta: float = 1e5) -> MeasuredFRF:
+    rng = np.random.default_rng([SEED, int(1e3 * overhang)])
+    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+    return MeasuredFRF(
+        assembly=assembled(overhang),
+        frequency_hz=LINES,
+        receptance=factor * assembled(overhang, k_theta).receptance(LINES) * np.exp(noise),
+        standard_deviation=0.01,
+        label=f"{overhang}",
+    )
+
+
+def test_no_fold_sees_what_it_is_tried_on() -> None:
+    """One overhang was clamped differently: fits that see it give way to it, fits without it cannot know."""
+    data = [observed(0.06), observed(0.08), observed(0.1, k_theta=7e4)]
+    verdict = diagnose(data, JOINT, causes=["tool_density", "calibration_gain"], most=1, held_out=True)
+    spectral = next(one for one in verdict.gains if one.metric == SPECTRAL)
+    for index, fold in enumerate(spectral.folds):
+        others = tuple(one for i, one in enumerate(data) if i != index)
+        alone = measured_by(fit_base(Model(others, tuple(JOINT))), Model((data[index],), tuple(JOINT)))[0][SPECTRAL]
+        assert fold["before"] == pytest.approx(alone, rel=1e-4)
+    everything = fit_base(Model(tuple(data), tuple(JOINT)))
+    seen = measured_by(everything, Model((data[2],), tuple(JOINT)))[0][SPECTRAL]
+    assert spectral.folds[2]["before"] > 1.2 * seen
+
+
+def test_what_is_small_on_each_line_and_the_same_on_all_is_no_noise() -> None:
+    """Half the noise, slowly waving: each line has it within its noise, eight neighbours together do not."""
+    slowly = np.exp(0.0075j * np.exp(1j * LINES / 250.0))
+    quiet, waving = (
+        judge(refit(Model((observed(0.06, f), observed(0.08, f)), tuple(JOINT)), {})) for f in (1.0, slowly)
+    )
+    assert quiet.passed
+    assert waving.misfit < waving.limit
+    assert waving.strain.passed
+    assert not waving.passed
+    assert "times what noise and floor explain" in waving.why_not
+
+
+@pytest.mark.parametrize("count", [1, 10, 40])
+def test_one_error_far_off_among_many_is_strain(count: int) -> None:
+    """Errors that the data decide end like standard normal numbers, the farthest of n below the 1 - .001/n quantile."""
+    farthest = stats.norm.isf(0.5e-3 / count)
+    for size, passes in ((farthest - 0.05, True), (farthest + 0.05, False)):
+        off = np.zeros(count)
+        off[-1] = size
+        fit: Any = SimpleNamespace(
+            task=SimpleNamespace(
+                parameters=SimpleNamespace(unknowns=[SimpleNamespace(name=f"e{i}", prior=1.0) for i in range(count)])
+            ),
+            residual=np.append(np.zeros(count), off),
+            jacobian=np.vstack([1e4 * np.eye(count), np.eye(count)]),
+        )
+        found = _strain(fit)
+        assert found.worst[0] == (f"e{count - 1}", pytest.approx(size, rel=1e-6))
+        assert found.limit == pytest.approx(farthest)
+        assert found.passed == passes
+
+
+def test_rivals_within_the_margin_are_reported_and_others_are_not() -> None:
+    data = [observed(x, 1.05) for x in (0.06, 0.08, 0.1)]
+    ids = ["calibration_gain", "exponential_window"]
+    selection = diagnose(data, JOINT, causes=ids, most=1).selection
+    (best,) = [one for one in selection.singles if one.ids == {"calibration_gain"}]
+    (other,) = [one for one in selection.singles if one.ids == {"exponential_window"}]
+    for behind, answer in ((0.5 * MARGIN, "ambiguous"), (1.5 * MARGIN, "named")):
+        # As good a fit under another name, so much less likely.
+        rival = replace(best, steps=other.steps, evidence=best.evidence - behind)
+        told = conclude(replace(selection, singles=[best, rival], several=[]))
+        assert told.answer == answer
+        assert ("exponential_window" in told.between) == (answer == "ambiguous")
+
+
+def test_predictions_heed_what_other_models_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The law of total variance: the mean of the variances, and that of the squared distances."""
+    told = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
+    ensemble = Ensemble(SimpleNamespace())  # type: ignore[arg-type]
+    rival: Any = "else"
+    ensemble.__dict__["members"] = [(None, 0.75), (rival, 0.25)]
+    monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: told[one or "base"])
+    monkeypatch.setattr(ensemble, "_identified", lambda one: None)
+    found: Any = None
+    middle, spread = ensemble.natural_frequencies(None, found, Target(assembled(0.06)), 2000.0)
+    assert middle == 1000.0
+    assert spread**2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
