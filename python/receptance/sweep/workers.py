@@ -14,7 +14,7 @@ from receptance.sweep.definition import Block, Definition
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["on_workers"]
+__all__ = ["Waiting", "on_workers"]
 
 _AHEAD = 3
 """Tasks under way for each thread of the workers: enough that none waits, few enough for any memory."""
@@ -41,7 +41,7 @@ def on_workers(
     # As a task it is made again where the worker that held it died; sent by hand it would be lost.
     shared = client.submit(_kept, pickle.dumps(definition), pure=False)
     threads = sum(client.nthreads().values()) or 1
-    waiting = _Waiting(blocks, _AHEAD * threads)
+    waiting = Waiting(blocks, _AHEAD * threads)
     running: dict[Any, tuple[Blocks, int]] = {}
 
     def submit(own: Blocks, tries: int = 0) -> Any:
@@ -70,7 +70,7 @@ def on_workers(
         client.cancel([*running, shared])
 
 
-class _Waiting:
+class Waiting:
     """Blocks that nobody has yet: handed out one by one until it is known what one takes, and at the end."""
 
     def __init__(self, blocks: Sequence[tuple[int, int, int]], under_way: int) -> None:
