@@ -150,7 +150,7 @@ def test_tasks_are_several_blocks_where_these_are_short_and_single_ones_at_the_e
     waiting = Waiting(blocks, under_way=4)
     tasks = list(waiting.first())
     assert [len(task) for task in tasks] == [1, 1, 1, 1]
-    waiting.learn(0.05, [{"misfit": np.zeros(10)}])
+    waiting.learn(0.1, [{"misfit": np.zeros(10)}])
     while task := waiting.take():
         tasks.append(task)
     assert [block for task in tasks for block in task] == blocks

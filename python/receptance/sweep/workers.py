@@ -18,7 +18,7 @@ __all__ = ["Waiting", "on_workers"]
 
 _AHEAD = 3
 """Tasks under way for each thread of the workers: enough that none waits, few enough for any memory."""
-_TASK_S, _TASK_BYTES = 0.25, 16e6
+_TASK_S, _TASK_BYTES = 0.5, 16e6
 """What a task of several blocks takes and returns at most: handing one out and taking it back costs the scheduler and
 this process some milliseconds of a core that workers may want."""
 _TRIES = 5
