@@ -45,6 +45,9 @@ TITLE = f"""
 {"segment":>7} {"difference":>9}"""
 
 
+Clock = Callable[[], float]
+
+
 @dataclass(frozen=True)
 class Row:
     """What was measured of a pair: seconds a call of both sides, their ratio, and its quartiles over the rounds."""
@@ -57,6 +60,7 @@ class Row:
     difference: float
     remark: str
     machine_gain: float | None
+    clock: str
 
     def as_json(self) -> dict[str, Any]:
         """Return the row of the file."""
@@ -78,24 +82,26 @@ class Row:
             "tolerance": pair.tolerance,
             "remark": self.remark,
             "machine_gain": self.machine_gain,
+            "clock": self.clock,
         }
 
 
-def turn(call: Callable[[], object], times: int) -> float:
+def turn(call: Callable[[], object], times: int, clock: Clock = time.perf_counter) -> float:
     """Return the seconds of one call, the mean of several in a row."""
-    began = time.perf_counter()
+    began = clock()
     for _ in range(times):
         call()
-    return (time.perf_counter() - began) / times
+    return (clock() - began) / times
 
 
-def measure(pair: Pair, rounds: int, least: float) -> Row:
-    """Check that both sides of a pair agree, then time them in turns."""
+def measure(pair: Pair, rounds: int, least: float, clock: Clock = time.perf_counter) -> Row:
+    """Check that both sides of a pair agree, then time them in turns; several threads by the clock on the wall."""
+    clock = clock if pair.threads == 1 else time.perf_counter
     difference, remark = pair.check()
     sides = (pair.ours, pair.reference)
     # Besides counting the repeats, this warms caches and thread pools up.
     rounds = min(rounds, pair.most_rounds or rounds)
-    times = [max(1, math.ceil(least / min(turn(side, 1) for _ in range(2)))) for side in sides]
+    times = [max(1, math.ceil(least / max(min(turn(side, 1, clock) for _ in range(2)), 1e-6))) for side in sides]
     taken: tuple[list[float], list[float]] = ([], [])
     gains: list[float] = []
     gc.collect()
@@ -104,7 +110,7 @@ def measure(pair: Pair, rounds: int, least: float) -> Row:
         for count in range(rounds):
             # The first of a round changes: a machine that slows down then favours neither side.
             for side in (0, 1) if count % 2 else (1, 0):
-                taken[side].append(turn(sides[side], times[side]))
+                taken[side].append(turn(sides[side], times[side], clock))
             if pair.threads > 1:
                 gains.append(machine_gain())
     finally:
@@ -121,6 +127,7 @@ def measure(pair: Pair, rounds: int, least: float) -> Row:
         difference=difference,
         remark=remark,
         machine_gain=statistics.median(gains) if gains else None,
+        clock="processor" if clock is time.process_time else "wall",
     )
 
 
@@ -189,7 +196,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, metavar="N", help=f"turns of each side, {ROUNDS} by default")
     parser.add_argument("--quick", action="store_true", help="few lines and rounds: to try it out")
     parser.add_argument("--only", default="", metavar="TEXT", help="only the pairs whose name contains the text")
+    parser.add_argument(
+        "--processor", action="store_true", help="processor times, where one thread works: for a machine that is busy"
+    )
     options = parser.parse_args(arguments)
+    clock = time.process_time if options.processor else time.perf_counter
     rounds = options.rounds if options.rounds is not None else QUICK_ROUNDS if options.quick else ROUNDS
     if rounds < 1:
         parser.error(f"--rounds is {rounds}, expected at least 1")
@@ -206,6 +217,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     about = machine()
     print(", ".join(f"{key.replace('_', ' ')} {value}" for key, value in about.items()))
     print(f"one process, {rounds} rounds in turns, medians; ratio: reference / ours (cost rows: ours / reference)")
+    if options.processor:
+        print("processor times where one thread works, else by the clock on the wall")
     if options.quick:
         print("quick: too few lines and rounds for times that mean something")
     print(TITLE)
@@ -213,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for pair in chosen:
         if not rows or rows[-1].pair.subject != pair.subject:
             print(heading(pair))
-        rows.append(measure(pair, rounds, least))
+        rows.append(measure(pair, rounds, least, clock))
         print(line(rows[-1]), flush=True)
 
     for reason in filter(None, (compiled.skipped(), peers.skipped())):

@@ -14,6 +14,7 @@ if __name__ == "__main__":
 import argparse
 import itertools
 import json
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -27,7 +28,7 @@ import sweeping
 from numpy_reference.cases import segment_row, ten_segments, tool_and_holder
 from pairs.models import Array, chain, coupled, part, segment_addresses, sweep
 from pairs.sweeps import joints, measured, swept
-from receptance import Assembly, Coordinate
+from receptance import Assembly, Coordinate, _core
 from receptance._files import check_target, write_whole
 from roofline import least
 
@@ -113,19 +114,23 @@ def threaded(seen: Array, few: slice, quick: bool) -> Iterator[Point]:
 
 def on_workers(numbers: Sequence[int], quick: bool) -> Iterator[Point]:
     """Yield the points of dask workers of one thread each: a sweep of misfits, on the wall."""
-    frf = sweeping.measured(0)
-    for number in numbers:
-        row, _ = sweeping.on_workers(frf, 2_000 if quick else 300_000, 0, number)
-        yield Point("workers", "sweep of 300,000 misfits, 2,000 lines", number, row["seconds"])
+    if not numbers:
+        return
+    frf, least = sweeping.measured(0), dict.fromkeys(numbers, math.inf)
+    for number, row, _ in sweeping.on_workers(frf, 2_000 if quick else 500_000, 0, numbers, 1 if quick else 5):
+        least[number] = min(least[number], row["seconds"])
+    for number, seconds in least.items():
+        yield Point("workers", "500,000 misfits of 2,000 lines to a store", number, seconds)
 
 
-def figure(points: Sequence[Point]) -> Any:
-    """Return the figure: seconds over each abscissa, and how many times faster more threads are."""
+def figure(points: Sequence[Point], about: str = "") -> Any:
+    """Return the figure: seconds over each abscissa, and how many times faster more threads are; `about` on top."""
     from matplotlib.figure import Figure
 
     panels = list(dict.fromkeys(point.panel for point in points))
     columns = (len(panels) + 1) // 2
     drawn = Figure(figsize=(5.5 * columns, 7.5), layout="constrained")
+    drawn.suptitle(about, fontsize="medium")
     every = drawn.subplots(2, columns).ravel()
     for unused in every[len(panels) :]:
         unused.set_axis_off()
@@ -142,7 +147,7 @@ def figure(points: Sequence[Point]) -> Any:
         axes.set_ylabel("times as fast as one" if panel in ON_THE_WALL else "processor time of a call [ms]")
         if panel in ON_THE_WALL:
             ticks = sorted({point.x for point in own})
-            axes.plot(ticks, ticks, color="0.7", zorder=0)
+            axes.plot(ticks, ticks, color="0.7", zorder=0, label="as many times as fast")
             axes.set_xticks(ticks)
             axes.set_ylim(bottom=0.0)
         axes.grid(visible=True, which="major", color="0.9")
@@ -165,7 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except OSError as error:
             parser.error(f"{name}: {error}")
     load = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
-    print(f"least processor times of several calls (threads: on the wall), {load}")
+    about = f"{os.cpu_count()} processors, {_core.instruction_set()}, {load} at the beginning"
+    print(f"least processor times of several calls (threads and workers: on the wall), {about}")
     found = []
     for point in itertools.chain(measure(options.quick), on_workers(options.workers, options.quick)):
         found.append(point)
@@ -176,7 +182,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from io import BytesIO
 
         content = BytesIO()
-        figure(found).savefig(content, format=options.plot.suffix.lstrip(".") or "png", dpi=150)
+        figure(found, about).savefig(content, format=options.plot.suffix.lstrip(".") or "png", dpi=150)
         write_whole({options.plot: content.getvalue()})
     return 0
 

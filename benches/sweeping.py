@@ -1,9 +1,9 @@
-"""A misfit sweep: `python benches/sweeping.py [--candidates N] [--workers N ...] [--json FILE] [--quick]`.
+"""A misfit sweep: `python benches/sweeping.py [--candidates N] [--workers N ...] [--rounds N]`.
 
 Draws k_y, k_theta, c_y and c_theta of a joint, compares each candidate with a receptance of 2,000 lines, and writes the
 misfits to a Zarr store: a tenth of the candidates first, then all, in this process on one thread and on two, then on
-dask workers of one thread each. Prints candidates a second and the largest memory of this process; whoever computes,
-the numbers must be the same.
+dask workers of one thread each, all numbers of workers in turns. Prints candidates a second, the largest memory of this
+process, and what it and the workers took of the processors; whoever computes, the numbers must be the same.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import resource
 import sys
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,35 +65,57 @@ def drawn(count: int, seed: int) -> Sampled:
 def run(frf: MeasuredFRF, count: int, seed: int, name: str, **options: Any) -> tuple[dict[str, Any], Any]:
     """Sweep, and return a row and the misfits."""
     with tempfile.TemporaryDirectory() as folder:
-        begun = time.perf_counter()
+        before, begun = processor_seconds(options.get("client")), time.perf_counter()
         found = sweep(frf.assembly, drawn(count, seed), Misfit(frf), store=Path(folder) / "sweep.zarr", **options)
         seconds = time.perf_counter() - begun
+        here, on_workers = np.subtract(processor_seconds(options.get("client")), before).tolist()
         misfits = found["misfit"].values
     row = {
         "name": name,
         "candidates": count,
         "lines": LINES,
         "seconds": seconds,
+        "processor_seconds_here": here,
+        "processor_seconds_workers": on_workers,
         "candidates_per_second": count / seconds,
         "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "load": os.getloadavg()[0],
     }
+    workers = f" and {on_workers:.2f} s on workers" if on_workers else ""
     print(
-        f"{name:<32} {count:>9,} candidates {seconds:8.2f} s {count / seconds:>10,.0f} a second "
-        f"{1e-6 * LINES * count / seconds:6.0f} million candidate-lines a second, {row['memory_mb']:.0f} MB",
+        f"{name:<29} {count:>9,} candidates {seconds:6.2f} s {count / seconds:>8,.0f} a second "
+        f"{1e-6 * LINES * count / seconds:4.0f} million candidate-lines a second, {row['memory_mb']:.0f} MB, "
+        f"{here:.2f} s of a processor here{workers}, load {row['load']:.1f}",
         flush=True,
     )
     return row, misfits
 
 
-def on_workers(frf: MeasuredFRF, count: int, seed: int, workers: int) -> tuple[dict[str, Any], Any]:
-    """Sweep on so many dask workers of one thread each; a small sweep before lets them load what they need."""
+def processor_seconds(client: Any) -> tuple[float, float]:
+    """Return the processor time of this process, which has dask's scheduler in it, and of all workers."""
+    return time.process_time(), sum(client.run(time.process_time).values()) if client is not None else 0.0
+
+
+def on_workers(
+    frf: MeasuredFRF, count: int, seed: int, numbers: Sequence[int], rounds: int
+) -> Iterator[tuple[int, dict[str, Any], Any]]:
+    """Sweep on so many dask workers of one thread each, in turns; small sweeps before let them load what they need."""
     from distributed import Client, LocalCluster
 
     options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with LocalCluster(n_workers=workers, **options) as cluster, Client(cluster) as client:
-        sweep(frf.assembly, drawn(200 * workers, seed), Misfit(frf), block=50, client=client)
-        title = f"dask, {workers} worker{'s' if workers > 1 else ''} of one thread"
-        return run(frf, count, seed, title, client=client)
+    for number in list(numbers) * rounds:
+        # One cluster at a time: workers and schedulers that wait take some of the processors too.
+        with LocalCluster(n_workers=number, **options) as cluster, Client(cluster) as client:
+            sweep(frf.assembly, drawn(200 * number, seed), Misfit(frf), block=50, client=client)
+            title = f"dask, {number} worker{'s' if number > 1 else ''} of one thread"
+            yield number, *run(frf, count, seed, title, client=client)
+
+
+def compared(rows: Sequence[dict[str, Any]]) -> str:
+    """Return how many times faster more workers were than the first number of them, by the least times."""
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    least = {name: min(row["seconds"] for row in rows if row["name"] == name) for name in names}
+    return "\n".join(f"{name}: {least[names[0]] / least[name]:.2f} times {names[0]}" for name in names[1:])
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -100,6 +123,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--candidates", type=int, default=1_000_000)
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2], help="numbers of dask workers; none for none")
+    parser.add_argument("--rounds", type=int, default=3, help="turns of each number of workers")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} candidates and no workers: does it run?")
@@ -113,10 +137,13 @@ def main(arguments: list[str] | None = None) -> int:
     row, found = run(frf, count, options.seed, "two threads", threads=2)
     rows.append(row)
     assert np.array_equal(found, expected), "two threads gave other numbers"
-    for number in workers:
-        row, found = on_workers(frf, count, options.seed, number)
-        rows.append(row)
+    spread = []
+    for number, row, found in on_workers(frf, count, options.seed, workers, options.rounds):
+        spread.append(row)
         assert np.array_equal(found, expected), f"{number} workers gave other numbers"
+    if len(workers) > 1:
+        print(f"least of {options.rounds}:\n{compared(spread)}")
+    rows += spread
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     return 0

@@ -65,6 +65,8 @@ def test_draws_of_named_ranges(campaign: str, monkeypatch: pytest.MonkeyPatch) -
         (["--vary", "joint.k_y"], "expected 'ADDRESS = LOW to HIGH'"),
         (["--vary", "joint.k_y = 1e7 N to 1e8 N"], 'the lower end is "1e7 N", a force'),
         (["--vary", "joint.k_y = 1e8 N/m to 1e7 N/m"], "expected the lower end first"),
+        (["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m"] * 2, "--vary joint.k_y is there twice"),
+        (["--points", "5", "--sample", "10"], "expected one of them"),
         (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
         (["--points", "4000"], "use --sample"),
         (["--store", "none/s.zarr"], "there is no folder none"),
@@ -80,3 +82,19 @@ def test_mistakes_are_answered_in_words(
     assert call(monkeypatch, "sweep", campaign, *arguments) == 2
     assert words in capsys.readouterr().err
     assert {path.name for path in Path().iterdir()} == {Path(campaign).name}
+
+
+def test_an_interruption_names_the_store(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("sweep", campaign, "--sample", "40", "--store", "tried.zarr")
+
+    def interrupted(_: object) -> str:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as until:
+        until.setattr("receptance.sweep.SweepProgress.__str__", interrupted)
+        assert call(monkeypatch, *arguments) == 130
+    assert "the store tried.zarr keeps what is done; the same command goes on" in capsys.readouterr().err
+    assert call(monkeypatch, *arguments) == 0
+    assert "40 candidates" in capsys.readouterr().out

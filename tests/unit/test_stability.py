@@ -20,6 +20,7 @@ from receptance.stability import (
     semi_discretised_limit,
     stability_lobes,
 )
+from receptance.stability.zeroth_order import limit_over_speed
 
 SEED = 20261121
 TIP = TipModes(frequency_hz=[922.0, 1400.0], damping_ratio=[0.011, 0.02], shapes=[[5.0, 0.0], [0.0, 4.0]])
@@ -177,3 +178,14 @@ def test_without_a_cut_the_structure_decays() -> None:
     found = floquet_multiplier(CUT, TIP, speed_rpm=6000.0, depth=0.0)
     slowest = np.min(TIP.damping_ratio * 2.0 * np.pi * TIP.frequency_hz)
     np.testing.assert_allclose(found, np.exp(-slowest * 60.0 / (3 * 6000.0)), rtol=1e-9)
+
+
+def test_pieces_of_very_different_depth() -> None:
+    # Nothing lies between a half and a fifth of the largest 1/depth.
+    lines = np.array([1000.0, 1010.0, 1500.0, 2000.0, 2010.0])
+    depth, phase = np.array([[1.0], [1.0], [np.inf], [10.0], [10.0]]), np.full((5, 1), np.pi)
+    # One and a half waves of 1005 Hz, then of 2005 Hz, between two teeth.
+    speeds = 60.0 * np.array([1005.0, 2005.0]) / 1.5
+    limit, chatter_hz = limit_over_speed(1, speeds, lines, depth, phase)
+    np.testing.assert_allclose(limit, [1.0, 10.0], rtol=1e-12)
+    np.testing.assert_allclose(chatter_hz, [1005.0, 2005.0], rtol=1e-12)

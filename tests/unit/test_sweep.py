@@ -194,3 +194,23 @@ def test_progress_is_told_after_each_block() -> None:
     sweep(pair(), GRID, NaturalFrequencies(upper_hz=2e3), block=5, progress=told.append)
     assert [one.done for one in told] == [5, 10, 12]
     assert told[-1].remaining_seconds == 0.0
+
+
+def test_blocks_are_soon_done_whatever_a_candidate_takes() -> None:
+    speeds = np.linspace(5000.0, 20000.0, 200)
+    measured = MeasuredFRF(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES))
+    cut = Milling(teeth=2, k_t=6e8, k_n=2e8)
+    blocks = []
+    for output in (
+        Misfit(measured),
+        NaturalFrequencies(upper_hz=9000.0),
+        StableDepth(cut=cut, frequency_hz=LINES),
+        StableDepth(cut=cut, frequency_hz=LINES, speeds_rpm=speeds),
+    ):
+        for models in (pair(), {"one": pair(), "other": pair(0.12)}):
+            block = Definition.of(models, Grid({"joint.k_y": [1e7, 1e8]}), output).block_size()
+            own = len(models) if isinstance(models, dict) and output.per_assembly else 1
+            assert block * output.candidate_s * own <= 0.5
+            blocks.append(block)
+    # Joints are many at once.
+    assert blocks[0] > 10_000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -29,6 +30,8 @@ from receptance.sweep import (
     open_sweep,
     sweep,
 )
+from receptance.sweep.chunks import Chunks
+from receptance.sweep.workers import Waiting
 
 LINES = np.linspace(200.0, 4000.0, 50)
 
@@ -122,6 +125,45 @@ def test_an_interruption_keeps_what_is_done(tmp_path: Path) -> None:
     assert not told
 
 
+def test_a_disk_that_is_full_ends_the_sweep_and_not_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put = Chunks._put
+    written: list[Path] = []
+
+    def full(self: Chunks, path: Path, *rest: Any) -> None:
+        written.append(path)
+        if len(written) > 20:
+            raise OSError(errno.ENOSPC, "no space left on device", str(path))
+        put(self, path, *rest)
+
+    with monkeypatch.context() as until:
+        until.setattr(Chunks, "_put", full)
+        with pytest.raises(OSError, match="no space left"):
+            sweep(pair(), drawn(100), measured(), store=tmp_path / "s", block=10)
+    same(
+        sweep(pair(), drawn(100), measured(), store=tmp_path / "s").load(),
+        sweep(pair(), drawn(100), measured()),
+    )
+
+
+def test_tasks_are_several_blocks_where_these_are_short_and_single_ones_at_the_end() -> None:
+    blocks = [(number, 10 * number, 10 * number + 10) for number in range(100)]
+    waiting = Waiting(blocks, under_way=4)
+    tasks = list(waiting.first())
+    assert [len(task) for task in tasks] == [1, 1, 1, 1]
+    waiting.learn(0.1, [{"misfit": np.zeros(10)}])
+    while task := waiting.take():
+        tasks.append(task)
+    assert [block for task in tasks for block in task] == blocks
+    sizes = [len(task) for task in tasks[4:]]
+    assert sizes[0] == 5
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-4:] == [1, 1, 1, 1]
+    # Results that are large go one by one, however short they take.
+    large = Waiting(blocks, under_way=4)
+    large.learn(0.01, [{"receptance": np.zeros((1000, 2000))}])
+    assert len(large.take()) == 1
+
+
 def test_a_store_of_another_sweep_is_not_touched(tmp_path: Path) -> None:
     store = tmp_path / "s"
     found = sweep(pair(), drawn(20), measured(), store=store).load()
@@ -187,7 +229,8 @@ def test_workers_that_die_change_no_number(tmp_path: Path) -> None:
         distributed.LocalCluster(
             n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
         ) as cluster,
-        distributed.Client(cluster) as client,
+        # Not the default one, which is another's business.
+        distributed.Client(cluster, set_as_default=False) as client,
     ):
         workers = client.run(os.getpid)
 

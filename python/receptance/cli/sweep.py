@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,6 +29,7 @@ __all__ = ["sweep"]
 _BEST = 10
 """Candidates that are printed."""
 _EXAMPLE = "joint.k_y = 1e7 N/m to 1e9 N/m"
+_POINTS = 20
 _MANY = 10_000_000
 _LOGARITHMIC = 10.0
 """Ranges that span at least this ratio are covered evenly in their logarithm."""
@@ -43,7 +45,10 @@ def sweep(
             help="A parameter and its range with units; may be given several times. By default all unknowns.",
         ),
     ] = None,
-    points: Annotated[int, typer.Option("--points", min=2, help="Of each parameter; all combinations are tried.")] = 20,
+    points: Annotated[
+        int | None,
+        typer.Option("--points", min=2, help=f"Of each parameter; all combinations are tried. By default {_POINTS}."),
+    ] = None,
     sample: Annotated[
         int | None, typer.Option("--sample", metavar="COUNT", min=1, help="Draw so many instead of a grid.")
     ] = None,
@@ -67,30 +72,44 @@ def sweep(
             raise InputError("this campaign has no measurement that candidates could be compared with")
         candidates = _candidates(read, vary or [], points, sample, seed)
         misfit = Misfit([measured.observation for measured in read.to_identify.values()])
-        found = with_progress(
-            lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told))).load()
-        )
+        try:
+            found = with_progress(
+                lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told)))
+            )
+        except KeyboardInterrupt:
+            if store is not None and store.is_dir():
+                print(
+                    f"receptance: the store {store} keeps what is done; the same command goes on with it",
+                    file=sys.stderr,
+                )
+            raise
     best = _best(found)
-    targets.write(_document(read, found, best), lambda: _figure(found))
+    # The rest of a store stays where it is.
+    chosen = found.isel(candidate=best).load()
+    targets.write(_document(read, found, best, chosen), lambda: _figure(found))
     console = output()
     valid = int(found["valid"].sum())
     names = list(candidates.addresses)
     console.print(Text(f"{read.title}: {found.sizes['candidate']:,} candidates of {', '.join(names)}"), soft_wrap=True)
     if valid < found.sizes["candidate"]:
         console.print(Text(f"note: {found.sizes['candidate'] - valid:,} of them are no model"), soft_wrap=True)
-    rows = [(f"{found['misfit'].values[i]:.6g}", *(f"{found[name].values[i]:.5g}" for name in names)) for i in best]
-    console.print(table("The best, values in SI units", ("misfit", *names), rows))
+    columns = [[f"{value:.6g}" for value in chosen["misfit"].values]]
+    columns += [[f"{value:.5g}" for value in chosen[name].values] for name in names]
+    console.print(table("The best, values in SI units", ("misfit", *names), list(zip(*columns, strict=True))))
     if store is not None:
         console.print(f"Store: {store}", soft_wrap=True)
     targets.name(console)
 
 
-def _candidates(read: Campaign, vary: list[str], points: int, sample: int | None, seed: int) -> Candidates:
+def _candidates(read: Campaign, vary: list[str], points: int | None, sample: int | None, seed: int) -> Candidates:
     from scipy import stats
 
     from receptance.sweep import Grid, Sampled
 
-    ranges = dict(map(_range, vary)) if vary else {u.address: (u.lower, u.upper) for u in read.unknowns}
+    if points is not None and sample is not None:
+        raise InputError("--points are those of a grid and --sample draws; expected one of them")
+    points = points or _POINTS
+    ranges = _ranges(vary) if vary else {u.address: (u.lower, u.upper) for u in read.unknowns}
     if not ranges:
         raise InputError(
             "nothing is unknown in this campaign; say what to vary, --vary 'joint.k_y = 1e7 N/m to 1e9 N/m'"
@@ -111,6 +130,15 @@ def _candidates(read: Campaign, vary: list[str], points: int, sample: int | None
             for name, (low, high) in ranges.items()
         }
     )
+
+
+def _ranges(vary: list[str]) -> dict[str, tuple[float, float]]:
+    found: dict[str, tuple[float, float]] = {}
+    for address, ends in map(_range, vary):
+        if address in found:
+            raise InputError(f"--vary {address} is there twice, expected one range for each parameter")
+        found[address] = ends
+    return found
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:
@@ -150,7 +178,7 @@ def _best(found: xr.Dataset) -> list[int]:
     return [int(i) for i in order[:_BEST] if found["valid"].values[i]]
 
 
-def _document(read: Campaign, found: xr.Dataset, best: list[int]) -> dict[str, Any]:
+def _document(read: Campaign, found: xr.Dataset, best: list[int], chosen: xr.Dataset) -> dict[str, Any]:
     addresses = json.loads(found.attrs["addresses"])
     return {
         "title": read.title,
@@ -159,10 +187,10 @@ def _document(read: Campaign, found: xr.Dataset, best: list[int]) -> dict[str, A
         "best": [
             {
                 "number": i,
-                "misfit": float(found["misfit"].values[i]),
-                "values": {name: float(found[name].values[i]) for name in addresses},
+                "misfit": float(chosen["misfit"].values[place]),
+                "values": {name: float(chosen[name].values[place]) for name in addresses},
             }
-            for i in best
+            for place, i in enumerate(best)
         ],
         "settings": {name: json.loads(text) if name != "receptance" else text for name, text in found.attrs.items()},
     }

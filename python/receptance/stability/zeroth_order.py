@@ -137,13 +137,14 @@ def _take_pieces(
     for share in (*_SHARES, 0.0):
         bound = share * largest
         own = pieces[highest >= bound]
-        times = period[rest]
-        lobes = np.arange(-1.0, np.ceil(own[:, 1].max() * times[-1]) + 1.0)
-        values = inverse_limit[rest], chatter[rest]
-        _take_lobes(*values, times, lobes, own)
-        inverse_limit[rest], chatter[rest] = values
+        if len(own):
+            times = period[rest]
+            lobes = np.arange(-1.0, np.ceil(own[:, 1].max() * times[-1]) + 1.0)
+            values = inverse_limit[rest], chatter[rest]
+            _take_lobes(*values, times, lobes, own)
+            inverse_limit[rest], chatter[rest] = values
         pieces, highest = pieces[highest < bound], highest[highest < bound]
-        rest = rest[values[0] < bound]
+        rest = rest[inverse_limit[rest] < bound]
         if not rest.size or not len(pieces):
             return
 

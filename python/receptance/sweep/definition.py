@@ -28,7 +28,8 @@ VALID = "valid"
 """Name of the variable that says which candidates have a model."""
 _ASSEMBLY = "assembly"
 _BLOCK_BYTES = 4e6
-_LEAST, _MOST = 16, 8192
+_BLOCK_S = 0.25
+_LEAST, _MOST = 16, 16384
 """Candidates of a block: few enough that one is soon done, so many that the way there and back costs little."""
 
 Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
@@ -113,7 +114,8 @@ class Definition:
     def block_size(self) -> int:
         """Return how many candidates make a block, unless someone says otherwise."""
         bytes_each = max(np.dtype(v.dtype).itemsize * max(int(np.prod(v.shape)), 1) for v in self.variables())
-        return int(min(max(_BLOCK_BYTES / bytes_each, _LEAST), _MOST))
+        seconds_each = sum(o.candidate_s * (len(self.assemblies) if o.per_assembly else 1) for o in self.outputs)
+        return int(min(max(min(_BLOCK_BYTES / bytes_each, _BLOCK_S / max(seconds_each, 1e-9)), _LEAST), _MOST))
 
     def prepare(self, threads: int | None) -> Block:
         """Return the function from numbers of candidates to what is kept; what they share is evaluated here."""

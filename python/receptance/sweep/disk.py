@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 __all__ = ["Lock", "SweepError", "flush"]
@@ -13,16 +14,27 @@ class SweepError(ValueError):
     """A store that cannot take this sweep, or results too large for memory."""
 
 
-def flush(path: Path) -> None:
-    """Have the disk take a file and its name."""
-    for one, flags in ((path, os.O_RDONLY), (path.parent, os.O_RDONLY)):
-        # A chunk of nothing but fill values has no file; folders cannot be opened everywhere.
+def flush(files: Iterable[Path], root: Path) -> None:
+    """Have the disk take files below `root`, and their names."""
+    folders: dict[Path, None] = {}
+    for file in files:
+        _flush(file, os.O_RDWR)
+        folder = file.parent
+        while folder not in folders:
+            folders[folder] = None
+            folder = folder.parent if folder != root else root
+    for one in folders:
+        # Folders cannot be opened everywhere.
         with contextlib.suppress(OSError):
-            handle = os.open(one, flags)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)
+            _flush(one, os.O_RDONLY)
+
+
+def _flush(path: Path, flags: int) -> None:
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 class Lock:

@@ -10,7 +10,7 @@ import numpy as np
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.residuals import InfeasibleError
-from receptance.sweep.outputs import Evaluated, Evaluation, Output, Variable, shared_candidates
+from receptance.sweep.outputs import LINE_S, MODES_S, Evaluated, Evaluation, Output, Variable, shared_candidates
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +49,13 @@ class Misfit(Output):
                 raise TypeError(f"Misfit: {one!r} was given, expected a MeasuredFRF or MeasuredFrequencies")
         self.observations = several
         self.name = name
+
+    @property
+    def candidate_s(self) -> float:
+        """About what a candidate takes; see `Output`."""
+        return sum(
+            LINE_S * one.frequency_hz.size if isinstance(one, MeasuredFRF) else MODES_S for one in self.observations
+        )
 
     def variables(self) -> tuple[Variable, ...]:
         """Return what it keeps."""

@@ -34,6 +34,11 @@ __all__ = [
     "shared_candidates",
 ]
 
+LINE_S, MODES_S = 5e-9, 2e-4
+"""About what a line of a joint takes, and the natural frequencies of a model."""
+_DEPTH_S, _SPEED_S = 6e-4, 3e-5
+"""About what a stable depth takes, and one more spindle speed."""
+
 Evaluated = tuple[dict[str, "NDArray[Any]"], "NDArray[np.bool_]"]
 """Arrays by variable, each with one row a candidate, and which candidates have a model."""
 Evaluation = Callable[["NDArray[np.float64]"], Evaluated]
@@ -74,6 +79,11 @@ class Output(ABC):
 
     per_assembly = True
     """Whether it is evaluated on each assembly of the sweep; else on assemblies of its own, once."""
+
+    @property
+    def candidate_s(self) -> float:
+        """About what a candidate takes on one thread, so that blocks are soon done; zero if next to nothing."""
+        return 0.0
 
     @abstractmethod
     def variables(self) -> tuple[Variable, ...]:
@@ -130,6 +140,11 @@ class FrequencyResponse(Output):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency_hz", _checks.frequencies(self.frequency_hz))
+
+    @property
+    def candidate_s(self) -> float:
+        """About what a candidate takes; see `Output`."""
+        return LINE_S * self.frequency_hz.size
 
     def variables(self) -> tuple[Variable, ...]:
         """Return what it keeps."""
@@ -191,6 +206,11 @@ class NaturalFrequencies(Output):
         _checks.positive("NaturalFrequencies", "upper_hz", self.upper_hz, unit="Hz")
         if isinstance(self.modes, bool) or not isinstance(self.modes, (int, np.integer)) or self.modes < 1:
             raise ValueError(f"NaturalFrequencies: modes is {self.modes!r}, expected a whole number of at least one")
+
+    @property
+    def candidate_s(self) -> float:
+        """About what a candidate takes; see `Output`."""
+        return MODES_S
 
     def variables(self) -> tuple[Variable, ...]:
         """Return what it keeps."""
@@ -262,6 +282,11 @@ class StableDepth(Output):
             if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():
                 raise ValueError("StableDepth: speeds_rpm must be finite and more than zero, one dimension")
             object.__setattr__(self, "speeds_rpm", speeds)
+
+    @property
+    def candidate_s(self) -> float:
+        """About what a candidate takes; see `Output`."""
+        return _DEPTH_S + (0.0 if self.speeds_rpm is None else _SPEED_S * self.speeds_rpm.size)
 
     def variables(self) -> tuple[Variable, ...]:
         """Return what it keeps."""

@@ -7,7 +7,6 @@ import json
 import os
 import secrets
 import shutil
-import time
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
+from receptance.sweep.chunks import Chunks
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
 from receptance.sweep.disk import Lock, SweepError, flush
 
@@ -32,8 +32,6 @@ _RECORD = "receptance_sweep"
 _FINISHED = "_finished"
 _FORMAT = 1
 _MOST_BYTES = 2 * 2**30
-_KEPT_EVERY = 2.0
-"""Seconds between two moments from which on an interrupted run is resumed."""
 
 
 class Target(Protocol):
@@ -111,34 +109,22 @@ class Store:
             self._lock.close()
             raise
         self.finished = np.asarray(self._group[_FINISHED][:], dtype=np.bool_)
-        self._waiting: list[int] = []
-        self._kept = time.monotonic()
+        rows = min(self.block, definition.candidates.count)
+        self._chunks = Chunks(self._path, layout(definition), rows, self._finish)
 
     def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
         """Take the results of a block; every few seconds what was taken is made sure of."""
-        first = number * self.block
-        for name, values in arrays.items():
-            self._group[name][first : first + len(values)] = values
-        self._waiting.append(number)
-        if time.monotonic() - self._kept > _KEPT_EVERY:
-            self._keep()
+        self._chunks.write(number, arrays)
 
-    def _keep(self) -> None:
-        """Say that blocks are finished, after the disk has them."""
-        for number in self._waiting:
-            for name, (_, shape) in layout(self._definition).items():
-                flush(self._path / name / "c" / "/".join(map(str, (number, *(0 for _ in shape)))))
-        self.finished[self._waiting] = True
+    def _finish(self, numbers: list[int]) -> None:
+        self.finished[numbers] = True
         self._group[_FINISHED][:] = self.finished
-        flush(self._path / _FINISHED / "c" / "0")
-        self._waiting = []
-        self._kept = time.monotonic()
+        flush([self._path / _FINISHED / "c" / "0"], self._path / _FINISHED)
 
     def close(self) -> None:
         """Make sure that all that was taken is kept, and let others write."""
         try:
-            if self._waiting:
-                self._keep()
+            self._chunks.close()
         finally:
             self._lock.close()
 

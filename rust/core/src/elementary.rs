@@ -1,6 +1,7 @@
 //! Complex logarithm over lanes.
 
 use crate::lane::{C, MAX_LANES};
+use core::array::from_fn;
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
 use pulp::Simd;
 
@@ -38,13 +39,20 @@ const REDUCE_ABOVE: f64 = 0.414_213_562_373_095_03;
 /// Where the exponent of a number begins in its bits.
 const EXPONENT: u32 = 52;
 
+/// Polynomials of several numbers, their steps side by side: even and odd powers apart, so that no step waits for the
+/// one before it.
 #[inline(always)]
-fn polynomial<S: Simd>(s: S, x: S::f64s, coefficients: &[f64]) -> S::f64s {
-    let mut sum = s.splat_f64s(coefficients[0]);
-    for &coefficient in &coefficients[1..] {
-        sum = s.mul_add_e_f64s(sum, x, s.splat_f64s(coefficient));
+fn polynomials<S: Simd, const N: usize>(s: S, x: [S::f64s; N], coefficients: &[f64]) -> [S::f64s; N] {
+    let square: [_; N] = from_fn(|i| s.mul_f64s(x[i], x[i]));
+    let mut odd = [s.splat_f64s(coefficients[0]); N];
+    let mut even = [s.splat_f64s(coefficients[1]); N];
+    for pair in coefficients[2..].chunks_exact(2) {
+        for i in 0..N {
+            odd[i] = s.mul_add_e_f64s(odd[i], square[i], s.splat_f64s(pair[0]));
+            even[i] = s.mul_add_e_f64s(even[i], square[i], s.splat_f64s(pair[1]));
+        }
     }
-    sum
+    from_fn(|i| s.mul_add_e_f64s(odd[i], x[i], even[i]))
 }
 
 /// The power of two nearest to a/b, about: it, and a over it. Within 2^-0.59 and 2^0.59 a is then b.
@@ -55,12 +63,67 @@ fn near<S: Simd>(s: S, a: S::f64s, b: S::f64s) -> (S::f64s, S::f64s) {
     let difference = s.sub_u64s(bits, s.transmute_u64s_f64s(b));
     let rounded = s.add_u64s(difference, s.splat_u64s(1 << (EXPONENT - 1)));
     let whole = s.and_u64s(rounded, s.splat_u64s(u64::MAX << EXPONENT));
-    let (mut shifted, mut power) = ([0; MAX_LANES], [0.0; MAX_LANES]);
-    s.partial_store_u64s(&mut shifted[..S::F64_LANES], whole);
-    for lane in 0..S::F64_LANES {
-        power[lane] = (shifted[lane].cast_signed() >> EXPONENT) as f64;
+    // Whole vectors go there and back, which the compiler sees through: it keeps them in registers.
+    let mut power = [0.0; MAX_LANES];
+    S::as_mut_simd_f64s(&mut power).0[0] = s.transmute_f64s_u64s(whole);
+    for lane in &mut power[..S::F64_LANES] {
+        *lane = (lane.to_bits().cast_signed() >> EXPONENT) as f64;
     }
-    (s.partial_load_f64s(&power[..S::F64_LANES]), s.transmute_f64s_u64s(s.sub_u64s(bits, whole)))
+    (S::as_simd_f64s(&power).0[0], s.transmute_f64s_u64s(s.sub_u64s(bits, whole)))
+}
+
+/// Logarithms of the moduli of quotients, and the moduli of their angles: see `C::ln_over`.
+///
+/// Several at once, step by step: a logarithm is a long chain of steps each of which waits for the one before it, and
+/// the processor does not look far enough ahead to find the next logarithm by itself.
+#[inline(always)]
+fn logarithms<S: Simd, const N: usize>(s: S, quotients: [[C<S>; 2]; N]) -> Parts<S, N> {
+    let zero = s.splat_f64s(0.0);
+    // With a/b = 2^k (1 + q)/(1 - q) the logarithm of the modulus is k ln(2)/2 + artanh(q).
+    let b: [_; N] = from_fn(|i| quotients[i][1].norm_sqr().v);
+    let near: [_; N] = from_fn(|i| near(s, quotients[i][0].norm_sqr().v, b[i]));
+    let sum: [_; N] = from_fn(|i| s.add_f64s(near[i].1, b[i]));
+    // The angle is that of (x, y), reduced to atan(t) with t <= tan(pi/8).
+    let x: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.re, b.re, s.mul_f64s(a.im, b.im)));
+    let y: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.im, b.re, s.neg_f64s(s.mul_f64s(a.re, b.im))));
+    let (ax, ay) = (x.map(|x| s.abs_f64s(x)), y.map(|y| s.abs_f64s(y)));
+    let small: [_; N] = from_fn(|i| s.min_f64s(ax[i], ay[i]));
+    let large: [_; N] = from_fn(|i| s.max_f64s(ax[i], ay[i]));
+    let reduce: [_; N] =
+        from_fn(|i| s.greater_than_f64s(small[i], s.mul_f64s(large[i], s.splat_f64s(REDUCE_ABOVE))));
+    let above: [_; N] = from_fn(|i| s.sub_f64s(small[i], s.select_f64s(reduce[i], large[i], zero)));
+    let below: [_; N] = from_fn(|i| s.add_f64s(large[i], s.select_f64s(reduce[i], small[i], zero)));
+    // One division for both.
+    let inverse: [_; N] = from_fn(|i| s.div_f64s(s.splat_f64s(1.0), s.mul_f64s(sum[i], below[i])));
+    let q: [_; N] = from_fn(|i| s.mul_f64s(s.sub_f64s(near[i].1, b[i]), s.mul_f64s(inverse[i], below[i])));
+    let t: [_; N] = from_fn(|i| s.mul_f64s(above[i], s.mul_f64s(inverse[i], sum[i])));
+
+    let artanh = polynomials(s, q.map(|q| s.mul_f64s(q, q)), &ARTANH);
+    let atan = polynomials(s, t.map(|t| s.mul_f64s(t, t)), &ATAN);
+    let modulus =
+        from_fn(|i| s.mul_add_e_f64s(near[i].0, s.splat_f64s(0.5 * LN_2), s.mul_f64s(q[i], artanh[i])));
+    let angle = from_fn(|i| {
+        let start = s.select_f64s(reduce[i], s.splat_f64s(FRAC_PI_4), zero);
+        let angle = s.mul_add_e_f64s(t[i], atan[i], start);
+        let steep = s.greater_than_f64s(ay[i], ax[i]);
+        let angle = s.select_f64s(steep, s.sub_f64s(s.splat_f64s(FRAC_PI_2), angle), angle);
+        s.select_f64s(s.less_than_f64s(x[i], zero), s.sub_f64s(s.splat_f64s(PI), angle), angle)
+    });
+    Parts { modulus, angle, y }
+}
+
+/// What `logarithms` finds; `y` has the signs of the angles.
+struct Parts<S: Simd, const N: usize> {
+    modulus: [S::f64s; N],
+    angle: [S::f64s; N],
+    y: [S::f64s; N],
+}
+
+/// Squared moduli of the principal logarithms of quotients, under the conditions of `C::ln_over`.
+#[inline(always)]
+pub fn ln_norm_sqr<S: Simd, const N: usize>(simd: S, quotients: [[C<S>; 2]; N]) -> [S::f64s; N] {
+    let found = logarithms(simd, quotients);
+    from_fn(|i| C { simd, re: found.modulus[i], im: found.angle[i] }.norm_sqr().v)
 }
 
 impl<S: Simd> C<S> {
@@ -75,32 +138,8 @@ impl<S: Simd> C<S> {
     #[inline(always)]
     pub fn ln_over(self, other: Self) -> Self {
         let s = self.simd;
-        let zero = s.splat_f64s(0.0);
-        // With a/b = 2^k (1 + q)/(1 - q) the logarithm of the modulus is k ln(2)/2 + artanh(q).
-        let b = other.norm_sqr().v;
-        let (k, a) = near(s, self.norm_sqr().v, b);
-        let sum = s.add_f64s(a, b);
-        // The angle is that of (x, y), reduced to atan(t) with t <= tan(pi/8).
-        let x = s.mul_add_e_f64s(self.re, other.re, s.mul_f64s(self.im, other.im));
-        let y = s.mul_add_e_f64s(self.im, other.re, s.neg_f64s(s.mul_f64s(self.re, other.im)));
-        let (ax, ay) = (s.abs_f64s(x), s.abs_f64s(y));
-        let (small, large) = (s.min_f64s(ax, ay), s.max_f64s(ax, ay));
-        let reduce = s.greater_than_f64s(small, s.mul_f64s(large, s.splat_f64s(REDUCE_ABOVE)));
-        let above = s.sub_f64s(small, s.select_f64s(reduce, large, zero));
-        let below = s.add_f64s(large, s.select_f64s(reduce, small, zero));
-        let inverse = s.div_f64s(s.splat_f64s(1.0), s.mul_f64s(sum, below));
-        let q = s.mul_f64s(s.sub_f64s(a, b), s.mul_f64s(inverse, below));
-        let t = s.mul_f64s(above, s.mul_f64s(inverse, sum));
-
-        let artanh = s.mul_f64s(q, polynomial(s, s.mul_f64s(q, q), &ARTANH));
-        let re = s.mul_add_e_f64s(k, s.splat_f64s(0.5 * LN_2), artanh);
-        let start = s.select_f64s(reduce, s.splat_f64s(FRAC_PI_4), zero);
-        let angle = s.mul_add_e_f64s(t, polynomial(s, s.mul_f64s(t, t), &ATAN), start);
-        let steep = s.greater_than_f64s(ay, ax);
-        let angle = s.select_f64s(steep, s.sub_f64s(s.splat_f64s(FRAC_PI_2), angle), angle);
-        let left = s.less_than_f64s(x, zero);
-        let angle = s.select_f64s(left, s.sub_f64s(s.splat_f64s(PI), angle), angle);
-        let down = s.less_than_f64s(y, zero);
+        let Parts { modulus: [re], angle: [angle], y: [y] } = logarithms(s, [[self, other]]);
+        let down = s.less_than_f64s(y, s.splat_f64s(0.0));
         Self { simd: s, re, im: s.select_f64s(down, s.neg_f64s(angle), angle) }
     }
 }

@@ -3,14 +3,16 @@
 //! N and D are products of the columns of the lines and the factors of the joints, a few joints side by side on a vector
 //! of lines; what is made of them follows at once.
 
+use crate::elementary::ln_norm_sqr;
 use crate::joint_hoist::{Hoisted, PARTS, TILE};
 use crate::lane::{C, MAX_LANES};
 use pulp::{Simd, WithSimd};
 
-/// Joints that are taken side by side: what is loaded of the lines serves all of them.
-pub const SIDE: usize = 2;
+/// Joints that are taken side by side: what is loaded of the lines serves all of them, and while one waits for its last
+/// step the others go on. Four are 15 % faster than two with the 32 registers of AVX-512, 4 % slower with sixteen.
+pub const SIDE: usize = 4;
 
-/// The factors of some joints: by pairs of joints, then columns, then the joints of a pair.
+/// The factors of some joints: by groups of `SIDE` joints, then columns, then the joints of a group.
 pub struct Factors {
     /// The factors.
     pub values: Vec<f64>,
@@ -49,21 +51,23 @@ impl<const LOGARITHM: bool> WithSimd for Sums<'_, LOGARITHM> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { hoisted, joints, out } = self;
-        let (a_vector, a_pair) = (hoisted.columns * PARTS, hoisted.columns * SIDE);
-        let mut totals = vec![[simd.splat_f64s(0.0); SIDE]; joints.values.len() / a_pair];
+        let (a_vector, a_group) = (hoisted.columns * PARTS, hoisted.columns * SIDE);
+        let mut totals = vec![[simd.splat_f64s(0.0); SIDE]; joints.values.len() / a_group];
         for (lines, weights) in hoisted.tiles::<S>() {
-            for (pair, total) in joints.values.chunks_exact(a_pair).zip(&mut totals) {
+            for (group, total) in joints.values.chunks_exact(a_group).zip(&mut totals) {
                 for (lines, &weight) in lines.chunks_exact(a_vector).zip(weights) {
-                    let found = sums(simd, lines, pair);
+                    let found = sums(simd, lines, group);
+                    // D over N: both are sums of products, what was measured is in D already.
+                    let quotients = found.map(|[n_re, n_im, d_re, d_im]| {
+                        [C { simd, re: d_re, im: d_im }, C { simd, re: n_re, im: n_im }]
+                    });
+                    let squares = if LOGARITHM {
+                        ln_norm_sqr(simd, quotients)
+                    } else {
+                        quotients.map(|[d, n]| simd.div_f64s(n.norm_sqr().v, d.norm_sqr().v))
+                    };
                     for joint in 0..SIDE {
-                        let [n_re, n_im, d_re, d_im] = found[joint];
-                        let (n, d) = (C { simd, re: n_re, im: n_im }, C { simd, re: d_re, im: d_im });
-                        let square = if LOGARITHM {
-                            d.ln_over(n).norm_sqr().v
-                        } else {
-                            simd.div_f64s(n.norm_sqr().v, d.norm_sqr().v)
-                        };
-                        total[joint] = simd.mul_add_e_f64s(square, weight, total[joint]);
+                        total[joint] = simd.mul_add_e_f64s(squares[joint], weight, total[joint]);
                     }
                 }
             }
@@ -93,19 +97,19 @@ impl<const MAGNITUDE: bool> WithSimd for EachLine<'_, MAGNITUDE> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { hoisted, joints, out } = self;
         let a_line = if MAGNITUDE { 1 } else { 2 };
-        let (a_vector, a_pair) = (hoisted.columns * PARTS, hoisted.columns * SIDE);
+        let (a_vector, a_group) = (hoisted.columns * PARTS, hoisted.columns * SIDE);
         // A value that is not finite makes this one not a number.
         let mut zeros = vec![simd.splat_f64s(0.0); joints.values.len() / hoisted.columns];
         let zero = simd.splat_f64s(0.0);
         for (tile, (lines, _)) in hoisted.tiles::<S>().enumerate() {
             let start = tile * TILE * S::F64_LANES;
-            for (pair, factors) in joints.values.chunks_exact(a_pair).enumerate() {
+            for (group, factors) in joints.values.chunks_exact(a_group).enumerate() {
                 for (vector, lines) in lines.chunks_exact(a_vector).enumerate() {
                     let found = sums(simd, lines, factors);
                     let first = start + vector * S::F64_LANES;
                     let range = a_line * first..a_line * hoisted.lines.min(first + S::F64_LANES);
-                    for joint in (0..SIDE).take(joints.invalid.len() - pair * SIDE) {
-                        let row = pair * SIDE + joint;
+                    for joint in (0..SIDE).take(joints.invalid.len() - group * SIDE) {
+                        let row = group * SIDE + joint;
                         let into = &mut out[a_line * hoisted.lines * row..][range.clone()];
                         let value = if MAGNITUDE {
                             modulus(simd, found[joint], into)

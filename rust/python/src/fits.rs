@@ -19,6 +19,25 @@ pub(crate) fn seven(name: &str, values: &[f64]) -> PyResult<[f64; COLUMNS]> {
         .map_err(|_| PyValueError::new_err(format!("{name}: {} values, expected {COLUMNS}", values.len())))
 }
 
+/// A model reduced to one joint, with what was measured of it.
+fn reduced<'a>(
+    reduction: &'a PyReadonlyArray2<'_, f64>,
+    angular_frequency: &'a Lines<'_>,
+    measured: &'a PyReadonlyArray1<'_, Complex64>,
+    weights: &'a PyReadonlyArray1<'_, f64>,
+    reference: [f64; COLUMNS],
+) -> PyResult<Reduced<'a>> {
+    let found = Reduced::new(
+        reduction.as_array().nrows(),
+        c_contiguous("reduction", reduction)?,
+        angular_frequency.frequencies(1.0)?,
+        contiguous("measured", measured.as_slice())?,
+        contiguous("weights", weights.as_slice())?,
+        reference,
+    );
+    Ok(found.map_err(CoreError::from)?)
+}
+
 /// A^T A with A = [J | r] for the weighted complex log residual of a reduced model, (n + 1, n + 1).
 #[pyfunction]
 #[pyo3(signature = (reduction, angular_frequency, measured, weights, reference, joint, columns, slopes, threads))]
@@ -43,15 +62,8 @@ pub fn joint_normal_matrix<'py>(
     }
     let columns: Vec<(usize, f64)> = columns.into_iter().zip(slopes.iter().copied()).collect();
     let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
-    let reduced = Reduced::new(
-        reduction.as_array().nrows(),
-        c_contiguous("reduction", &reduction)?,
-        angular_frequency.frequencies(1.0)?,
-        contiguous("measured", measured.as_slice())?,
-        contiguous("weights", weights.as_slice())?,
-        seven("reference", contiguous("reference", reference.as_slice())?)?,
-    )
-    .map_err(CoreError::from)?;
+    let reference = seven("reference", contiguous("reference", reference.as_slice())?)?;
+    let reduced = reduced(&reduction, &angular_frequency, &measured, &weights, reference)?;
     let matrix = py.detach(|| reduced.normal_matrix(&joint, &columns, threads)).map_err(CoreError::from)?;
     let size = columns.len() + 1;
     Ok(shaped(Array2::from_shape_vec((size, size), matrix))?.into_pyarray(py))
@@ -72,15 +84,8 @@ pub fn joint_residual<'py>(
     threads: usize,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
-    let reduced = Reduced::new(
-        reduction.as_array().nrows(),
-        c_contiguous("reduction", &reduction)?,
-        angular_frequency.frequencies(1.0)?,
-        contiguous("measured", measured.as_slice())?,
-        contiguous("weights", weights.as_slice())?,
-        seven("reference", contiguous("reference", reference.as_slice())?)?,
-    )
-    .map_err(CoreError::from)?;
+    let reference = seven("reference", contiguous("reference", reference.as_slice())?)?;
+    let reduced = reduced(&reduction, &angular_frequency, &measured, &weights, reference)?;
     let residual = py.detach(|| reduced.residual(&joint, threads)).map_err(CoreError::from)?;
     Ok(shaped(Array2::from_shape_vec((2, reduced.lines()), residual))?.into_pyarray(py))
 }
@@ -134,15 +139,8 @@ pub fn fit_joint<'py>(
     }
     let mut observed = Vec::with_capacity(count);
     for i in 0..count {
-        let reduced = Reduced::new(
-            reductions[i].as_array().nrows(),
-            c_contiguous("reductions", &reductions[i])?,
-            angular_frequency[i].frequencies(1.0)?,
-            contiguous("measured", measured[i].as_slice())?,
-            contiguous("weights", weights[i].as_slice())?,
-            references[i],
-        )
-        .map_err(CoreError::from)?;
+        let reduced =
+            reduced(&reductions[i], &angular_frequency[i], &measured[i], &weights[i], references[i])?;
         let variables = numbers[i].map(|number| (number >= 0.0).then_some(number as usize));
         observed.push(Observed { reduced, joint: joints[i], variables });
     }

@@ -11,7 +11,7 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use receptance_core::{JointSweep, Misfit, ModelSweep};
+use receptance_core::{JointSweep, Misfit, ModelSweep, Result};
 
 /// Columns of a joint.
 const COLUMNS: usize = 7;
@@ -23,6 +23,30 @@ pub enum Output<'py> {
     Complex(PyReadwriteArray2<'py, Complex64>),
     /// Magnitudes.
     Real(PyReadwriteArray2<'py, f64>),
+}
+
+impl Output<'_> {
+    /// Lets the core write receptances or magnitudes into an output of the shape it should have.
+    fn fill(
+        self,
+        py: Python<'_>,
+        shape: [usize; 2],
+        receptances: impl FnOnce(&mut [Complex64]) -> Result<()> + Send,
+        magnitudes: impl FnOnce(&mut [f64]) -> Result<()> + Send,
+    ) -> PyResult<()> {
+        match self {
+            Self::Complex(mut out) => {
+                let out = filled(&mut out, shape)?;
+                py.detach(|| receptances(out))
+            }
+            Self::Real(mut out) => {
+                let out = filled(&mut out, shape)?;
+                py.detach(|| magnitudes(out))
+            }
+        }
+        .map_err(CoreError::from)?;
+        Ok(())
+    }
 }
 
 /// Fills `out` (n_joints, n_freq) with the receptance of each joint in the place of the one that a model was reduced
@@ -40,18 +64,12 @@ pub fn sweep_joint<'py>(
 ) -> PyResult<()> {
     let sweep = joint_sweep(&reduction, &angular_frequency, &reference)?;
     let joints = table("joints", &joints, COLUMNS)?;
-    match out {
-        Output::Complex(mut out) => {
-            let out = filled(&mut out, joints.len() / COLUMNS, sweep.lines())?;
-            py.detach(|| sweep.receptances(joints, out, threads))
-        }
-        Output::Real(mut out) => {
-            let out = filled(&mut out, joints.len() / COLUMNS, sweep.lines())?;
-            py.detach(|| sweep.magnitudes(joints, out, threads))
-        }
-    }
-    .map_err(CoreError::from)?;
-    Ok(())
+    out.fill(
+        py,
+        [joints.len() / COLUMNS, sweep.lines()],
+        |out| sweep.receptances(joints, out, threads),
+        |out| sweep.magnitudes(joints, out, threads),
+    )
 }
 
 /// The misfit (n_joints,) of each joint in the place of the one that a model was reduced to: the sum over the lines of
@@ -112,18 +130,12 @@ pub fn sweep_models<'py>(
     let [response, excitation] = response_and_excitation(&points)?;
     let sweep = ModelSweep::new(&tied, count, lines, response, excitation);
     let values = c_contiguous("values", &values)?;
-    match out {
-        Output::Complex(mut out) => {
-            let out = filled(&mut out, rows, lines.len())?;
-            py.detach(|| sweep.receptances(values, out, threads))
-        }
-        Output::Real(mut out) => {
-            let out = filled(&mut out, rows, lines.len())?;
-            py.detach(|| sweep.magnitudes(values, out, threads))
-        }
-    }
-    .map_err(CoreError::from)?;
-    Ok(())
+    out.fill(
+        py,
+        [rows, lines.len()],
+        |out| sweep.receptances(values, out, threads),
+        |out| sweep.magnitudes(values, out, threads),
+    )
 }
 
 /// The misfit (n_candidates,) of each row of `values`, see `sweep_models` and `sweep_joint_misfit`.
@@ -161,8 +173,7 @@ fn kind(logarithmic: bool) -> Misfit {
 /// An output in C order of the shape it should have.
 fn filled<'a, T: Element>(
     out: &'a mut PyReadwriteArray2<'_, T>,
-    rows: usize,
-    lines: usize,
+    [rows, lines]: [usize; 2],
 ) -> PyResult<&'a mut [T]> {
     let found = out.shape();
     if found != [rows, lines] {
