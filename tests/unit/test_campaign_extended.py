@@ -173,6 +173,13 @@ def test_every_level_of_a_series_is_written_out(tmp_path: Path) -> None:
     assert again.unknowns[-1].name == "tool_density.log_density"
 
 
+def test_a_coupling_term_follows_the_clampings_in_the_file_too(tmp_path: Path) -> None:
+    text = written(tmp_path).file.read_text().replace('"joint.k_y" = {', '"joint.k_y" = { individual = "5 %",')
+    found = as_if_found(load(tmp_path, text), ("joint_cross_term", "stiffness"))
+    again = campaign.load(found.write_extended(tmp_path / "extended.toml"))
+    assert [dict(one.follows) for one in again.unknowns if isinstance(one, Law)] == [{"joint.k_ytheta": 0.5}]
+
+
 def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
     sensed = written(tmp_path, 'sensor = "accelerometer"')
     steps = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]

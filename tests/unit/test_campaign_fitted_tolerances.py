@@ -67,6 +67,7 @@ def test_the_json_has_errors_and_profiles(tmp_path, text):
         (', reference = "135 N m"', "no `power_of`"),
         (', power_of = "torque", reference = "0 N m"', "reference is 0"),
         (', free = true, individual = "5 %"', "one of the two"),
+        (", follows = {'joint.k_ytheta' = 0.5}", "no `power_of` and no `individual` part"),
     ],
 )
 def test_mistakes_in_laws(tmp_path, extra, words):

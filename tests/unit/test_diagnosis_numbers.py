@@ -11,13 +11,14 @@ import pytest
 from scipy import stats
 
 from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
-from receptance.diagnosis import Model, diagnose
+from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.adequacy import _strain, judge
 from receptance.diagnosis.averaging import Ensemble, Target
 from receptance.diagnosis.explanation import MARGIN
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, measured_by
 from receptance.diagnosis.judgement import conclude
+from receptance.identification import Law
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -29,27 +30,29 @@ JOINT = [
 ]
 
 
-def assembled(overhang: float, k_theta: float = 1e5) -> Assembly:
+TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+
+
+def assembled(overhang: float, joint: PointJoint = TRUE) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=STEEL)], name="tool")
-    joint = PointJoint(k_y=6e8, k_theta=k_theta, c_y=300.0, c_theta=1.0, name="joint")
     return Assembly([tool, joint, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
 
 
-def observed(overhang: float, factor: Any = 1.0, k_theta: float = 1e5) -> MeasuredFRF:
+def observed(overhang: float, factor: Any = 1.0, joint: PointJoint = TRUE, sd: float = 0.01) -> MeasuredFRF:
     rng = np.random.default_rng([SEED, int(1e3 * overhang)])
-    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+    noise = sd * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     return MeasuredFRF(
         assembly=assembled(overhang),
         frequency_hz=LINES,
-        receptance=factor * assembled(overhang, k_theta).receptance(LINES) * np.exp(noise),
-        standard_deviation=0.01,
+        receptance=factor * assembled(overhang, joint).receptance(LINES) * np.exp(noise),
+        standard_deviation=sd,
         label=f"{overhang}",
     )
 
 
 def test_no_fold_sees_what_it_is_tried_on() -> None:
     """One overhang was clamped differently: fits that see it give way to it, fits without it cannot know."""
-    data = [observed(0.06), observed(0.08), observed(0.1, k_theta=7e4)]
+    data = [observed(0.06), observed(0.08), observed(0.1, joint=replace(TRUE, k_theta=7e4))]
     verdict = diagnose(data, JOINT, causes=["tool_density", "calibration_gain"], most=1, held_out=True)
     spectral = next(one for one in verdict.gains if one.metric == SPECTRAL)
     for index, fold in enumerate(spectral.folds):
@@ -120,3 +123,23 @@ def test_predictions_heed_what_other_models_say(monkeypatch: pytest.MonkeyPatch)
     middle, spread = ensemble.natural_frequencies(None, found, Target(assembled(0.06)), 2000.0)
     assert middle == 1000.0
     assert spread**2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
+
+
+def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:
+    """Clampings that scatter by some per cent scatter in all terms of the joint."""
+    stiff, ratio = (1.04, 0.97, 1.02, 0.96), -0.3
+    laws = [
+        Law(address="joint.k_y", lower=1e6, upper=1e11, start=6e8, individual=0.03),
+        Law(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5, individual=0.03),
+        *JOINT[2:],
+    ]
+    data = []
+    for overhang, share in zip((0.06, 0.075, 0.09, 0.105), stiff, strict=True):
+        k_y, k_theta = 6e8 * share, 1e5 * share
+        joint = replace(TRUE, k_y=k_y, k_theta=k_theta, k_ytheta=ratio * np.sqrt(k_y * k_theta))
+        data.append(observed(overhang, joint=joint, sd=1e-3))
+    variants = CATALOGUE["joint_cross_term"].variants(Model(tuple(data), tuple(laws)))
+    (stiffness,) = [one for one in variants if one.name == "stiffness"]
+    fit = refit(stiffness.model, {"joint_cross_term.k_ytheta": ratio * np.sqrt(6e13)})
+    assert judge(fit).passed
+    assert fit.values["joint_cross_term.k_ytheta"] == pytest.approx(ratio * np.sqrt(6e13), rel=0.03)

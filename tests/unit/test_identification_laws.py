@@ -86,6 +86,29 @@ def test_the_map_and_its_derivatives():
             assert np.allclose(slope[:, i], expected, rtol=1e-6, atol=1e-7 * np.abs(placed.values(u)) / step * 1e-3)
 
 
+def test_what_follows_a_law_has_its_powers_and_its_individual_parts():
+    """A coupling term goes with the geometric mean of two stiffnesses, whatever moves them."""
+    half = {"joint.k_ytheta": 0.5}
+    wanted = [
+        Law(address="joint.k_y", lower=1e6, upper=1e10, powers=Power(of="torque", reference=20.0), follows=half),
+        Law(address="joint.k_theta", lower=1e3, upper=1e7, individual=0.05, follows=half),
+        Unknown(address="joint.k_ytheta", lower=-1e7, upper=1e7, start=0.0),
+    ]
+    places = [Place(assembled(), name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
+    parameters = Parameters(wanted, [], places)
+    u = dict.fromkeys((unknown.name for unknown in parameters.unknowns), 0.0)
+    u |= {"joint.k_y": 3e8, "joint.k_y ~ torque": 0.6, "joint.k_theta": 1e5, "joint.k_ytheta": -2e6}
+    u |= {"joint.k_theta @ a": 1.0, "joint.k_theta @ b": -2.0}
+    ratios = []
+    for place in places:
+        placed = parameters.at(place)
+        own = dict(zip(placed.addresses, placed.values(np.array(list(u.values()))), strict=True))
+        ratios.append(own["joint.k_ytheta"] / math.sqrt(own["joint.k_y"] * own["joint.k_theta"]))
+    assert ratios == pytest.approx([-2e6 / math.sqrt(3e8 * 1e5)] * 2)
+    with pytest.raises(ValueError, match=r"what follows it: no observation's assembly has it; there are joint\.k_y"):
+        Parameters([Law(address="joint.k_y", lower=1.0, upper=2.0, follows={"joint.k_both": 0.5})], [], places)
+
+
 def test_a_power_law_is_found_over_overhangs():
     law = Power(of="tool.segment[0].length", reference=0.0623)
     observations = []
@@ -196,6 +219,16 @@ def test_a_prior_decides_what_the_data_do_not():
             "one of the two",
         ),
         (lambda: Law(address="joint.k_y", lower=1.0, upper=2.0, powers=("torque",)), TypeError, "expected a Power"),
+        (
+            lambda: Law(address="joint.k_y", lower=1.0, upper=2.0, free=True, follows={"joint.k_ytheta": 0.5}),
+            ValueError,
+            "what follows it would have no law",
+        ),
+        (
+            lambda: Law(address="joint.k_y", lower=1.0, upper=2.0, follows={"joint.k_ytheta": "half"}),
+            TypeError,
+            r"follows\['joint.k_ytheta'\] is 'half'",
+        ),
         (lambda: Tolerance(name="", moves={"a": 1.0}), TypeError, "what the error belongs to"),
         (lambda: Tolerance(name="x", moves={}), ValueError, "moves is empty"),
         (lambda: Tolerance(name="x", moves={"tool.segment[0].length": 0.0}), ValueError, "is 0"),

@@ -298,6 +298,8 @@ def _restarted(raw: dict[str, Any], unknown: Any, values: Mapping[str, float]) -
         return raw
     start = min(max(values[unknown.name], unknown.lower), unknown.upper)
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
+    if isinstance(unknown, Law) and unknown.follows:
+        raw = {**raw, "follows": dict(unknown.follows)}
     return {**raw, "start": start if plain else quantity_at(unknown.address, start)}
 
 

@@ -220,6 +220,8 @@ class UnknownTable(Table):
     it, by default that of the series"""
     individual: str | None = None
     """standard deviation of the part that every assembly has of its own, such as `"5 %"`"""
+    follows: dict[str, float] = Field(default={})
+    """further parameters by address that its powers and individual parts multiply too, raised to the number given"""
 
 
 class SettingsTable(Table):

@@ -73,6 +73,9 @@ def build_unknown(address: str, table: UnknownTable, campaign: CampaignTable, wo
         if table.reference is not None or table.exponent is not None:
             workshop.problems.add(path, "has a reference or an exponent, but no `power_of`")
             return None
+        if table.follows:
+            workshop.problems.add((*path, "follows"), "is given, but it has no `power_of` and no `individual` part")
+            return None
         return workshop.make(path, Unknown, **fields)
     if table.free:
         fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
@@ -80,7 +83,7 @@ def build_unknown(address: str, table: UnknownTable, campaign: CampaignTable, wo
 
 
 def _move(path: Path, table: UnknownTable, fields: dict[str, Any], workshop: Workshop) -> Move | None:
-    wrong = [key for key in ("multiple", "also", "free", "individual", "exponent") if getattr(table, key)]
+    wrong = [key for key in ("multiple", "also", "free", "individual", "follows", "exponent") if getattr(table, key)]
     if wrong:
         workshop.problems.add((*path, wrong[0]), "is given with `moves`, expected one of the two")
         return None
@@ -120,4 +123,6 @@ def _law(path: Path, table: UnknownTable, fields: dict[str, Any], workshop: Work
         if share is None:
             return None
         individual = share
-    return workshop.make(path, Law, **fields, powers=powers, free=table.free, individual=individual)
+    return workshop.make(
+        path, Law, **fields, powers=powers, free=table.free, individual=individual, follows=table.follows
+    )

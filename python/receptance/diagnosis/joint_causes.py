@@ -55,7 +55,8 @@ def _cross(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     joints = _point_joints(model)
     if any(model.has(f"{name}.k_ytheta") for name in joints):
         raise UndecidableError("the coupling term is an unknown of the model already")
-    stiff = model.plus(*(p["k_ytheta"].unknown(f"{name}.k_ytheta", part=_own(joints, name)) for name in joints))
+    terms = [p["k_ytheta"].unknown(f"{name}.k_ytheta", part=_own(joints, name)) for name in joints]
+    stiff = model.coupled(*joints).plus(*terms)
     yield Variant("stiffness", stiff)
     damped = [name for name in joints if all(model.has(f"{name}.{c}") for c in _DAMPINGS)]
     if damped:

@@ -102,6 +102,22 @@ class Model:
             if not isinstance(unknown, Move)
         )
 
+    def coupled(self, *joints: str) -> Model:
+        """Return the model in which a joint's coupling terms vary with the others, as their geometric means.
+
+        What another clamping, or another torque, does to a contact it does to all its terms.
+        """
+
+        def one(unknown: Unknown) -> Unknown:
+            if not isinstance(unknown, Law) or unknown.free:
+                return unknown
+            reached = (unknown.address, *unknown.also)
+            pairs = ((f"{joint}.{kind}", f"{joint}.{kind}_ytheta") for joint in joints for kind in "kc")
+            own = {term: 0.5 for stem, term in pairs if f"{stem}_y" in reached or f"{stem}_theta" in reached}
+            return replace(unknown, follows={**unknown.follows, **own})
+
+        return replace(self, unknowns=tuple(one(unknown) for unknown in self.unknowns))
+
     def plus(self, *unknowns: Unknown) -> Model:
         """Return the model with more unknowns."""
         return replace(self, unknowns=(*self.unknowns, *unknowns))

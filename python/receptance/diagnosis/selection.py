@@ -117,7 +117,8 @@ def _ended(selection: Selection, threads: int | None) -> None:
 def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
     """Fit the best causes from far: a base that is far off may have led all their starts astray.
 
-    Where there are levels, causes together as well: who cannot explain one of them is not fitted to the others.
+    Where there are levels, causes together as well: who cannot explain one of them is not fitted to the others. Of the
+    best cause the other ways of acting are fitted too: from that base another one came nearer than the right one.
     """
     if selection.base.misfit <= GATE:
         return
@@ -134,7 +135,26 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
         selection.evaluations += fit.evaluations
         target = selection.singles if len(one.steps) == 1 else selection.several
         target.append(_explanation(selection, one.steps[:-1], one.steps[-1], fit))
+    for step, model in () if levels else _other_ways(selection):
+        say(f"{step[0].id}, {step[1]}, anew")
+        try:
+            fit = fit_base(model, seed=seed, threads=threads)
+        except (ReceptanceError, ValueError):
+            continue
+        selection.evaluations += fit.evaluations
+        selection.singles.append(_explanation(selection, (), step, fit))
     selection.singles, selection.several = _best_each(selection.singles), _best_each(selection.several)
+
+
+def _other_ways(selection: Selection) -> Iterator[tuple[tuple[Cause, str], Model]]:
+    """Yield the best cause in its other ways of acting, with the model, where it comes near the data."""
+    best = min(selection.singles, key=lambda one: -one.evidence, default=None)
+    if best is None or best.fit.misfit > _HOPELESS:
+        return
+    ((cause, own),) = best.steps
+    others = [variant for variant in cause.variants(selection.base.model) if variant.name != own and not variant.fresh]
+    for variant in others[:_MORE]:
+        yield (variant.of(cause), variant.name), variant.model
 
 
 def _pruned(selection: Selection, threads: int | None) -> None:

@@ -103,6 +103,9 @@ class Law(Unknown):
         Standard deviation of the natural logarithm of the part that every configuration has of its own: 0.05 where
         clamping again changes a stiffness by 5 %. That part is called `<name> @ <configuration>` and is
         counted in these standard deviations. A configuration is one clamping here.
+    follows : mapping of str to float, optional
+        Further parameters by address that vary with it: they are multiplied by its powers and its individual part,
+        raised to the number that is given here. 0.5 with each of two stiffnesses for the term that couples them.
 
     Raises
     ------
@@ -122,10 +125,15 @@ class Law(Unknown):
     along: str = ""
     starts: Mapping[str, float] = field(default_factory=dict)
     individual: float = 0.0
+    follows: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         owner = f"Law {self.address!r}"
+        share = {str(a): _checks.number(owner, f"follows[{a!r}]", n) for a, n in dict(self.follows).items()}
+        object.__setattr__(self, "follows", share)
+        if self.free and share:
+            raise ValueError(f"{owner}: it is free, and what follows it would have no law, expected one of the two")
         powers = (self.powers,) if isinstance(self.powers, Power) else tuple(self.powers)
         for index, power in enumerate(powers):
             if not isinstance(power, Power):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -143,22 +143,23 @@ class Parameters:
                 continue
             own_addresses = dict.fromkeys(sorted(place.covered(unknown.address)), unknown.multiple)
             own_addresses |= {other: n for other, n in unknown.also.items() if place.covered(other)}
+            varying: dict[int, float] = {}
+            if isinstance(unknown, Law) and own_addresses:
+                varying = _varying(unknown, place, index, error)
             for address, multiple in own_addresses.items():
-                name = unknown.name
                 if isinstance(unknown, Law):
-                    own = exponents.setdefault(address, {})
-                    for power in unknown.powers:
-                        ratio = place.condition(power.of, f"Law {unknown.address!r}") / power.reference
-                        own[index[f"{name} ~ {power.of}"]] = math.log(ratio)
-                    if unknown.individual:
-                        own[error(f"{name} @ {place.configuration}")] = unknown.individual
+                    exponents.setdefault(address, {}).update(varying)
                     if unknown.free:
                         first, second, share = self._free(unknown, place)
                         bases[address], scales[address] = first, multiple * (1.0 - share)
                         seconds[address] = (second, multiple * share)
                         continue
-                bases[address] = index[name]
+                bases[address] = index[unknown.name]
                 scales[address] = multiple
+            for address, power in unknown.follows.items() if varying and isinstance(unknown, Law) else ():
+                row = exponents.setdefault(address, {}) if place.covered(address) else {}
+                for column, slope in varying.items():
+                    row[column] = row.get(column, 0.0) + power * slope
         for tolerance in self.tolerances if tolerances is None else tolerances:
             if not place.among(tolerance.configurations, tolerance.labels):
                 continue
@@ -240,6 +241,11 @@ class Parameters:
         rows += [
             (f"Tolerance {one.name!r}", tuple(one.moves), one.configurations, one.labels) for one in self.tolerances
         ]
+        rows += [
+            (f"Law {one.address!r}, with what follows it", tuple(one.follows), one.configurations, None)
+            for one in self.wanted
+            if isinstance(one, Law) and one.follows
+        ]
         among: dict[tuple[Names, Names | str], list[Place]] = {}
         for title, addresses, configurations, labels in rows:
             # Most rows are of the same places.
@@ -310,3 +316,14 @@ class MappedResidual:
         if not np.isfinite(own).all():
             raise InfeasibleError("a law or an error leaves the range of numbers")
         return own
+
+
+def _varying(law: Law, place: Place, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
+    """Return by column what multiplies a law's value in a place: its powers of conditions and its individual part."""
+    found: dict[int, float] = {}
+    for power in law.powers:
+        ratio = place.condition(power.of, f"Law {law.address!r}") / power.reference
+        found[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
+    if law.individual:
+        found[error(f"{law.name} @ {place.configuration}")] = law.individual
+    return found
