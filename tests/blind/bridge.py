@@ -299,6 +299,13 @@ def ask(
     )
 
 
+def advisable() -> list[str]:
+    """Return all that a diagnosis may advise to measure."""
+    from receptance.diagnosis.advice import MENU
+
+    return [choice.action for choice in MENU]
+
+
 def _lists(found: tuple[NDArray[np.float64], NDArray[np.float64]]) -> tuple[list[float], list[float]]:
     return found[0].tolist(), found[1].tolist()
 
