@@ -143,3 +143,12 @@ def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:
     fit = refit(stiffness.model, {"joint_cross_term.k_ytheta": ratio * np.sqrt(6e13)})
     assert judge(fit).passed
     assert fit.values["joint_cross_term.k_ytheta"] == pytest.approx(ratio * np.sqrt(6e13), rel=0.03)
+
+
+def test_a_second_cause_too_small_to_be_meant_is_left_out() -> None:
+    """A delay of thirty nanoseconds is in every record, and no explanation of a gain beside it."""
+    for delay, named in ((3e-8, ["calibration_gain"]), (2e-6, ["calibration_gain", "time_delay"])):
+        chain = 1.05 * np.exp(-2j * np.pi * LINES * delay)
+        data = [observed(x, chain, sd=1e-3) for x in (0.06, 0.08, 0.1)]
+        verdict = diagnose(data, JOINT, causes=["calibration_gain", "time_delay"])
+        assert (verdict.verdict, sorted(one.id for one in verdict.causes)) == ("named", named)

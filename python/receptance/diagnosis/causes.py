@@ -44,6 +44,9 @@ class Parameter:
         start from its typical value.
     prior : Prior, optional
         What is known of it beforehand.
+    least : float, optional
+        Distance from null below which nobody would call it a cause, however well the data show it: beside another
+        cause that explains the data it is then left out.
     """
 
     name: str
@@ -55,11 +58,13 @@ class Parameter:
     plausible: tuple[float, float] | None = None
     secondary: bool = False
     prior: Prior | None = None
+    least: float = 0.0
 
     def __post_init__(self) -> None:
         owner = f"Parameter {self.name!r}"
         for name in ("lower", "upper", "typical", "null"):
             object.__setattr__(self, name, _checks.number(owner, name, getattr(self, name)))
+        object.__setattr__(self, "least", _checks.not_negative(owner, "least", self.least))
         if not self.lower <= min(self.typical, self.start) or not max(self.typical, self.start) <= self.upper:
             raise ValueError(f"{owner}: typical {self.typical:g} or null {self.null:g} lies outside the bounds")
         if self.plausible is None:

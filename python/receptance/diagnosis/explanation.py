@@ -50,6 +50,16 @@ class Explanation:
         return {name: value for name, value in self.fit.values.items() if name.split(" ")[0].split(".")[0] == cause.id}
 
     @property
+    def negligible(self) -> frozenset[str]:
+        """Ids of the causes all of whose sizes are so small that nobody would mean them."""
+        found = set()
+        for cause, _ in self.steps:
+            sizes = [(cause.parameter_of(name), value) for name, value in self.sizes(cause).items()]
+            if sizes and all(abs(value - one.null) < one.least for one, value in sizes):
+                found.add(cause.id)
+        return frozenset(found)
+
+    @property
     def implausible(self) -> tuple[str, ...]:
         """Names of sizes that nobody would believe."""
         return tuple(

@@ -33,7 +33,8 @@ def conclude(selection: Selection) -> Judgement:
 
     1. Where no cause gains more than chance, the base is adequate if it passes the gate, else unexplained.
     2. Only what passes the gate itself may explain; nothing does: unexplained.
-    3. All within the margin of the best evidence are reported, without what only adds to another one of them.
+    3. All within the margin of the best evidence are reported, without what only adds to another one of them, or adds
+       something to any other that is too small for anyone to mean.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
     5. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
        in one of a hundred, or where the data cannot convict: there is but one configuration or one mode, a cause that
@@ -50,6 +51,8 @@ def conclude(selection: Selection) -> Judgement:
     if not passing:
         notes.append(f"the best explanation, {_called(best)}, {best.adequacy.why_not}, so it is none")
         return Judgement("unexplained", (), (), tuple(notes))
+    # What only adds something that nobody would mean is as good without it.
+    passing = [one for one in passing if not any(_adds_nothing(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
     near = [one for one in near if not any(_only_adds(one, other) for other in near)]
     for one in near:
@@ -131,6 +134,10 @@ def _nothing(selection: Selection) -> Judgement:
         return Judgement("adequate", (), (), ())
     note = f"the base model {adequacy.why_not}, and no cause helps"
     return Judgement("unexplained", (), (), (note,))
+
+
+def _adds_nothing(one: Explanation, other: Explanation) -> bool:
+    return other.ids < one.ids and one.ids - other.ids <= one.negligible
 
 
 def _only_adds(one: Explanation, other: Explanation) -> bool:

@@ -180,7 +180,11 @@ MEASUREMENT_CAUSES = (
     Cause(
         id="time_delay",
         group="measurement",
-        parameters=(Parameter(name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4)),),
+        parameters=(
+            Parameter(
+                name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4), least=1e-7
+            ),
+        ),
         change=_delay,
         meaning="one channel lags behind the other",
         remedy="measure a known free mass with both channels and correct the delay",
