@@ -7,12 +7,12 @@ series, our minors) is inside the time unless a name says otherwise.
 
 from __future__ import annotations
 
-from . import campaigns, compiled, fits, frequencies, peers, receptances, sweeps, threads
+from . import campaigns, compiled, diagnoses, fits, frequencies, peers, receptances, sweeps, threads
 from .pair import Pair, largest_difference
 
 __all__ = ["Pair", "all_pairs", "compiled", "largest_difference", "peers"]
 
-LINES, FIT_LINES, THREAD_LINES, CAMPAIGN_LINES = 5_000, 12_000, 50_000, 2_500
+LINES, FIT_LINES, THREAD_LINES, CAMPAIGN_LINES, DIAGNOSIS_LINES = 5_000, 12_000, 50_000, 2_500, 150
 
 
 def all_pairs(share: int = 1) -> list[Pair]:
@@ -25,6 +25,7 @@ def all_pairs(share: int = 1) -> list[Pair]:
         *frequencies.mode_pairs(),
         *fits.identification_pairs(FIT_LINES // share),
         *campaigns.campaign_pairs(CAMPAIGN_LINES // share, campaigns.STARTS if share == 1 else 2),
+        *diagnoses.diagnosis_pairs(DIAGNOSIS_LINES),
         *sweeps.sweep_pairs(sweeps.LINES // share, sweeps.CANDIDATES // share),
         *compiled.compiled_pairs(LINES // share),
         *peers.peer_pairs(LINES // share),
