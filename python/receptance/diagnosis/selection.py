@@ -148,7 +148,7 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
 
 def _other_ways(selection: Selection) -> Iterator[tuple[tuple[Cause, str], Model]]:
     """Yield the best cause in its other ways of acting, with the model, where it comes near the data."""
-    best = min(selection.singles, key=lambda one: -one.evidence, default=None)
+    best = max(selection.singles, key=lambda one: one.evidence, default=None)
     if best is None or best.fit.misfit > _HOPELESS:
         return
     ((cause, own),) = best.steps
