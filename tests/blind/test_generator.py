@@ -85,6 +85,7 @@ EXTRAS = [
     {"crack.place": 0.5, "crack.k": 1e5, "flute.length": 0.02, "flute.ratio": 0.9, "tool.taper": 0.02},
     {"holder.stiffer": 3.0, "ground.k": 1e7, "ground.c": 10.0, "ground.place": 0.6, "joint.loss": 0.03},
     {"rope.k": 2e5, "rope.zeta": 0.03, "rope.place": 0.4},
+    {"screw.section": 1.0, "screw.k": 1e6},
 ]
 
 

@@ -88,6 +88,8 @@ class Selection:
         Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
     undecidable : dict of str to str
         Causes that the data cannot speak about, and why.
+    rivals : list of Explanation
+        Changes that are no causes, and that a cause must not lose against; see `receptance.diagnosis.rivals`.
     evaluations : int
         How often all observations were calculated with their derivatives, on few lines or on all.
     seconds : float
@@ -102,8 +104,16 @@ class Selection:
     singles: list[Explanation] = field(default_factory=list)
     several: list[Explanation] = field(default_factory=list)
     tried: list[Explanation] = field(default_factory=list)
+    rivals: list[Explanation] = field(default_factory=list)
     evaluations: int = 0
     seconds: float = 0.0
+
+    def explained(self, steps: tuple[tuple[Cause, str], ...], fit: Fit, more: float = 0.0) -> Explanation:
+        """Return what a fit makes of the data; `more` is what it is expected to gain beyond that."""
+        own = sum(unknown.prior is None for unknown in fit.model.unknowns)
+        count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
+        gain = self.base.chi_square - fit.chi_square + more
+        return Explanation(steps, fit, gain, gain - self.penalty * count)
 
     @property
     def evaluations_per_second(self) -> float:

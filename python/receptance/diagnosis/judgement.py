@@ -36,10 +36,11 @@ def conclude(selection: Selection) -> Judgement:
     3. All within the margin of the best evidence are reported, without what only adds to another one of them, or adds
        something to any other that is too small for anyone to mean.
     4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
-    5. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
-       in one of a hundred, or where the data cannot convict: there is but one configuration or one mode, a cause that
-       all should show is seen in one of them, or several causes share what a model leaves that passes the gate by
-       itself. Several left: ambiguous.
+    5. A change that is no cause does better, see `receptance.diagnosis.rivals`: unexplained.
+    6. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
+       in one of a hundred, where a change that is no cause does as well, or where the data cannot convict: there is
+       but one configuration or one mode, a cause that all should show is seen in one of them, or several causes share
+       what a model leaves that passes the gate by itself. Several left: ambiguous.
        Beside a fit that has not ended nothing is named.
     """
     notes: list[str] = []
@@ -62,6 +63,9 @@ def conclude(selection: Selection) -> Judgement:
     left = [one for one in near if not one.implausible]
     if not left:
         return Judgement("unexplained", (), (), tuple(notes))
+    rival = _rival(selection, left)
+    if rival:
+        return Judgement("unexplained", (), (), (*notes, rival))
     unfinished = [one for one in left if not one.fit.converged]
     for one in unfinished:
         notes.append(f"the fit with {_called(one)} has not converged, so nothing is named alone")
@@ -75,11 +79,32 @@ def conclude(selection: Selection) -> Judgement:
     return Judgement("suspected" if doubts else "named", tuple(left), (), (*notes, *doubts))
 
 
+def _rival(selection: Selection, left: Sequence[Explanation]) -> str:
+    """Return why a change that is no cause is to be preferred; empty where none is.
+
+    It has to do better than a cause. Of causes that explain the data only together it is enough to do as well: it is
+    one thing, and they are several.
+    """
+    least = left[0].evidence + (MARGIN if any(len(one.steps) == 1 for one in left) else -MARGIN)
+    best = next((one for one in selection.rivals if one.evidence > least), None)
+    if best is None:
+        return ""
+    more = best.evidence - left[0].evidence
+    does = f"does so better, by {more:.0f} in evidence" if more > MARGIN else "alone does so as well"
+    return (
+        f"{_called(left[0])} would explain the data, but {_described(best)} {does}: it is no cause that is known, so "
+        "none is named; look there"
+    )
+
+
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
     """Yield why the only explanation that is left is suspected and not named."""
     base, name = selection.base, _called(one)
     if one.evidence <= limit + MARGIN:
         yield f"{name} gains little more than chance could, so it is suspected and not named"
+    rival = next((other for other in selection.rivals if other.evidence >= one.evidence), None)
+    if rival is not None:
+        yield f"{_described(rival)} does as well as {name}, so it is a suspicion"
     strain = one.adequacy.strain
     if strain.chance < _HARDLY:
         far = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
@@ -146,6 +171,11 @@ def _only_adds(one: Explanation, other: Explanation) -> bool:
 
 def _called(one: Explanation) -> str:
     return " + ".join(cause.id for cause, _ in one.steps)
+
+
+def _described(rival: Explanation) -> str:
+    ((cause, way),) = rival.steps
+    return f"{cause.meaning} {way}"
 
 
 def _ordered(left: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:

@@ -157,21 +157,19 @@ class Model:
 
         return self.rebuilt(build)
 
-    def split(self, part: str, position: float) -> tuple[Model, int]:
-        """Return the model with a step in a part, and which segment begins there.
+    def split(self, part: str, position: float | Callable[[Part], float]) -> tuple[Model, int]:
+        """Return the model with a step in a part, and which segment begins there; the place may depend on the part.
 
         Unknowns, tolerances and conditions go on meaning what they meant: what belongs to the divided segment belongs
         to both pieces, and its length is that of the second one.
         """
-        where = {
-            _segment_at(one.assembly.elements[part], position)
-            for one in self.observations
-            if part in one.assembly.elements
-        }
-        if len(where) != 1:
-            raise ValueError(f"{part}: position {position:g} m is not in the same segment of every assembly")
-        index, begin = where.pop()
-        if begin == position:
+        place: Callable[[Any], float] = position if callable(position) else lambda own: position
+        owners = [one.assembly for one in self.observations if part in one.assembly.elements]
+        where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
+        index = where[0][0]
+        if any(own != index for own, _ in where):
+            raise ValueError(f"{part}: the place of a step is not in the same segment of every assembly")
+        if all(within == 0.0 for _, within in where):
             return self, index
         frozen = {p.of for u in self.unknowns if isinstance(u, Law) for p in u.powers}
         frozen |= {u.of for u in self.unknowns if isinstance(u, Move) and u.of}
@@ -180,7 +178,8 @@ class Model:
             if part not in one.assembly.elements:
                 return one
             values = {name: one.assembly.get(name) for name in frozen if covered(name, one.assembly)}
-            assembly = _divided(one.assembly, part, index, position - begin)
+            own = one.assembly.elements[part]
+            assembly = _divided(one.assembly, part, index, _segment_at(own, place(own))[1])
             return altered(one, assembly=assembly, conditions={**values, **one.conditions})
 
         changed = self.map(change)
@@ -209,11 +208,11 @@ def renamed(assembly: Assembly) -> dict[str, Any]:
 
 
 def _segment_at(part: Any, position: float) -> tuple[int, float]:
-    """Return the segment that holds a position, and where it begins."""
+    """Return the segment that holds a position, and how far into it that is."""
     begin = 0.0
     for index, segment in enumerate(part.segments):
         if position < begin + segment.length:
-            return index, begin
+            return index, position - begin
         begin += segment.length
     raise ValueError(f"position {position:g} m lies behind the part's end at {begin:g} m")
 

@@ -19,7 +19,7 @@ from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 
-__all__ = ["PART_CAUSES"]
+__all__ = ["PART_CAUSES", "RESONATOR", "resonances", "with_resonator"]
 
 _SPLIT = 1e-5
 """Where a part is divided at first, in m; the parameter says where it really is."""
@@ -153,8 +153,13 @@ def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
     part = next(iter(ends))
     changed = model.rebuilt(lambda assembly: with_resonator(assembly, part))
-    low = min(float(one.frequency_hz[0].real) for one in model.observations)
-    high = max(float(one.frequency_hz[-1].real) for one in model.observations)
+    yield from resonances(p, changed, "at the holder's far end")
+
+
+def resonances(p: Mapping[str, Parameter], changed: Model, where: str) -> Iterator[Variant]:
+    """Yield a model that has the body of `with_resonator`, with the body tuned to frequencies all over the lines."""
+    low = min(float(one.frequency_hz[0].real) for one in changed.observations)
+    high = max(float(one.frequency_hz[-1].real) for one in changed.observations)
     count = 1 + math.ceil(math.log(high / low) / _STEP)
     for frequency in np.geomspace(low, high, max(count, 2)):
         angular = 2.0 * math.pi * float(frequency)
@@ -173,24 +178,30 @@ def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         damped = p["log_damping"].move({"cause_link.c_y": 1.0}, relative=True)
         within = (math.log(low / frequency), math.log(high / frequency))
         yield Variant(
-            f"near {frequency:.0f} Hz at the holder's far end",
+            f"near {frequency:.0f} Hz {where}",
             changed.plus(body, tuned, damped),
             # Below the lines or above them nobody has seen a mode: a spring to ground or a mass does the same there.
             limited=(replace(p["log_frequency"], plausible=within),),
         )
 
 
-def with_resonator(assembly: Assembly, part: str) -> Assembly:
-    """Return the assembly with a small stiff body on a spring behind its last part, where that is the part."""
+def with_resonator(assembly: Assembly, part: str, *, at_tip: bool = False) -> Assembly:
+    """Return the assembly with a small stiff body on a spring behind its last part or before its first.
+
+    An assembly whose last or first part is another one stays as it is.
+    """
     elements = renamed(assembly)
-    if list(elements)[-1] != part:
+    if list(elements)[0 if at_tip else -1] != part:
         return assembly
     body = Material(youngs_modulus=1e13, density=1.0, poisson_ratio=0.3)
     # Rotation is held firmly, so that the body has one resonance.
     link = PointJoint(k_y=1.0, k_theta=1.0, name="cause_link")
     stub = Part([Segment(length=_BODY[0], outer_diameter=_BODY[1], material=body)], name="cause_resonator")
-    points = [replace(point, name=name) for name, point in assembly.attachments.items()]
-    return Assembly([*elements.values(), link, stub], points, motion=assembly.motion)
+    # What names no part is on the first one, which the resonator would become.
+    first = part if at_tip else ""
+    points = [replace(point, name=name, part=point.part or first) for name, point in assembly.attachments.items()]
+    chain = [stub, link, *elements.values()] if at_tip else [*elements.values(), link, stub]
+    return Assembly(chain, points, motion=assembly.motion)
 
 
 def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -216,6 +227,13 @@ def _share(name: str, typical: float, believable: float) -> Parameter:
         name=name, unit="", lower=-limit, upper=limit, typical=typical, plausible=(-believable, believable)
     )
 
+
+RESONATOR = (
+    Parameter(name="mass", unit="kg", lower=1e-6, upper=20.0, typical=0.02, null=1e-6),
+    Parameter(name="log_frequency", unit="", lower=-0.3, upper=0.3, typical=0.0, secondary=True),
+    Parameter(name="log_damping", unit="", lower=-4.0, upper=3.0, typical=0.0, secondary=True),
+)
+"""Of a body that swings on a spring."""
 
 PART_CAUSES = (
     Cause(
@@ -286,11 +304,7 @@ PART_CAUSES = (
     Cause(
         id="missing_mode",
         group="structure",
-        parameters=(
-            Parameter(name="mass", unit="kg", lower=1e-6, upper=20.0, typical=0.02, null=1e-6),
-            Parameter(name="log_frequency", unit="", lower=-0.3, upper=0.3, typical=0.0, secondary=True),
-            Parameter(name="log_damping", unit="", lower=-4.0, upper=3.0, typical=0.0, secondary=True),
-        ),
+        parameters=RESONATOR,
         change=_missing,
         meaning="spindle or fixture has a mode of its own that the model does not have",
         remedy="measure the spindle or the fixture alone at that frequency",

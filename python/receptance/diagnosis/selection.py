@@ -7,23 +7,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 
-import numpy as np
-
 from receptance.diagnosis.adequacy import GATE
-from receptance.diagnosis.causes import Cause, UndecidableError, Variant
+from receptance.diagnosis.causes import Cause, UndecidableError
 from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
 from receptance.diagnosis.levels import fit_again, fit_from_far, has_levels
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.rivals import challenge
 from receptance.diagnosis.screening import Direction, chance, directions
 from receptance.diagnosis.starts import starts_of, starts_together
+from receptance.diagnosis.ways import chosen_of, ways_of
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import MeasuredFRF
 
 __all__ = ["select"]
 
-_WAYS = 3
-"""Variants of one cause that are fitted, the most promising ones first."""
 _ANOTHER = 20.0
 """One more cause has to add this much evidence: weak ones come in pairs where something unknown is at work."""
 _ROOTS = 3
@@ -34,8 +31,6 @@ _PAIRS = 8
 """Explanations by several causes that are fitted again, by level, where nothing explains the data."""
 _HOPELESS = 20.0
 """Misfit from which on neither a promise to first order nor a few steps say much: every cause is tried, to its end."""
-_FRESH_FROM = 0.3
-"""Other quantities are only tried where the logarithm of the receptance is off by more than this, in the median."""
 _SETTLED = 1e-9
 _LEAST = 4
 """The best variants of so many causes are fitted on all lines in any case."""
@@ -79,12 +74,12 @@ def select(
     began = perf_counter()
     say("base model")
     base = base or fit_from_far(model, seed=seed, threads=threads)
-    variants, undecidable = _variants(base.model, causes, base)
+    variants, undecidable = ways_of(base.model, causes, base)
     found = directions(base, variants)
     penalty = math.log(max(base.independent, 2.0))
     selection = Selection(base, penalty, chance(found, penalty, seed=seed), found, undecidable)
     selection.evaluations = base.evaluations + len(found)
-    selection.singles = _fitted(selection, (), base, _chosen(found, penalty), seed, threads, say)
+    selection.singles = _fitted(selection, (), base, chosen_of(found, penalty), seed, threads, say)
     selection = _rebased(selection, threads)
     roots = selection.singles
     for _ in range(1, most):
@@ -97,6 +92,7 @@ def select(
         _begun_anew(selection, seed, threads, say)
     _ended(selection, threads)
     _pruned(selection, threads)
+    challenge(selection, threads, say)
     selection.seconds = perf_counter() - began
     say(f"{selection.evaluations} evaluations of the model, {selection.evaluations_per_second:.0f} a second")
     return selection
@@ -107,9 +103,7 @@ def _ended(selection: Selection, threads: int | None) -> None:
     best = selection.explanations[0] if selection.explanations else None
     if best is None or best.fit.converged or not best.adequacy.passed:
         return
-    again = _explanation(
-        selection, best.steps[:-1], best.steps[-1], refit(best.fit.model, best.fit.values, threads=threads)
-    )
+    again = selection.explained(best.steps, refit(best.fit.model, best.fit.values, threads=threads))
     target = selection.singles if len(best.steps) == 1 else selection.several
     target[:] = _best_each([again, *(one for one in target if one is not best)])
 
@@ -134,7 +128,7 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
             continue
         selection.evaluations += fit.evaluations
         target = selection.singles if len(one.steps) == 1 else selection.several
-        target.append(_explanation(selection, one.steps[:-1], one.steps[-1], fit))
+        target.append(selection.explained(one.steps, fit))
     for step, model in () if levels else _other_ways(selection):
         say(f"{step[0].id}, {step[1]}, anew")
         try:
@@ -142,7 +136,7 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
         except (ReceptanceError, ValueError):
             continue
         selection.evaluations += fit.evaluations
-        selection.singles.append(_explanation(selection, (), step, fit))
+        selection.singles.append(selection.explained((step,), fit))
     selection.singles, selection.several = _best_each(selection.singles), _best_each(selection.several)
 
 
@@ -171,7 +165,7 @@ def _pruned(selection: Selection, threads: int | None) -> None:
             fit = refit(_with(selection.base.model, steps), best.fit.values, threads=threads)
         except (ReceptanceError, UndecidableError, StopIteration):
             continue
-        own = _explanation(selection, steps[:-1], steps[-1], fit)
+        own = selection.explained(steps, fit)
         target = selection.singles if len(steps) == 1 else selection.several
         target[:] = _best_each([*target, own])
 
@@ -204,10 +198,10 @@ def _exchanged(
             root = refit(_with(selection.base.model, kept), best.fit.values, threads=threads)
         except (ReceptanceError, UndecidableError, StopIteration):
             continue
-        variants, _ = _variants(root.model, [cause for cause in causes if cause.id not in ids], root)
+        variants, _ = ways_of(root.model, [cause for cause in causes if cause.id not in ids], root)
         directed = [one for one in directions(root, variants) if not one.variant.fresh]
         selection.evaluations += root.evaluations + len(directed)
-        ranked = _chosen(directed, selection.penalty)
+        ranked = chosen_of(directed, selection.penalty)
         others = list({one.cause.id: one for one in reversed(ranked) if one.cause.id != left[0].id}.values())[::-1]
         own = [one for one in ranked if one.cause.id == left[0].id] + others[:_MORE]
         found = _fitted(selection, kept, root, own, seed, threads, say)
@@ -236,48 +230,6 @@ def _rebased(selection: Selection, threads: int | None) -> Selection:
     return replace(selection, base=again, singles=singles)
 
 
-def _variants(model: Model, causes: Sequence[Cause], fit: Fit) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
-    found: list[tuple[Cause, Variant]] = []
-    undecidable: dict[str, str] = {}
-    for cause in causes:
-        try:
-            own = cause.variants(model)
-        except UndecidableError as error:
-            undecidable[cause.id] = str(error)
-            continue
-        found += [(variant.of(cause), variant) for variant in own if not variant.fresh or _far_off(fit)]
-    return found, undecidable
-
-
-def _far_off(fit: Fit) -> bool:
-    """Return whether receptances are off by factors, as only another quantity makes them."""
-    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
-    off = [
-        float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
-        for one, residual in zip(fit.model.observations, parts, strict=False)
-        if isinstance(one, MeasuredFRF)
-    ]
-    return bool(off) and max(off) > _FRESH_FROM
-
-
-def _chosen(found: Sequence[Direction], penalty: float) -> list[Direction]:
-    """Return the variants that are fitted: of each cause those that promise most evidence."""
-
-    def promised(one: Direction) -> float:
-        return one.score - penalty * one.count
-
-    by_cause: dict[str, list[Direction]] = {}
-    for one in found:
-        by_cause.setdefault(one.cause.id, []).append(one)
-    chosen = []
-    for own in by_cause.values():
-        ranked = sorted(own, key=lambda one: -promised(one))
-        # What has no number of its own promises nothing to first order, and is fitted in any case.
-        chosen += [one for one in ranked if not one.names]
-        chosen += [one for one in ranked if one.names][:_WAYS]
-    return sorted(chosen, key=lambda one: -promised(one))
-
-
 def _fitted(
     selection: Selection,
     steps: tuple[tuple[Cause, str], ...],
@@ -293,17 +245,17 @@ def _fitted(
     off is only evaluated on them.
     """
     explored: list[tuple[Direction, Explored]] = []
-    found: list[Explanation] = []
+    found = _read_anew(selection, steps, chosen, seed, threads, say)
+    settled = any(one.adequacy.passed for one in found)
     for direction in chosen:
-        say(f"{' + '.join([cause.id for cause, _ in steps] + [direction.cause.id])}, {direction.variant.name}")
         if direction.variant.fresh:
-            try:
-                fit = fit_base(direction.variant.model, seed=seed, threads=threads)
-            except ReceptanceError:
-                continue
-            selection.evaluations += fit.evaluations
-            found.append(_explanation(selection, steps, direction.step_name, fit))
             continue
+        if settled:
+            # Data that are explained as another quantity are off by factors as this one: no fit leads there.
+            fit = starting_at(root, direction.variant.model)
+            found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
+            continue
+        say(f"{_titled(steps, direction)}, {direction.variant.name}")
         alone = [one.fit for one in selection.singles if steps and one.steps[0] == direction.step_name]
         starts = [*starts_of(direction, root), *starts_together(selection.base, alone, root)]
         there = explore(direction.variant.model, starts, threads=threads)
@@ -322,31 +274,47 @@ def _fitted(
         try:
             if number >= _LEAST and _idle(selection, direction, there, without):
                 fit = starting_at(root, direction.variant.model)
-                found.append(_explanation(selection, steps, direction.step_name, fit, direction.score))
+                found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
                 continue
             near = ((number < _LEAST or there.chi_square <= far) and not behind) or root.misfit > _HOPELESS
             fit = there.finished() if near else there.evaluated()
             selection.evaluations += fit.evaluations - there.evaluations
         except ReceptanceError:
             continue
-        found.append(_explanation(selection, steps, direction.step_name, fit))
+        found.append(selection.explained((*steps, direction.step_name), fit))
     return _best_each(found)
+
+
+def _read_anew(
+    selection: Selection,
+    steps: tuple[tuple[Cause, str], ...],
+    chosen: Sequence[Direction],
+    seed: int,
+    threads: int | None,
+    say: Callable[[str], None],
+) -> list[Explanation]:
+    """Return the explanations by which the data are another quantity: their fits begin anew."""
+    found = []
+    for direction in chosen:
+        if direction.variant.fresh:
+            say(f"{_titled(steps, direction)}, {direction.variant.name}")
+            try:
+                fit = fit_base(direction.variant.model, seed=seed, threads=threads)
+            except ReceptanceError:
+                continue
+            selection.evaluations += fit.evaluations
+            found.append(selection.explained((*steps, direction.step_name), fit))
+    return found
+
+
+def _titled(steps: tuple[tuple[Cause, str], ...], direction: Direction) -> str:
+    return " + ".join([cause.id for cause, _ in steps] + [direction.cause.id])
 
 
 def _idle(selection: Selection, direction: Direction, there: Explored, without: float) -> bool:
     """Return whether a cause is worth nothing, neither to first order on all lines nor from any start on few."""
     promised = direction.score - selection.penalty * direction.count
     return promised < 0.0 and without - there.chi_square < _IDLE
-
-
-def _explanation(
-    selection: Selection, steps: tuple[tuple[Cause, str], ...], last: tuple[Cause, str], fit: Fit, more: float = 0.0
-) -> Explanation:
-    base = selection.base
-    own = sum(unknown.prior is None for unknown in fit.model.unknowns)
-    count = max(own - sum(unknown.prior is None for unknown in base.model.unknowns), 1)
-    gain = base.chi_square - fit.chi_square + more
-    return Explanation((*steps, last), fit, gain, gain - selection.penalty * count)
 
 
 def _best_each(found: Sequence[Explanation]) -> list[Explanation]:
@@ -376,14 +344,14 @@ def _added(
         if root is not best and not open_ and root.evidence < best.evidence - MARGIN:
             continue
         others = [cause for cause in causes if cause.id not in root.ids]
-        variants, _ = _variants(root.fit.model, others, root.fit)
+        variants, _ = ways_of(root.fit.model, others, root.fit)
         directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
         selection.evaluations += len(directed)
         least = max(selection.threshold, 0.0)
         far = root.adequacy.misfit > _HOPELESS
         promising = [one for one in directed if far or one.score > selection.penalty * one.count + least]
         open_ = open_ or bool(promising)
-        ranked = _chosen(promising, selection.penalty)
+        ranked = chosen_of(promising, selection.penalty)
         own: list[Direction] = []
         for direction in ranked:
             if (far or len(own) < _MORE) and all(direction.cause.id != other.cause.id for other in own):

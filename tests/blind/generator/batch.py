@@ -54,7 +54,7 @@ def every(count: int) -> list[tuple[str, tuple[str, ...]]]:
     outside = single = 0
     for i in range(count):
         slot = i % 20
-        if slot in (3, 8, 13):
+        if slot in (1, 6, 13, 16):
             hidden.append(("outside", (OUTSIDE[(5 * outside) % len(OUTSIDE)],)))
             outside += 1
         elif slot in (5, 15):

@@ -249,7 +249,9 @@ def draw_case(
     numbers = _ordinary(rng, layer)
     drawn = []
     for id in chosen:
-        size = float(rng.random()) if u is None else u
+        # Two at once are scored where both are large enough, which two small ones hardly ever are.
+        least = 0.3 if kind == "pair" else 0.0
+        size = float(rng.uniform(least, 1.0)) if u is None else u
         drawn.append(draw_effect(rng, id, size, numbers))
         numbers |= drawn[-1].believed
     overhangs = _overhangs(rng, numbers["tool.diameter"], 3 if quick else int(rng.integers(3, 5)))

@@ -170,6 +170,7 @@ ACTS: dict[str, Act] = {
     "sensor_mounting": _set,
     "mass_on_shank": _set,
     "ring_on_nose": _set,
+    "second_joint": _set,
 }
 
 CATALOGUE = tuple(ACTS)[:24]
@@ -304,6 +305,10 @@ def _draw_mounting(rng: np.random.Generator, u: float, p: Mapping[str, float]) -
     return {"mount.hz": _between(1.0 - u, 9000.0, 40000.0)}, {"mount.zeta": 0.03}, {}
 
 
+def _draw_screw(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
+    return {"screw.k": _between(1.0 - u, 3e5, 5e7)}, {"screw.section": float(rng.integers(1, 3))}, {}
+
+
 def _draw_middle(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     return {"middle.mass": _between(u, 1e-3, 0.02)}, {"middle.place": rng.uniform(0.3, 0.7)}, {}
 
@@ -341,4 +346,5 @@ _DRAWS: dict[str, _Draw] = {
     "sensor_mounting": _draw_mounting,
     "mass_on_shank": _draw_middle,
     "ring_on_nose": _one_way(0.01, 0.3, "nose.ring"),
+    "second_joint": _draw_screw,
 }

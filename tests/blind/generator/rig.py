@@ -109,7 +109,7 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
 
 
 def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
-    """Build the holder, the shank in its mouth as a core unless the joint is spread there."""
+    """Build the holder, the shank in its mouth as a core unless the joint is spread there, perhaps screwed together."""
     total = _holder_length(p)
     spread = p.get("spread.length", 0.0) if middles.size else 0.0
     holder = _Row(s, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
@@ -120,6 +120,10 @@ def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
         if i == sections(p) - 1 and "holder.stiffer" in p:
             factor = 10.0 ** p["holder.stiffer"]
             rings = [Ring(r.outer, r.inner, r.modulus * factor, r.density, r.poisson, r.loss, r.shear) for r in rings]
+        if i == p.get("screw.section", 0.0) > 0.0:
+            before = holder.at
+            holder.at = s.station()
+            s.spring(before, holder.at, np.diag([1e11, p["screw.k"]]).astype(np.complex128))
         if i == 0 and spread:
             holder.go(spread, rings)
             length -= spread

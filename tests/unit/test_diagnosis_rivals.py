@@ -1,0 +1,164 @@
+"""Changes that have no name, against which a cause is measured before it is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    Coordinate,
+    Material,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    Unknown,
+)
+from receptance.diagnosis import Model, diagnose
+from receptance.diagnosis.explanation import MARGIN, Selection
+from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.rivals import RIVALS
+from receptance.identification import Tolerance
+
+LINES = np.linspace(200.0, 5000.0, 400)
+JOINT = [
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
+    Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
+    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
+]
+TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
+HEAVY = Material(youngs_modulus=1e13, density=4e3, poisson_ratio=0.3)
+SWINGING = Part([Segment(length=0.002, outer_diameter=0.006, material=HEAVY)], name="body")
+SPRING = PointJoint(k_y=2.3e-4 * (2 * np.pi * 1500.0) ** 2, k_theta=1e4, c_y=0.1, c_theta=1e-3, name="spring")
+
+
+def chain(overhang: float, *points: PointMass, diameters: tuple[float, ...] = (0.012,)) -> Assembly:
+    each = overhang / len(diameters)
+    tool = Part([Segment(length=each, outer_diameter=d, material=CARBIDE) for d in diameters], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder], points)
+
+
+def swinging(overhang: float, *, at_tip: bool) -> Assembly:
+    parts = list(chain(overhang).elements.values())
+    return Assembly([SWINGING, SPRING, *parts] if at_tip else [*parts, SPRING, SWINGING])
+
+
+def observed(true: Assembly, overhang: float, seed: int = 1) -> MeasuredFRF:
+    rng = np.random.default_rng([seed, round(1e4 * overhang)])
+    tip = Coordinate("tool", 0.0)
+    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+    return MeasuredFRF(
+        assembly=chain(overhang),
+        frequency_hz=LINES,
+        receptance=true.receptance(LINES, excitation=tip, response=tip) * np.exp(noise),
+        standard_deviation=0.01,
+        label=f"{overhang}",
+    )
+
+
+OVERHANGS = (0.05, 0.07, 0.09)
+
+
+@pytest.mark.parametrize("at_tip", [False, True], ids=["behind the holder", "on the tip"])
+def test_a_body_on_the_tip_is_no_mode_of_a_fixture(at_tip: bool) -> None:
+    data = [observed(swinging(x, at_tip=at_tip), x) for x in OVERHANGS]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["missing_mode", "collet_mass"], most=1)
+    if at_tip:
+        assert verdict.verdict == "unexplained"
+        assert not any(one.plausible and one.misfit < 1.0 for one in verdict.candidates)
+    else:
+        assert [one.id for one in verdict.causes] == ["missing_mode"]
+        assert verdict.verdict == "named"
+
+
+def test_what_is_told_of_a_better_rival() -> None:
+    # A gram on the shank: a sensor at the tip takes up nearly all of it.
+    data = [observed(chain(x, PointMass(mass=4e-4, part="tool", position=0.3 * x)), x) for x in OVERHANGS]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "joint_cross_term"])
+    assert verdict.verdict == "unexplained"
+    assert not verdict.causes
+    (note,) = [one for one in verdict.notes if "does so better" in one]
+    assert "a mass at 30 % of tool" in note
+    assert "none is named" in note
+
+
+@pytest.fixture(scope="module")
+def selection() -> Selection:
+    data = [observed(chain(x, PointMass(mass=2e-3)), x) for x in OVERHANGS]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "tool_density"])
+    assert [one.id for one in verdict.causes] == ["sensor_mass"]
+    assert verdict.verdict == "named"
+    assert verdict.selection is not None
+    return verdict.selection
+
+
+@pytest.mark.parametrize(
+    ("more", "alone", "together"),
+    [
+        (1.1 * MARGIN, "unexplained", "unexplained"),
+        (0.9 * MARGIN, "suspected", "unexplained"),
+        (-0.9 * MARGIN, "named", "unexplained"),
+        (-1.1 * MARGIN, "named", "named"),
+    ],
+)
+def test_a_rival_withholds_a_name(selection: Selection, more: float, alone: str, together: str) -> None:
+    best = selection.singles[0]
+    rival = replace(selection.rivals[0], evidence=best.evidence + more)
+    told = conclude(replace(selection, singles=[best], several=[], rivals=[rival]))
+    assert told.answer == alone
+    other = next(one for one in selection.singles if one is not best)
+    pair = replace(best, steps=(*best.steps, *other.steps))
+    told = conclude(replace(selection, singles=[], several=[pair], rivals=[rival]))
+    assert told.answer == together
+
+
+@pytest.mark.parametrize("rival", RIVALS, ids=lambda one: one.id)
+def test_every_rival_is_nothing_at_its_null_and_something_beside_it(rival: object) -> None:
+    data = [observed(chain(x), x) for x in OVERHANGS]
+    model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
+    problem = model.task().problem()
+    before = problem.residual(problem.variables.start).copy()
+    variants = rival.variants(model)  # type: ignore[attr-defined]
+    assert variants
+    for variant in variants:
+        task = variant.model.task()
+        there = task.problem()
+        start = there.variables.start
+        after = there.residual(start).copy()[: before.size]
+        # A body that swings has a trace of its mass where it is absent.
+        assert np.median(np.abs(after - before)) < 1e-3
+        assert np.abs(after - before).max() < 0.2
+        names = [u.name for u in task.parameters.unknowns]
+        own = [i for i, name in enumerate(names) if name.startswith(rival.id)]  # type: ignore[attr-defined]
+        assert own
+        moved = start.copy()
+        moved[own[0]] += (
+            0.05
+            * (there.variables.limits[1] - there.variables.limits[0])[own[0]]
+            * (
+                1.0 if rival.id != "soft_place" else -1.0  # type: ignore[attr-defined]
+            )
+        )
+        assert np.abs(there.residual(moved)[: before.size] - before).max() > 1.0
+
+
+def test_a_rival_finds_what_is_there() -> None:
+    """A cone that is described by hand."""
+    cone = tuple(0.012 * (1.0 + 0.03 * (1.0 - (i + 0.5) / 6)) for i in range(6))
+    data = [observed(chain(x, diameters=cone), x) for x in OVERHANGS]
+    model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
+    (rival,) = [one for one in RIVALS if one.id == "cone"]
+    (variant,) = rival.variants(model)
+    values = {"joint.k_y": 6e8, "joint.k_theta": 1e5, "joint.c_y": 300.0, "joint.c_theta": 1.0}
+    fit = refit(variant.model, values)
+    assert fit.misfit == pytest.approx(1.0, abs=0.1)
+    assert fit.values["cone.log_diameter"] == pytest.approx(0.03, abs=0.003)
