@@ -175,6 +175,7 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
         for cause, variant in one.steps:
             reported.setdefault(cause.id, _candidate(selection, one, cause, variant, identified(one)))
     candidates = [_candidate(selection, one, *one.steps[0], identified(one)) for one in selection.singles]
+    rivals = {one: _candidate(selection, one, *one.steps[0], identified(one)) for one in selection.rivals}
     return Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
@@ -191,6 +192,8 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
         notes=tuple(notes),
         settings=_settings(selection, seed, most),
         selection=selection,
+        rivals=tuple(rivals.values()),
+        rival=None if judgement.rival is None else rivals[judgement.rival],
         explanation=best,
     )
 

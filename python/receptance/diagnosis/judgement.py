@@ -20,12 +20,16 @@ _HARDLY = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """The answer, the explanations that are reported, the ids that cannot be told apart, and why."""
+    """The answer, the explanations that are reported, the ids that cannot be told apart, and why.
+
+    `rival` is the change without a name for which causes were withheld.
+    """
 
     answer: Answer
     reported: tuple[Explanation, ...]
     between: tuple[str, ...]
     notes: tuple[str, ...]
+    rival: Explanation | None = None
 
 
 def conclude(selection: Selection) -> Judgement:
@@ -63,9 +67,9 @@ def conclude(selection: Selection) -> Judgement:
     left = [one for one in near if not one.implausible]
     if not left:
         return Judgement("unexplained", (), (), tuple(notes))
-    rival = _rival(selection, left)
-    if rival:
-        return Judgement("unexplained", (), (), (*notes, rival))
+    rival = _preferred(selection, left)
+    if rival is not None:
+        return Judgement("unexplained", (), (), (*notes, _withheld(rival, left[0])), rival)
     unfinished = [one for one in left if not one.fit.converged]
     for one in unfinished:
         notes.append(f"the fit with {_called(one)} has not converged, so nothing is named alone")
@@ -79,20 +83,21 @@ def conclude(selection: Selection) -> Judgement:
     return Judgement("suspected" if doubts else "named", tuple(left), (), (*notes, *doubts))
 
 
-def _rival(selection: Selection, left: Sequence[Explanation]) -> str:
-    """Return why a change that is no cause is to be preferred; empty where none is.
+def _preferred(selection: Selection, left: Sequence[Explanation]) -> Explanation | None:
+    """Return the change that is no cause but is to be preferred.
 
-    It has to do better than a cause. Of causes that explain the data only together it is enough to do as well: it is
-    one thing, and they are several.
+    It has to do better than a cause. Of causes that explain the data only together it is enough to do nearly as well:
+    it is one thing, and they are several.
     """
     least = left[0].evidence + (MARGIN if any(len(one.steps) == 1 for one in left) else -MARGIN)
-    best = next((one for one in selection.rivals if one.evidence > least), None)
-    if best is None:
-        return ""
-    more = best.evidence - left[0].evidence
+    return next((one for one in selection.rivals if one.evidence > least), None)
+
+
+def _withheld(rival: Explanation, best: Explanation) -> str:
+    more = rival.evidence - best.evidence
     does = f"does so better, by {more:.0f} in evidence" if more > MARGIN else "alone does so as well"
     return (
-        f"{_called(left[0])} would explain the data, but {_described(best)} {does}: it is no cause that is known, so "
+        f"{_called(best)} would explain the data, but {_described(rival)} {does}: it is no cause that is known, so "
         "none is named; look there"
     )
 

@@ -186,7 +186,6 @@ def challenge(selection: Selection, threads: int | None, say: Callable[[str], No
         selection.evaluations += there.evaluations
         if there.ends:
             explored.append((direction, there))
-    # Of each rival the best way only: neighbouring frequencies lead to the same place.
     explored.sort(key=lambda pair: pair[1].chi_square + selection.penalty * pair[0].count)
     # Of each rival the best way only: neighbouring frequencies lead to the same place.
     leaders: dict[str, tuple[Direction, Explored]] = {}
@@ -204,11 +203,11 @@ def challenge(selection: Selection, threads: int | None, say: Callable[[str], No
 
 def _read_anew(best: Explanation, model: Model) -> bool:
     """Return whether the data are another quantity: what a structure has elsewhere does not change them by factors."""
-    return any(one.fresh for cause, way in best.steps for one in cause.variants(model) if one.name == way)
+    return any(one.fresh for cause, way in best.steps for one in _ways(cause, model) if one.name == way)
 
 
-def _ways(rival: Cause, model: Model) -> list[Variant]:
+def _ways(cause: Cause, model: Model) -> list[Variant]:
     try:
-        return rival.variants(model)
+        return cause.variants(model)
     except (UndecidableError, ValueError):
         return []  # such a change cannot be described in this model

@@ -39,6 +39,8 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "gains": [asdict(one) for one in verdict.gains],
             "next_measurement": None if verdict.next_measurement is None else asdict(verdict.next_measurement),
             "candidates": [_candidate(one) for one in verdict.candidates],
+            "rivals": [_candidate(one) for one in verdict.rivals],
+            "rival": None if verdict.rival is None else _candidate(verdict.rival),
             "threshold": verdict.threshold,
             "adequacy": asdict(verdict.adequacy),
             "adequacy_after": None if after is None else asdict(after),
@@ -80,7 +82,9 @@ def _plain(value: Any) -> Any:
 
 def sizes(verdict: Verdict, one: Candidate) -> str:
     """Return what was found for a candidate, with units and 95 % intervals."""
-    cause = next(found.cause for found in verdict.selection.found if found.cause.id == one.id)
+    known = [found.cause for found in verdict.selection.found]
+    known += [rival.steps[0][0] for rival in verdict.selection.rivals]
+    cause = next(cause for cause in known if cause.id == one.id)
     texts = []
     for name, (found, *ends) in one.parameters.items():
         title = name.split(".", 1)[-1]
@@ -178,6 +182,10 @@ def as_text(verdict: Verdict) -> str:
             alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
             lines.append(f"  looks like: {alike}")
         lines.append(f"  what to do: {one.remedy}")
+    if verdict.rival is not None:
+        lines += ["", f"something that is no known cause: {verdict.rival.meaning} {verdict.rival.variant}"]
+        lines.append(f"  size: {sizes(verdict, verdict.rival)}")
+        lines.append(f"  what to do: {verdict.rival.remedy}")
     if verdict.ambiguous_between:
         lines += ["", f"cannot be told apart: {', '.join(verdict.ambiguous_between)}"]
     lines += _candidates(verdict)

@@ -139,6 +139,11 @@ class Verdict:
         Ids of those that cannot be told apart.
     adequacy, adequacy_after : Adequacy
         What base and best explanation leave.
+    rivals : tuple of Candidate
+        Changes that are no causes, fitted where a cause might have been reported, the best evidence first; see
+        `receptance.diagnosis.rivals`.
+    rival : Candidate or None
+        The one of them for which causes were withheld: look there.
     threshold : float
         Evidence that chance alone reaches in one of a thousand diagnoses.
     base, extended : Identification
@@ -175,6 +180,8 @@ class Verdict:
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    rivals: tuple[Candidate, ...] = ()
+    rival: Candidate | None = None
     bias: Bias | None = None
     held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)

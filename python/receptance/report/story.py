@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.showing import gained, wanting
+from receptance.diagnosis.showing import gained, sizes, wanting
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -56,6 +56,12 @@ def _on_causes(verdict: Verdict) -> list[str]:
     if verdict.verdict == "ambiguous":
         alike = ", ".join(verdict.ambiguous_between)
         return [f"These data cannot tell apart: {alike}. Each of them explains what the model lacks.{left}"]
+    if verdict.rival is not None:
+        return [
+            f"A cause of the catalogue would explain it, but {verdict.rival.meaning} {verdict.rival.variant} "
+            f"({sizes(verdict, verdict.rival)}) is to be preferred. It is no cause that is known, so none is named: "
+            f"{verdict.rival.remedy}."
+        ]
     if verdict.verdict == "unexplained":
         tried = len(verdict.candidates)
         return [
