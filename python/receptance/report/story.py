@@ -58,7 +58,7 @@ def _on_causes(verdict: Verdict) -> list[str]:
         return [f"These data cannot tell apart: {alike}. Each of them explains what the model lacks.{left}"]
     if verdict.rival is not None:
         return [
-            f"A cause of the catalogue would explain it, but {verdict.rival.meaning} {verdict.rival.variant} "
+            f"A cause of the catalogue would nearly do, but {verdict.rival.meaning} {verdict.rival.variant} "
             f"({sizes(verdict, verdict.rival)}) is to be preferred. It is no cause that is known, so none is named: "
             f"{verdict.rival.remedy}."
         ]
