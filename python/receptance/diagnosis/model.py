@@ -166,8 +166,8 @@ class Model:
         place: Callable[[Any], float] = position if callable(position) else lambda own: position
         owners = [one.assembly for one in self.observations if part in one.assembly.elements]
         where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
-        index = where[0][0]
-        if any(own != index for own, _ in where):
+        index = where[0][0] if where else 0
+        if not where or any(own != index for own, _ in where):
             raise ValueError(f"{part}: the place of a step is not in the same segment of every assembly")
         if all(within == 0.0 for _, within in where):
             return self, index
