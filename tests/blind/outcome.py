@@ -72,6 +72,12 @@ class Outcome:
         return self.verdict == "named" and self.in_set and len(self.found) == len(self.reported)
 
     @property
+    def one_answer(self) -> bool:
+        """Whether the effects and nothing else are reported, what looks the same as they do being the same answer."""
+        merged = self.verdict in ("named", "ambiguous") and len(self.found) == len(self.reported)
+        return self.in_set and merged
+
+    @property
     def named_wrong(self) -> bool:
         """Whether something is named that is not there."""
         return self.verdict == "named" and len(self.found) < len(self.reported)

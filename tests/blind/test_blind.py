@@ -126,6 +126,12 @@ def test_scores_are_counted_as_the_issue_says():
     assert open_.in_set
     assert not open_.named_right
     assert not open_.named_wrong
+    assert not open_.one_answer
+    merged = outcome("single", ("collet_mass",), "ambiguous", ("collet_mass", "sensor_mass"), same=("sensor_mass",))
+    assert merged.one_answer
+    assert not merged.named_right
+    assert not outcome("single", ("collet_mass",), "suspected", ("collet_mass",)).one_answer
+    assert not outcome("single", ("collet_mass",), "ambiguous", ("sensor_mass",)).one_answer
     half = outcome("pair", ("time_delay", "sensor_mass"), "named", ("time_delay",))
     assert not half.in_set
     assert not half.named_wrong
