@@ -137,8 +137,9 @@ def test_scores_are_counted_as_the_issue_says():
     assert not half.named_wrong
 
 
+NOTHING = [("nothing", ())] * 4
 QUICK = [
-    *[("nothing", ())] * 4,
+    *NOTHING,
     *[("single", (id,)) for id in PLAIN],
     ("outside", ("tip_absorber",)),
     ("outside", ("cracked_tool",)),
@@ -160,7 +161,8 @@ def shortfalls(outcomes):
     foreign = [o for o in outcomes if o.kind == "outside"]
     found = {
         "a diagnosis failed": any(o.verdict == "failed" for o in outcomes),
-        "alarms where nothing is hidden": sum(o.verdict not in ("adequate", "suspected") for o in nothing) > 1,
+        "alarms where nothing is hidden": sum(o.verdict not in ("adequate", "suspected") for o in nothing) > 1
+        or sum(o.verdict != "adequate" for o in nothing) > 2,
         "hidden effects not found": sum(o.in_set for o in hidden) < len(hidden) - 2,
         "hidden effects not named": sum(o.named_right for o in hidden) < len(hidden) / 2,
         "something named that is not there": sum(o.named_wrong for o in outcomes) > 1,
@@ -204,26 +206,27 @@ def gullible(case, **_):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("broken", "shows"),
+    ("broken", "shows", "plan"),
     [
-        (always("adequate"), "hidden effects not found"),
-        (always("named", "tool_density"), "something named that is not there"),
-        (always("unexplained"), "alarms where nothing is hidden"),
-        (always("suspected"), "hidden effects not named"),
-        (forgetful, "alarms where nothing is hidden"),
-        (gullible, "something named that is not there"),
+        (always("adequate"), "hidden effects not found", QUICK),
+        (always("named", "tool_density"), "something named that is not there", QUICK),
+        (always("unexplained"), "alarms where nothing is hidden", QUICK),
+        (always("suspected"), "hidden effects not named", QUICK),
+        # These two are slower, and show themselves where nothing is hidden.
+        (forgetful, "alarms where nothing is hidden", NOTHING),
+        (gullible, "something named that is not there", NOTHING),
     ],
     ids=["adequate", "one name", "unexplained", "suspected", "no tolerances", "no gate"],
 )
-def test_the_quick_part_sees_a_broken_engine(broken, shows):
-    assert shows in shortfalls(quick_run(broken, BROKEN))
+def test_the_quick_part_sees_a_broken_engine(broken, shows, plan):
+    assert shows in shortfalls(quick_run(broken, BROKEN, plan))
 
 
 @pytest.mark.slow
 def test_a_small_batch_keeps_the_promise(summarise):
-    outcomes = [run_case(SEED, i, kind, ids, ask, quick=True) for i, (kind, ids) in enumerate(every(16))]
+    outcomes = [run_case(SEED, i, kind, ids, ask, quick=True) for i, (kind, ids) in enumerate(every(12))]
     text = report(outcomes)
-    summarise("blind laboratory, 16 cases", f"seed {SEED}\n{text}", text)
+    summarise("blind laboratory, 12 cases", f"seed {SEED}\n{text}", text)
     lines = {line.name: line for line in table(outcomes)[0]}
     assert lines["diagnoses that failed"].hits == 0, text
     # Rates of the issue, with as much room as so few cases need: an event of one in a thousand fails it.
