@@ -127,6 +127,19 @@ def test_a_rival_withholds_a_name(selection: Selection, more: float, alone: str,
     assert told.answer == together
 
 
+def test_a_rival_is_told_beside_a_vetoed_cause(selection: Selection) -> None:
+    best = selection.singles[0]
+    (cause, way), rival = best.steps[0], selection.rivals[0]
+    heavy = replace(cause, parameters=tuple(replace(one, plausible=(0.0, 1e-4)) for one in cause.parameters))
+    vetoed = replace(best, steps=((heavy, way),))
+    for more, told in ((1.1 * MARGIN, True), (-1.1 * MARGIN, False)):
+        better = replace(rival, evidence=best.evidence + more)
+        found = conclude(replace(selection, singles=[vetoed], several=[], rivals=[better]))
+        assert found.answer == "unexplained"
+        assert any("vetoed" in note for note in found.notes)
+        assert (found.rival is better) == told
+
+
 @pytest.mark.parametrize("rival", RIVALS, ids=lambda one: one.id)
 def test_every_rival_is_nothing_at_its_null_and_something_beside_it(rival: object) -> None:
     data = [observed(chain(x), x) for x in OVERHANGS]

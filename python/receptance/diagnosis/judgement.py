@@ -65,11 +65,11 @@ def conclude(selection: Selection) -> Judgement:
             sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
             notes.append(f"{_called(one)} would explain the data, but nobody would believe {sizes}: vetoed")
     left = [one for one in near if not one.implausible]
+    rival = _preferred(selection, left or near)
+    if rival is not None:
+        return Judgement("unexplained", (), (), (*notes, _withheld(rival, (left or near)[0])), rival)
     if not left:
         return Judgement("unexplained", (), (), tuple(notes))
-    rival = _preferred(selection, left)
-    if rival is not None:
-        return Judgement("unexplained", (), (), (*notes, _withheld(rival, left[0])), rival)
     unfinished = [one for one in left if not one.fit.converged]
     for one in unfinished:
         notes.append(f"the fit with {_called(one)} has not converged, so nothing is named alone")
