@@ -171,7 +171,7 @@ def challenge(selection: Selection, threads: int | None, say: Callable[[str], No
     if not passing or passing[0].evidence <= max(selection.threshold, 0.0):
         return
     base, best = selection.base, passing[0]
-    if _read_anew(best, base.model):
+    if _of_another_quantity(best, base.model):
         return
     variants = [(rival, variant) for rival in RIVALS for variant in _ways(rival, base.model)]
     found = directions(base, variants)
@@ -201,7 +201,7 @@ def challenge(selection: Selection, threads: int | None, say: Callable[[str], No
     selection.rivals.sort(key=lambda one: -one.evidence)
 
 
-def _read_anew(best: Explanation, model: Model) -> bool:
+def _of_another_quantity(best: Explanation, model: Model) -> bool:
     """Return whether the data are another quantity: what a structure has elsewhere does not change them by factors."""
     return any(one.fresh for cause, way in best.steps for one in _ways(cause, model) if one.name == way)
 
