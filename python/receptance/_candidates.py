@@ -153,9 +153,9 @@ class _Joint(Candidates):
         fields = PointJoint.columns_of
         stiff: dict[str, Any] = dict(zip(fields, own.tolist(), strict=True))
         stiff |= {name: max(_STIFF * stiff[name], least) for name, least in _RIGID.items()}
-        self._own, self._reference = own, np.array(list(stiff.values()))
+        self._own = own
         self._columns = [fields.index(address.split(".", 1)[1]) for address in addresses]
-        self._reduction, self._w = assembly.reduced_to_joint(
+        self._reduction = assembly.reduced_to_joint(
             joint, lines, response=points[0], excitation=points[1], at=PointJoint(**stiff), threads=threads
         )
         self._threads = threads
@@ -166,14 +166,12 @@ class _Joint(Candidates):
         return joints
 
     def _fill(self, rows: NDArray[np.float64], out: NDArray[Any]) -> None:
-        _core.sweep_joint(self._reduction, self._w, self._reference, self._joints(rows), out, self._threads)
+        self._reduction.fill(self._joints(rows), out, self._threads)
 
     def _misfit(
         self, rows: NDArray[np.float64], measured: NDArray[np.complex128], weights: NDArray[np.float64], logarithm: bool
     ) -> NDArray[np.float64]:
-        return _core.sweep_joint_misfit(
-            self._reduction, self._w, self._reference, self._joints(rows), measured, weights, logarithm, self._threads
-        )
+        return self._reduction.misfit(self._joints(rows), measured, weights, logarithm, self._threads)
 
 
 class _Models(Candidates):
@@ -181,25 +179,17 @@ class _Models(Candidates):
 
     road = "models"
 
-    def __init__(
-        self,
-        ties: tuple[Any, ...],
-        points: NDArray[np.float64],
-        addresses: tuple[str, ...],
-        w: NDArray[Any],
-        threads: int,
-    ) -> None:
-        super().__init__(addresses, w.size, _MODEL_S + _LINE_S * w.size)
-        self._arguments = (ties, points, w)
-        self._threads = threads
+    def __init__(self, model: _core.ModelSweep, addresses: tuple[str, ...], threads: int) -> None:
+        super().__init__(addresses, len(model), _MODEL_S + _LINE_S * len(model))
+        self._model, self._threads = model, threads
 
     def _fill(self, rows: NDArray[np.float64], out: NDArray[Any]) -> None:
-        _core.sweep_models(*self._arguments, rows, out, self._threads)
+        self._model.fill(rows, out, self._threads)
 
     def _misfit(
         self, rows: NDArray[np.float64], measured: NDArray[np.complex128], weights: NDArray[np.float64], logarithm: bool
     ) -> NDArray[np.float64]:
-        return _core.sweep_models_misfit(*self._arguments, rows, measured, weights, logarithm, self._threads)
+        return self._model.misfit(rows, measured, weights, logarithm, self._threads)
 
 
 class _Assemblies(Candidates):
@@ -293,8 +283,8 @@ def candidates_of(
     tied = tie(assembly, names, tuple(points))
     if tied is None:
         return _Assemblies(assembly, names, lines, points, count)
-    ties = (tied.tables, tied.rates, _plain(len(names)), np.empty((0, 2)), tied.powers)
-    return _Models(ties, tied.points, names, np.ascontiguousarray(tau * lines), count)
+    model = tied.model(_plain(len(names)), np.empty((0, 2)))
+    return _Models(model.sweep(_core.Lines(lines, tau), tied.points), names, count)
 
 
 def _plain(count: int) -> NDArray[np.float64]:

@@ -18,19 +18,22 @@ if TYPE_CHECKING:
 
     from receptance._flatten import Flat
 
-__all__ = ["beyond", "modes", "responses"]
+__all__ = ["by_line", "modes", "responses"]
 
 _CORE_TERMINALS = 5
 """The core's number of the table of receptances beyond terminals."""
 
 
-def beyond(flat: Flat, lines: NDArray[Any]) -> tuple[NDArray[np.float64] | None, NDArray[np.complex128] | None]:
-    """Return nodes of the terminals, and the receptance beyond them on checked lines in Hz, as the core takes them."""
+def by_line(flat: Flat, lines: NDArray[Any], added: NDArray[np.complex128] | None = None) -> _core.ByLine | None:
+    """Return the properties of a model that differ from line to line, on checked lines in Hz; None without any.
+
+    These are `added` stiffness of the joints, flat of `(n_freq, n_joints, 2)`, and the receptances beyond terminals.
+    """
     if not flat.terminals:
-        return None, None
+        return None if added is None else _core.ByLine(added)
     nodes = np.array([node for node, _ in flat.terminals], dtype=np.float64)
     entries = np.concatenate([terminal.entries(lines) for _, terminal in flat.terminals], axis=1)
-    return nodes, entries.reshape(-1)
+    return _core.ByLine(added, nodes, entries.reshape(-1))
 
 
 def responses(
@@ -47,27 +50,16 @@ def responses(
     `lines` are checked ones in Hz, real or complex; the core scales them, so that they need not be copied.
     """
     amplitudes = force_amplitudes(force, lines, len(points[1]))
-    nodes, receptance = beyond(flat, lines)
+    given = _core.Lines(lines, tau)
+    same = by_line(flat, lines)
 
     def solve(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         own = asked[:, 0] == TERMINALS
         needed = np.vstack([asked[~own], _entries_of_terminals(flat)]) if own.any() else asked
-        h, dh = _core.receptance(
-            lines,
-            motion,
-            *flat.tables(),
-            loads,
-            seen,
-            needed,
-            threads,
-            flat.beside(),
-            scale=tau,
-            added=added,
-            terminals=nodes,
-            beyond=receptance,
-        )
+        own_lines = same if added is None else by_line(flat, lines, added)
+        h, dh = flat.model(motion).receptance(given, loads, seen, needed, threads, own_lines)
         return h, _through_terminals(flat, lines, dh, asked) if own.any() else dh
 
     with interfaces_by_name(flat):
@@ -110,11 +102,13 @@ def modes(
             "natural frequencies are counted for parts and joints, not for a spindle known by its receptances; take "
             "the peaks of a receptance"
         )
-    tables = flat.tables()
     asked, weights = rows, None
-    if flat.microslips:
-        joints, asked, weights = natural_weights(flat, rows)
-        tables = (tables[0], joints, *tables[2:])
     with interfaces_by_name(flat):
-        angular, slope = _core.natural_frequencies(upper, 2**31, motion, *tables, asked, flat.beside())
+        if flat.microslips:
+            joints, asked, weights = natural_weights(flat, rows)
+            segments, _, masses, grounds = flat.tables()
+            model = _core.Model(motion, segments, joints, masses, grounds, flat.beside())
+        else:
+            model = flat.model(motion)
+        angular, slope = model.natural_frequencies(upper, 2**31, asked)
     return angular, slope if weights is None else slope @ weights

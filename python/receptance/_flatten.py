@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from receptance import _core
 from receptance.beams import Part
 from receptance.collet import ColletJoint
 from receptance.joints import GroundSpring, PointJoint, PointMass
@@ -63,6 +64,17 @@ class Flat:
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
     points: dict[tuple[Coordinate, ...], NDArray[np.float64]] = field(default_factory=dict)
     count: int = 1
+    _models: dict[int, _core.Model] = field(default_factory=dict, repr=False, compare=False)
+
+    def model(self, motion: int = 0) -> _core.Model:
+        """Return the core's model for a motion, built and checked once."""
+        if motion not in self._models:
+            self._models[motion] = _core.Model(motion, *self.tables(), self.beside())
+        return self._models[motion]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Handles of the core stay in their process.
+        return {**self.__dict__, "_models": {}}
 
     def tables(self) -> Tables:
         """Return the four arrays of elements that every model of the core has; read only."""

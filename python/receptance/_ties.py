@@ -1,4 +1,4 @@
-"""From an assembly to the core's tables as functions of addresses, for fits that run in the core."""
+"""From an assembly to a model of the core as a function of addresses, for fits and sweeps that run in the core."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from receptance import _core
+from receptance._addresses import interfaces_by_name
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.collet import ColletJoint
@@ -16,6 +18,7 @@ from receptance.spread import SpreadJoint
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance._flatten import Flat
     from receptance.coordinates import Coordinate
 
 __all__ = ["Tied", "tie"]
@@ -25,24 +28,38 @@ _KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring)
 
 
 class Tied(NamedTuple):
-    """The tables of an assembly: `tables` and, added to their entries, rate times value of addresses.
+    """A model of the core, and how entries of its tables depend on addresses.
 
     Attributes
     ----------
-    tables : tuple of ndarray
-        Segments, joints, masses, grounds and overlaps, less what the addresses make of them.
+    flat : Flat
+        The tables of the assembly.
     rates : ndarray
         `(k, 5)` table, row, column, number of the address, rate.
+    present : ndarray
+        `(m,)` value of each address in the assembly; zero for addresses that no table has.
     points : ndarray
         `(n, 2)` node and direction of the coordinates.
     powers : ndarray
         `(n, 4)` table, row, column and power of the frequency, for entries through which frequency acts.
     """
 
-    tables: tuple[NDArray[np.float64], ...]
+    flat: Flat
     rates: NDArray[np.float64]
+    present: NDArray[np.float64]
     points: NDArray[np.float64]
     powers: NDArray[np.float64]
+
+    def model(self, addresses: NDArray[np.float64], factors: NDArray[np.float64]) -> _core.TiedModel:
+        """Return the model as a function of unknowns; `addresses` and `factors` as in `_core.Model.tied`."""
+        with interfaces_by_name(self.flat):
+            return self.flat.model().tied(self.rates, self.present, addresses, factors, self.powers)
+
+    @property
+    def key(self) -> tuple[bytes, ...]:
+        """Bytes that are equal for equal models."""
+        arrays = (*self.flat.tables(), self.flat.beside(), self.rates, self.present, self.points, self.powers)
+        return tuple(array.tobytes() for array in arrays)
 
 
 def tie(
@@ -53,7 +70,7 @@ def tie(
     others: Collection[str] = (),
     powers: Mapping[str, float] | None = None,
 ) -> Tied | None:
-    """Return the tables as functions of addresses; None where an element is not that simple.
+    """Return the model as a function of addresses; None where an element is not that simple.
 
     `others` are addresses that no table has; `powers` are those through which frequency acts, with its power.
     """
@@ -63,20 +80,18 @@ def tie(
     if assembly.motion != "bending":
         return None
     flat = assembly._flatten(points)
-    # Those of an assembly are made once and belong to it.
-    tables = tuple(table.copy() for table in (*flat.tables(), flat.beside()))
     rates = [
         (*entry[:3], index, entry[3])
         for index, address in enumerate(addresses)
         if address not in others
         for entry in assembly._entries(address, flat)
     ]
-    for table, row, column, index, rate in rates:
-        tables[table][row, column] -= rate * assembly.get(addresses[index])
+    present = [0.0 if address in others else assembly.get(address) for address in addresses]
     acting = [(*entry[:3], n) for address, n in (powers or {}).items() for entry in assembly._entries(address, flat)]
     return Tied(
-        tables=tables,
+        flat=flat,
         rates=np.array(rates, dtype=np.float64).reshape(-1, 5),
+        present=np.array(present, dtype=np.float64),
         points=assembly._points(flat, points),
         powers=np.array(acting, dtype=np.float64).reshape(-1, 4),
     )

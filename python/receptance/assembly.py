@@ -26,7 +26,7 @@ from receptance._addresses import (
     value_in,
     value_in_segment,
 )
-from receptance._evaluation import beyond, modes, responses
+from receptance._evaluation import by_line, modes, responses
 from receptance._flatten import MOTIONS, Element, Flat, Motion
 from receptance._placing import distinct, flattened, places_of, rows_of
 from receptance.beams import Part
@@ -294,36 +294,46 @@ class Assembly:
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
         at: PointJoint | None = None,
+        planes: bool = False,
         threads: int | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64] | NDArray[np.complex128]]:
-        """Everything but one joint (`at` in its place if given), evaluated once, for fits of that joint.
+    ) -> _core.JointReduction:
+        """Reduce the assembly to one joint: everything else is evaluated once.
+
+        Parameters
+        ----------
+        joint : str
+            Name of a `PointJoint`.
+        frequency_hz, response, excitation, threads
+            As in `receptance`.
+        at : PointJoint, optional
+            The joint at which the assembly is evaluated; by default its own.
+        planes : bool, default False
+            Keep H_0, F_r (2), F_e (2), Y (3) of (T7) on each line, real and imaginary parts, which the method `planes`
+            of the result returns `(16, n)`, where power series (T7a) would be shorter.
 
         Returns
         -------
-        reduction, angular_frequency : ndarray
-            As the core takes them: `(29, n_terms)`, the series of (T7a) in the theory after the reference frequency,
-            or `(16, n)`, H_0, F_r (2), F_e (2), Y (3) of (T7), real and imaginary parts; and w `(n,)`, real where
-            the lines are.
+        JointReduction
+            A handle of the core, for fits and sweeps of that joint.
         """
         if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).microslips:
             raise ValueError(f"there is no joint {joint!r} in {self!r}, or another one is in micro-slip")
         if self.motion != "bending":
             raise ValueError(f"{self!r} is in {self.motion} motion; only bending is reduced to a joint")
         lines = _checks.frequencies(frequency_hz)
-        w = tau * lines
         sides = [as_coordinates(side) for side in (response, excitation)]
         flat = self._flatten((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
-        points = [self._points(flat, side) for side in sides]
-        tables, count = flat.tables(), _checks.thread_count(threads)
-        if at is not None:
-            tables = (tables[0], tables[1].copy(), *tables[2:])
-            tables[1][row, 2:] = at.columns()
+        points = np.vstack([self._points(flat, side) for side in sides])
+        count = _checks.thread_count(threads)
         with interfaces_by_name(flat):
-            found = _core.reduce_joint(
-                w, *tables, row, points[0], points[1], count, flat.beside(), 1.0, *beyond(flat, lines)
-            )
-        return found, w
+            model = flat.model()
+            if at is not None:
+                segments, joints, masses, grounds = flat.tables()
+                joints = joints.copy()
+                joints[row, 2:] = at.columns()
+                model = _core.Model(0, segments, joints, masses, grounds, flat.beside())
+            return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
 
     def _evaluate(
         self,

@@ -243,10 +243,12 @@ class Part:
     def _receptance(
         self, frequency_hz: ArrayLike, motion: int, ends: NDArray[np.float64], threads: int | None
     ) -> NDArray[np.complex128]:
-        lines = _checks.frequencies(frequency_hz)
-        tables = (self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
+        lines = _core.Lines(_checks.frequencies(frequency_hz), 2.0 * np.pi)
         count = _checks.thread_count(threads)
-        return _core.receptance(lines, motion, *tables, ends, ends, np.zeros((0, 3)), count, scale=2.0 * np.pi)[0]
+        return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
+
+    def _model(self, motion: int = 0) -> _core.Model:
+        return _core.Model(motion, self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies in bending of the free part up to `upper_hz`, in Hz, zero modes left out.
@@ -259,8 +261,7 @@ class Part:
         array([ 2837.3 ,  7597.39, 14325.63])
         """
         upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
-        tables = (self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
-        angular, _ = _core.natural_frequencies(upper, 2**31, 0, *tables, np.zeros((0, 3)))
+        angular, _ = self._model().natural_frequencies(upper, 2**31, np.zeros((0, 3)))
         return angular / (2.0 * np.pi)
 
     def _repr_html_(self) -> str:

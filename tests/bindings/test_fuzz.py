@@ -15,7 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from receptance import ReceptanceError, _core
+from bindings import calls
+from receptance import ReceptanceError
 
 ALLOWED = (ValueError, TypeError, OverflowError, ReceptanceError)
 STEEL = [200e9, 7800.0, 0.29]
@@ -104,7 +105,7 @@ def check(function: Any, arguments: dict[str, Any]) -> Exception | None:
         assert "panick" not in str(refused)
         return refused
     n_parameters = len(arguments["parameters"])
-    if function is _core.receptance:
+    if function is calls.receptance:
         shape = (len(arguments["angular_frequency"]), len(arguments["responses"]), len(arguments["excitations"]))
         assert first.shape == shape
         assert second.shape == (*shape, n_parameters)
@@ -120,8 +121,8 @@ def check(function: Any, arguments: dict[str, Any]) -> Exception | None:
 
 
 def test_the_starting_point_works() -> None:
-    assert check(_core.receptance, good()) is None
-    assert check(_core.natural_frequencies, modes(good())) is None
+    assert check(calls.receptance, good()) is None
+    assert check(calls.natural_frequencies, modes(good())) is None
 
 
 TABLES = ["segments", "joints", "masses", "grounds", "excitations", "responses", "parameters"]
@@ -145,8 +146,8 @@ def test_any_number_in_any_place(data: st.DataObject) -> None:
         else:
             row = data.draw(st.integers(0, len(arguments[name]) - 1))
             arguments[name][row, data.draw(st.integers(0, arguments[name].shape[1] - 1))] = value
-    check(_core.receptance, arguments)
-    check(_core.natural_frequencies, modes(arguments))
+    check(calls.receptance, arguments)
+    check(calls.natural_frequencies, modes(arguments))
 
 
 @settings(max_examples=300)
@@ -154,7 +155,7 @@ def test_any_number_in_any_place(data: st.DataObject) -> None:
 def test_any_limit_of_natural_frequencies(upper: float, most: int, motion: int) -> None:
     # A limit far above every wave asks for as many modes as there are; a few will do here.
     arguments = {**modes(good()), "upper": upper, "most": most if upper < 1e6 else min(most, 20), "motion": motion}
-    check(_core.natural_frequencies, arguments)
+    check(calls.natural_frequencies, arguments)
 
 
 @settings(max_examples=500)
@@ -175,23 +176,23 @@ def test_any_shape_and_type(data: st.DataObject) -> None:
     elif layout == "reversed" and array.ndim:
         array = array[::-1]
     arguments[name] = array
-    check(_core.receptance, arguments)
+    check(calls.receptance, arguments)
     if name in modes(good()):
-        check(_core.natural_frequencies, modes(arguments))
+        check(calls.natural_frequencies, modes(arguments))
 
 
 @pytest.mark.parametrize("name", [*TABLES, "angular_frequency"])
 @pytest.mark.parametrize("value", [None, 1.0, "text", [], [[1.0]], object(), {}, b"bytes", np.float64(2.0)])
 def test_what_is_no_array_is_a_type_error(name: str, value: object) -> None:
     with pytest.raises(TypeError, match=name):
-        _core.receptance(**{**good(), name: value})
+        calls.receptance(**{**good(), name: value})
 
 
 @pytest.mark.parametrize("name", ["motion", "threads"])
 @pytest.mark.parametrize("value", [None, 1.5, "1", -1, 2**70, [0]])
 def test_what_is_no_count_is_refused(name: str, value: object) -> None:
     with pytest.raises((TypeError, OverflowError), match=f"{name}|negative|too (big|large)"):
-        _core.receptance(**{**good(), name: value})
+        calls.receptance(**{**good(), name: value})
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -199,7 +200,7 @@ def test_wrong_columns_name_the_table(name: str) -> None:
     for change in (-1, 1):
         width = good()[name].shape[1] + change
         with pytest.raises(ValueError, match=rf"{name}: shape is \(2, {width}\), expected"):
-            _core.receptance(**{**good(), name: np.zeros((2, width))})
+            calls.receptance(**{**good(), name: np.zeros((2, width))})
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -210,14 +211,14 @@ def test_a_layout_that_is_not_c_contiguous_is_refused_or_read_right(name: str) -
     arguments["joints"][1, :2] = [3, 4]
     arguments["masses"] = np.array([[0, 0.01, 1e-6], [1, 0.02, 2e-6]])
     arguments["grounds"] = np.array([[3, 1e7, 1e4, 0, 0, 0, 0, 0.1], [0, 1e4, 1e2, 0, 0, 0, 0, 0.2]])
-    reference = _core.receptance(**arguments)
+    reference = calls.receptance(**arguments)
     doubled = np.repeat(arguments[name], 2, axis=0)
     found: list[Any] = []
     refused: list[str] = []
     for array in (doubled[::2], np.asfortranarray(arguments[name])):
         assert not array.flags.c_contiguous
         try:
-            found.append(_core.receptance(**{**arguments, name: array}))
+            found.append(calls.receptance(**{**arguments, name: array}))
         except ValueError as error:
             refused.append(str(error))
     assert all(name in words and "contiguous" in words for words in refused), refused
@@ -267,7 +268,7 @@ def test_errors_name_the_quantity_and_its_value(table: str, row: int, column: in
     arguments = good()
     arguments[table][row, column] = value
     with pytest.raises(ValueError, match=words):
-        _core.receptance(**arguments)
+        calls.receptance(**arguments)
 
 
 @pytest.mark.parametrize(
@@ -277,24 +278,24 @@ def test_lines_that_are_no_frequency(line: complex) -> None:
     arguments = good()
     arguments["angular_frequency"][1] = line
     with pytest.raises(ValueError, match="frequency line 1"):
-        _core.receptance(**arguments)
+        calls.receptance(**arguments)
 
 
 def test_empty_requests_give_empty_arrays() -> None:
     for name, columns in (("excitations", 2), ("responses", 2), ("parameters", 3)):
         arguments = {**good(), name: np.zeros((0, columns))}
-        assert check(_core.receptance, arguments) is None
+        assert check(calls.receptance, arguments) is None
     arguments = {**good(), "angular_frequency": np.zeros(0, dtype=complex)}
-    error = check(_core.receptance, arguments)
+    error = check(calls.receptance, arguments)
     assert error is None or isinstance(error, ValueError)
 
 
 @pytest.mark.parametrize("motion", [1, 2])
 def test_rods_take_the_same_tables(motion: int) -> None:
     arguments = {**good(), "motion": motion, "excitations": np.array([[0.0, 0.0]]), "responses": np.array([[3.0, 0.0]])}
-    assert check(_core.receptance, arguments) is None
+    assert check(calls.receptance, arguments) is None
     arguments["excitations"] = np.array([[0.0, 1.0]])
-    assert isinstance(check(_core.receptance, arguments), ValueError)
+    assert isinstance(check(calls.receptance, arguments), ValueError)
 
 
 EXTREMES = [
@@ -316,7 +317,7 @@ def test_numbers_beyond_reason_are_answered(which: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, 4 * 2**30))
         sys.path.insert(0, sys.argv[1])
         from bindings.test_fuzz import EXTREMES, check, good, modes
-        from receptance import _core
+        from bindings import calls
         name, row, column, value = EXTREMES[int(sys.argv[2])]
         arguments = good()
         if name in arguments:
@@ -326,8 +327,8 @@ def test_numbers_beyond_reason_are_answered(which: int) -> None:
             other[name] = value
         other["most"] = 5
         started = time.perf_counter()
-        check(_core.receptance, arguments)
-        check(_core.natural_frequencies, other)
+        check(calls.receptance, arguments)
+        check(calls.natural_frequencies, other)
         assert time.perf_counter() - started < 10.0
         """,
         str(which),
@@ -339,8 +340,8 @@ def test_huge_node_numbers_are_refused_without_memory() -> None:
     script = """
         import resource, sys
         import numpy as np
-        from receptance import _core
         sys.path.insert(0, sys.argv[1])
+        from bindings import calls
         from bindings.test_fuzz import good
         used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for node in (2.0**23, 2.0**24 - 1, 2.0**24, 2.0**31, 2.0**32, 2.0**53, 2.0**63, 1e300):
@@ -350,7 +351,7 @@ def test_huge_node_numbers_are_refused_without_memory() -> None:
                 arguments = good()
                 arguments[name][row, column] = node
                 try:
-                    _core.receptance(**arguments)
+                    calls.receptance(**arguments)
                 except ValueError as error:
                     assert str(error)
                 else:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bindings import calls
 from bindings.test_fuzz import ALLOWED, ODD, STEEL, check, good, limited_memory, modes
 from receptance import _core
 
@@ -35,8 +36,8 @@ def modes_beside(arguments: dict[str, Any]) -> dict[str, Any]:
 def test_the_starting_point_works(points: int) -> None:
     arguments = beside()
     arguments["overlaps"][0, 30] = points
-    assert check(_core.receptance, arguments) is None
-    assert check(_core.natural_frequencies, modes_beside(arguments)) is None
+    assert check(calls.receptance, arguments) is None
+    assert check(calls.natural_frequencies, modes_beside(arguments)) is None
 
 
 @settings(max_examples=800)
@@ -52,8 +53,8 @@ def test_any_number_in_any_place(data: st.DataObject) -> None:
             continue
         row = data.draw(st.integers(0, len(arguments[name]) - 1))
         arguments[name][row, data.draw(st.integers(0, arguments[name].shape[1] - 1))] = value
-    check(_core.receptance, arguments)
-    check(_core.natural_frequencies, modes_beside(arguments))
+    check(calls.receptance, arguments)
+    check(calls.natural_frequencies, modes_beside(arguments))
 
 
 @settings(max_examples=300)
@@ -64,8 +65,8 @@ def test_any_scale_of_any_column(data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 6))):
         column = data.draw(st.integers(2, 29))
         arguments["overlaps"][0, column] *= 10.0 ** data.draw(st.floats(-12, 12))
-    check(_core.receptance, arguments)
-    check(_core.natural_frequencies, modes_beside(arguments))
+    check(calls.receptance, arguments)
+    check(calls.natural_frequencies, modes_beside(arguments))
 
 
 @settings(max_examples=200)
@@ -74,45 +75,45 @@ def test_any_shape_and_type(data: st.DataObject) -> None:
     shape = tuple(data.draw(st.lists(st.integers(0, 32), min_size=0, max_size=3)))
     kind = data.draw(st.sampled_from(["f8", "f4", "c16", "i8", "?", "O", "S3", "U2", "M8[s]", ">f8"]))
     arguments = {**beside(), "overlaps": np.zeros(shape, dtype=kind)}
-    check(_core.receptance, arguments)
-    check(_core.natural_frequencies, modes_beside(arguments))
+    check(calls.receptance, arguments)
+    check(calls.natural_frequencies, modes_beside(arguments))
 
 
 def test_wrong_columns_name_the_table() -> None:
     for width in (30, 32):
         with pytest.raises(ValueError, match=rf"overlaps: shape is \(2, {width}\), expected"):
-            _core.receptance(**{**beside(), "overlaps": np.zeros((2, width))})
+            calls.receptance(**{**beside(), "overlaps": np.zeros((2, width))})
 
 
 @pytest.mark.parametrize("column", [0, 1, 13, 24, 30, 31])
 def test_a_column_that_is_no_quantity_has_no_derivative(column: int) -> None:
     arguments = {**beside(), "parameters": np.array([[4.0, 0.0, float(column)]])}
-    assert isinstance(check(_core.receptance, arguments), ValueError)
+    assert isinstance(check(calls.receptance, arguments), ValueError)
 
 
 @pytest.mark.parametrize("motion", [1, 2])
 def test_rods_have_no_overlap(motion: int) -> None:
     with pytest.raises(ValueError, match="an overlap joins beams in bending"):
-        _core.receptance(**{**beside(), "motion": motion})
+        calls.receptance(**{**beside(), "motion": motion})
 
 
 def test_a_loose_overlap_is_a_singular_interface() -> None:
     loose = beside()
     loose["overlaps"][0, [25, 27]] = 0.0
     with pytest.raises(_core.SingularInterfaceError, match="overlap 0: the interface is singular"):
-        _core.receptance(**loose)
+        calls.receptance(**loose)
     hinge = beside()
     hinge["overlaps"][0, [26, 28]] = 0.0
-    assert check(_core.receptance, hinge) is None
+    assert check(calls.receptance, hinge) is None
     hinge["overlaps"][0, 30] = 1
     with pytest.raises(_core.SingularInterfaceError, match="overlap 0"):
-        _core.receptance(**hinge)
+        calls.receptance(**hinge)
 
 
 def test_a_layer_beyond_measure_is_refused() -> None:
     stiff = beside()
     stiff["overlaps"][0, 25] = 1e25
     with pytest.raises(ValueError, match=r"overlap 0: at .* grows by"):
-        _core.receptance(**stiff)
+        calls.receptance(**stiff)
     with pytest.raises(ALLOWED, match="too high"):
-        _core.natural_frequencies(**modes_beside(stiff))
+        calls.natural_frequencies(**modes_beside(stiff))

@@ -119,8 +119,11 @@ def test_derivative_by_a_place_is_that_of_the_pieces_beside_it() -> None:
     none = np.zeros((0, 3))
     for node in (0.0, 1.0):
         points = np.array([[node, 0.0], [node, 1.0]])
-        up, down = (_core.receptance(w, 0, *bar_with_a_place(x + s), points, points, none, 1)[0] for s in (step, -step))
-        _, slope = _core.receptance(w, 0, *bar_with_a_place(x), points, points, lengths, 1)
+        up, down = (
+            _core.Model(0, *bar_with_a_place(x + s)).receptance(_core.Lines(w), points, points, none, 1)[0]
+            for s in (step, -step)
+        )
+        _, slope = _core.Model(0, *bar_with_a_place(x)).receptance(_core.Lines(w), points, points, lengths, 1)
         expected = (up - down) / (2 * step)
         scale = np.abs(expected).max(axis=0)
         assert np.all(np.abs(slope[..., 0] - slope[..., 1] - expected) <= 1e-6 * np.abs(expected) + 1e-9 * scale)

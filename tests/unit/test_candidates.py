@@ -20,7 +20,6 @@ from receptance import (
     PointJoint,
     Segment,
     Unknown,
-    _core,
     identify,
 )
 from receptance._candidates import Candidates, candidates_of
@@ -209,13 +208,12 @@ def test_what_is_wrong_is_said() -> None:
 
 
 def test_the_core_refuses_what_does_not_belong_together() -> None:
-    reduction, w = plain().reduced_to_joint("joint", LINES)
-    reference, rows = np.array(plain().elements["joint"].columns()), joints(2, "elastic")
+    reduction, rows = plain().reduced_to_joint("joint", LINES), joints(2, "elastic")
     with pytest.raises(ValueError, match="out: shape"):
-        _core.sweep_joint(reduction, w, reference, rows, np.empty((2, 5)), 1)
+        reduction.fill(rows, np.empty((2, 5)), 1)
     with pytest.raises(ValueError, match="joints: shape"):
-        _core.sweep_joint(reduction, w, reference, rows[:, :3].copy(), np.empty((2, w.size)), 1)
+        reduction.fill(rows[:, :3].copy(), np.empty((2, LINES.size)), 1)
     with pytest.raises(ValueError, match="C-contiguous"):
-        _core.sweep_joint(reduction, w, reference, rows, np.empty((w.size, 2)).T, 1)
+        reduction.fill(rows, np.empty((LINES.size, 2)).T, 1)
     with pytest.raises(ValueError, match="measured receptance or weights"):
-        _core.sweep_joint_misfit(reduction, w, reference, rows, np.ones(3, complex), np.ones(w.size), True, 1)
+        reduction.misfit(rows, np.ones(3, complex), np.ones(LINES.size), True, 1)

@@ -172,11 +172,25 @@ def test_rows_are_those_of_the_residuals(made):
     assert quick.slopes(x, free) / scale[free] == pytest.approx(problem.slopes(x, free) / scale[free], abs=1e-8)
 
 
-def test_records_of_one_model_share_its_evaluation():
+def test_records_of_one_model_share_its_evaluation(monkeypatch):
+    records = []
+
+    class Counted:
+        """A problem of the core that notes how many records each receptance has."""
+
+        def __init__(self, *arguments):
+            self.problem = problem_of_the_core(*arguments)
+
+        def add_receptance(self, model, lines, points, measured, weights):
+            records.append(len(measured))
+            self.problem.add_receptance(model, lines, points, measured, weights)
+
+    problem_of_the_core = _core.Problem
+    monkeypatch.setattr(_core, "Problem", Counted)
     task = recorded()
     models = Models.of(task, task.problem())
-    assert [one[1].shape[0] for one in models.receptances] == [2, 1]
-    assert models.lines == 3 * LINES.size
+    assert records == [2, 1]
+    assert models.problem.problem.lines == 3 * LINES.size
 
 
 def test_some_lines_are_taken_alone():
@@ -259,45 +273,43 @@ def test_what_the_core_does_not_know_is_fitted_by_scipy(monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda a: a.update(variables=np.zeros(3)), "expected 2"),
-        (lambda a: a.update(bounds=np.zeros((2, 3))), "expected \\(2, 2\\)"),
-        (lambda a: a.update(bounds=np.array([[1.0, 0.0], [0.0, 1.0]])), "below is above above"),
-        (lambda a: a.update(priors=np.array([[7.0, 1.0, 0.0]])), "variable below 2"),
-        (lambda a: a.update(priors=np.zeros((1, 2))), "priors"),
-        (lambda a: a["receptances"].append(_with(a, 1, np.zeros((1, 3), dtype=complex))), "measured receptance"),
-        (lambda a: a["receptances"].append(_with(a, 3, np.zeros((1, 2)))), "two rows"),
-        (lambda a: a["receptances"].append(_tied(a, 1, np.array([[0.0, 99.0, 2.0, 0.0, 1.0]]))), "row and a column"),
-        (lambda a: a["receptances"].append(_tied(a, 1, np.array([[0.0, 0.0, 2.0, 9.0, 1.0]]))), "address below"),
-        (lambda a: a["receptances"].append(_tied(a, 2, np.full((1, 6), np.nan))), "unknown below 2"),
+        ({"x": np.zeros(3)}, "expected 2"),
+        ({"bounds": np.zeros((2, 3))}, "expected \\(2, 2\\)"),
+        ({"bounds": np.array([[1.0, 0.0], [0.0, 1.0]])}, "lower bound"),
+        ({"priors": np.array([[7.0, 1.0, 0.0]])}, "variable below 2"),
+        ({"priors": np.zeros((1, 2))}, "priors"),
+        ({"measured": np.zeros((1, 3), dtype=complex), "weights": np.ones((1, 3))}, "measured receptance"),
+        ({"weights": np.ones((2, 5))}, "weights: shape"),
+        ({"points": np.zeros((1, 2))}, "two rows"),
+        ({"rates": np.array([[0.0, 99.0, 2.0, 0.0, 1.0]])}, "row and a column"),
+        ({"rates": np.array([[0.0, 0.0, 2.0, 9.0, 1.0]])}, "address below"),
+        ({"addresses": np.full((2, 6), np.nan)}, "unknown below 2"),
+        ({"addresses": np.zeros((2, 8))}, "tied to 3 unknowns"),
+        ({"present": np.zeros(1)}, "present values"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(change, words):
-    frf = measured(0.05)
-    unknowns = [UNKNOWNS[3], UNKNOWNS[4]]
-    task = Task((frf,), Parameters(unknowns, (), [place_of(frf, 0)]), ("standard deviations",), threads=1)
-    models = Models.of(task, task.problem())
+    """A bar whose length and outer diameter are unknown."""
+    bar = [0.0, 1.0, 0.1, 0.02, 0.0, 2e11, 7800.0, 0.3, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
+    none = [np.zeros((0, columns)) for columns in (9, 3, 8)]
     arguments = {
-        "receptances": list(models.receptances),
-        "frequencies": [],
-        "priors": models.priors,
-        "logarithmic": models.logarithmic,
-        "bounds": models.limits,
-        "variables": task.variables.start,
-        "threads": 1,
+        "rates": np.array([[0.0, 0.0, 2.0, 0.0, 1.0], [0.0, 0.0, 3.0, 1.0, 1.0]]),
+        "present": np.array([0.1, 0.02]),
+        "addresses": np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0, 0.0, 0.0]]),
+        "points": np.zeros((2, 2)),
+        "measured": np.full((1, 5), 1e-6 + 1e-7j),
+        "weights": np.ones((1, 5)),
+        "bounds": np.array([[0.05, 0.01], [0.2, 0.04]]),
+        "priors": np.zeros((0, 3)),
+        "x": np.array([0.1, 0.02]),
     }
-    assert np.isfinite(_core.models_normal_matrix(**arguments)).all()
-    change(arguments)
+
+    def normal(rates, present, addresses, points, measured, weights, bounds, priors, x):
+        model = _core.Model(0, np.array([bar]), *none).tied(rates, present, addresses)
+        problem = _core.Problem(np.zeros(2, dtype=bool), bounds, priors)
+        problem.add_receptance(model, _core.Lines(np.linspace(1e3, 5e3, 5)), points, measured, weights)
+        return problem.normal_matrix(x, 1)
+
+    assert np.isfinite(normal(**arguments)).all()
     with pytest.raises(ValueError, match=words):
-        _core.models_normal_matrix(**arguments)
-
-
-def _with(arguments: dict, place: int, value: np.ndarray) -> tuple:
-    row = list(arguments["receptances"][0])
-    row[place] = value
-    return tuple(row)
-
-
-def _tied(arguments: dict, place: int, value: np.ndarray) -> tuple:
-    ties = list(arguments["receptances"][0][4])
-    ties[place] = value
-    return _with(arguments, 4, tuple(ties))
+        normal(**{**arguments, **change})

@@ -159,7 +159,7 @@ def test_it_goes_with_point_joints_in_one_assembly() -> None:
     spindle = Part([Segment(length=0.1, outer_diameter=0.06, material=STEEL)], name="spindle")
     taper = PointJoint(k_y=1e9, k_theta=1e6, name="taper")
     assembly = Assembly([TOOL, SpreadJoint(**GOOD, name="insertion"), HOLDER, taper, spindle])
-    planes, _ = assembly.reduced_to_joint("taper", LINES)
+    planes = assembly.reduced_to_joint("taper", LINES).planes()
     assert planes.shape == (16, LINES.size), "an overlap is no power series"
     np.testing.assert_allclose(planes[0] + 1j * planes[1], assembly.receptance(LINES), rtol=1e-9)
     with pytest.raises(ValueError, match="there is no joint 'insertion'"):

@@ -199,9 +199,9 @@ def add_case(report: Report, case: draw.Case, label: str, rng: np.random.Generat
     report.cases += 1
     report.lines += len(case.w)
     try:
-        h, _ = _core.receptance(case.w, 0, *case.tables, points, points, none, 1)
+        h, _ = _core.Model(0, *case.tables).receptance(_core.Lines(case.w), points, points, none, 1)
         ends = points[:4]
-        _, slope = _core.receptance(case.w, 0, *case.tables, ends, ends, parameters, 1)
+        _, slope = _core.Model(0, *case.tables).receptance(_core.Lines(case.w), ends, ends, parameters, 1)
     except ReceptanceError as error:
         report.refused.append(f"{label}: {error}")
         return

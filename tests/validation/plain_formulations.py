@@ -114,7 +114,7 @@ def by_core(model: Tables, w: float) -> ComplexArray:
     """Return the tip's (2, 2) receptance from the library."""
     tip = np.array([[0.0, 0.0], [0.0, 1.0]])
     line = np.array([w], dtype=np.complex128)
-    return _core.receptance(line, 0, *model, tip, tip, np.zeros((0, 3)), 1)[0][0]
+    return _core.Model(0, *model).receptance(_core.Lines(line), tip, tip, np.zeros((0, 3)), 1)[0][0]
 
 
 def random_chain(rng: np.random.Generator) -> Tables:

@@ -150,7 +150,7 @@ def test_a_wave_number_that_is_exactly_zero() -> None:
 
 def assert_lines(model: Tables, lines: np.ndarray, rng: np.random.Generator) -> None:
     """Every entry at both ends of one segment, transfer too: nothing here excuses them."""
-    h, _ = _core.receptance(lines.astype(complex), 0, *model, POINTS, POINTS, np.zeros((0, 3)), 1)
+    h, _ = _core.Model(0, *model).receptance(_core.Lines(lines.astype(complex)), POINTS, POINTS, np.zeros((0, 3)), 1)
     assert np.all(np.isfinite(h))
     for w, found in zip(lines, h, strict=True):
         error, allowed = accuracy.receptance_errors(model, w, found, POINTS, rng)
@@ -167,12 +167,14 @@ def test_whole_branches_by_their_series(summarise: Summarise) -> None:
         case = draw.case(rng)
         ends = np.array([[0.0, 0.0], [0.0, 1.0]])
         few, many = (
-            _core.receptance(w, 0, *case.tables, ends, ends, np.zeros((0, 3)), 1)[0]
+            _core.Model(0, *case.tables).receptance(_core.Lines(w), ends, ends, np.zeros((0, 3)), 1)[0]
             for w in (case.w, np.resize(case.w, 300))
         )
         if np.array_equal(few, many[: len(few)]):
             continue  # no series serves here
-        one = _core.receptance(np.resize(case.w, 300), 0, *case.tables, alone, alone, np.zeros((0, 3)), 1)[0]
+        one = _core.Model(0, *case.tables).receptance(
+            _core.Lines(np.resize(case.w, 300)), alone, alone, np.zeros((0, 3)), 1
+        )[0]
         np.testing.assert_allclose(one[:, 0, 0], many[:, 0, 0], rtol=1e-13)
         for w, found in zip(case.w, many, strict=False):
             error, allowed = accuracy.receptance_errors(case.tables, w, found, ends, rng)

@@ -22,7 +22,7 @@ def evaluate(
 ) -> tuple[np.ndarray, np.ndarray]:
     tables = make(PARTS, [first, SECOND])
     flat = None if added is None else np.ascontiguousarray(added).reshape(-1)
-    return _core.receptance(w, 0, *tables, ENDS, ENDS, PARAMETERS, threads, None, added=flat)
+    return _core.Model(0, *tables).receptance(_core.Lines(w), ENDS, ENDS, PARAMETERS, threads, _core.ByLine(flat))
 
 
 def close(found: tuple[np.ndarray, np.ndarray], expected: tuple[np.ndarray, np.ndarray], bound: float) -> None:

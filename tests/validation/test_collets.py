@@ -49,7 +49,7 @@ def test_random_collets_against_fifty_digits(summarise: Summarise) -> None:
         tables = collet(rng)
         w = 2.0 * np.pi * np.sort(10.0 ** rng.uniform(0.5, 4.0, 4)) + 0j
         expected = exact.receptance_complex128(tables, w, ENDS, ENDS)
-        found = _core.receptance(w, 0, *tables, ENDS, ENDS, NONE, 1)[0]
+        found = _core.Model(0, *tables).receptance(_core.Lines(w), ENDS, ENDS, NONE, 1)[0]
         error = np.abs(found - expected) / np.abs(expected)
         worst = max(worst, max(float(error[:, k, k].max()) for k in range(4)))
         assert worst <= 1e-9, f"seed {SEED}"
@@ -62,7 +62,7 @@ def test_no_natural_frequency_of_a_collet_is_missed() -> None:
     for _ in range(12):
         tables = collet(rng, lossy=False)
         expected = elements.natural_frequencies(tables, 30e3)
-        found, _ = _core.natural_frequencies(2 * np.pi * 30e3, 1000, 0, *tables, NONE)
+        found, _ = _core.Model(0, *tables).natural_frequencies(2 * np.pi * 30e3, 1000, NONE)
         np.testing.assert_allclose(found / (2 * np.pi), expected, rtol=1e-6, err_msg=f"seed {SEED}")
 
 
@@ -74,6 +74,6 @@ def test_series_without_mass_to_the_last_digits() -> None:
         pair = make(parts, [joint(1, 4, k1, 1e-4 * k1), joint(4, 2, k2, 1e-4 * k2)])
         k = k1 * k2 / (k1 + k2)
         one = make(parts, [joint(1, 2, k, 1e-4 * k)])
-        found, expected = (_core.receptance(w, 0, *t, ENDS, ENDS, NONE, 1)[0] for t in (pair, one))
+        found, expected = (_core.Model(0, *t).receptance(_core.Lines(w), ENDS, ENDS, NONE, 1)[0] for t in (pair, one))
         drive = np.abs(found - expected) / np.abs(expected)
         assert max(float(drive[:, i, i].max()) for i in range(4)) <= 1e-11

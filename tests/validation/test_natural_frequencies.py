@@ -44,7 +44,7 @@ BEAMS = [
 
 def natural(model: Tables, upper_hz: float, parameters: NDArray[np.float64] = NO_PARAMETERS) -> tuple[NDArray, NDArray]:
     """Return natural frequencies in Hz and their derivatives."""
-    found, slope = _core.natural_frequencies(2 * np.pi * upper_hz, MOST, 0, *model, parameters)
+    found, slope = _core.Model(0, *model).natural_frequencies(2 * np.pi * upper_hz, MOST, parameters)
     return found / (2 * np.pi), slope / (2 * np.pi)
 
 
@@ -183,7 +183,7 @@ def test_against_elements_and_poles(model: Tables) -> None:
     tip = np.array([[0.0, 0.0]])
     for f in found:
         lines = 2 * np.pi * f * np.array([1 - 2e-9, 1 - 1e-9, 1 + 1e-9, 1 + 2e-9]) + 0j
-        h = _core.receptance(lines, 0, *model, tip, tip, NO_PARAMETERS, 1)[0].real.ravel()
+        h = _core.Model(0, *model).receptance(_core.Lines(lines), tip, tip, NO_PARAMETERS, 1)[0].real.ravel()
         assert h[1] < 0 < h[2] or h[2] < 0 < h[1]
         # a pole, and so much of one that nothing else is seen beside it: twice as far, half as large
         np.testing.assert_allclose(h[[0, 3]], h[[1, 2]] / 2, rtol=1e-3)
@@ -197,16 +197,16 @@ def test_repeated_calls_give_the_same_bits_and_a_limit_gives_the_first_modes() -
         again = natural(model, 40e3, parameters)
         np.testing.assert_array_equal(first[0], again[0])
         np.testing.assert_array_equal(first[1], again[1])
-    some, _ = _core.natural_frequencies(2 * np.pi * 40e3, 3, 0, *model, NO_PARAMETERS)
+    some, _ = _core.Model(0, *model).natural_frequencies(2 * np.pi * 40e3, 3, NO_PARAMETERS)
     np.testing.assert_allclose(some / (2 * np.pi), first[0][:3], rtol=1e-13)
-    assert len(_core.natural_frequencies(2 * np.pi * 40e3, 0, 0, *model, NO_PARAMETERS)[0]) == 0
+    assert len(_core.Model(0, *model).natural_frequencies(2 * np.pi * 40e3, 0, NO_PARAMETERS)[0]) == 0
 
 
 def test_rods_have_their_textbook_frequencies() -> None:
     length, (modulus, density, nu) = 0.3, STEEL
     model = make([segment(i, i + 1, length / 3, 0.02, STEEL, inner_diameter=0.01) for i in range(3)])
     for motion, stiffness in ((1, modulus), (2, modulus / (2 * (1 + nu)))):
-        found, _ = _core.natural_frequencies(2 * np.pi * 60e3, MOST, motion, *model, NO_PARAMETERS)
+        found, _ = _core.Model(motion, *model).natural_frequencies(2 * np.pi * 60e3, MOST, NO_PARAMETERS)
         speed = np.sqrt(stiffness / density)
         expected = np.arange(1, 100) * np.pi * speed / length
         np.testing.assert_allclose(found, expected[expected < 2 * np.pi * 60e3], rtol=1e-12)
@@ -234,7 +234,7 @@ def test_a_limit_must_be_positive(upper: float) -> None:
     with pytest.raises(ValueError, match="upper_hz"):
         Assembly([bar]).natural_frequencies(upper)
     with pytest.raises(ValueError, match="upper limit"):
-        _core.natural_frequencies(upper, 10, 0, *chain(grounded=False), NO_PARAMETERS)
+        _core.Model(0, *chain(grounded=False)).natural_frequencies(upper, 10, NO_PARAMETERS)
 
 
 def test_a_joint_that_only_a_dashpot_holds_is_singular() -> None:

@@ -41,12 +41,12 @@ def chain(length: float, layer: tuple[float, ...] = LAYER, points: int = 0) -> t
 
 
 def receptance(tables: Tables, rows: np.ndarray, w: np.ndarray = LINES, threads: int = 1) -> np.ndarray:
-    return _core.receptance(w, 0, *tables, ENDS, ENDS, NONE, threads, rows)[0]
+    return _core.Model(0, *tables, rows).receptance(_core.Lines(w), ENDS, ENDS, NONE, threads)[0]
 
 
 def derivative(tables: Tables, rows: np.ndarray, w: np.ndarray, columns: list[int]) -> np.ndarray:
     parameters = np.array([[4, 0, column] for column in columns], dtype=float)
-    return _core.receptance(w, 0, *tables, ENDS, ENDS, parameters, 1, rows)[1]
+    return _core.Model(0, *tables, rows).receptance(_core.Lines(w), ENDS, ENDS, parameters, 1)[1]
 
 
 def cases(offset: int, count: int) -> list[Case]:
@@ -109,7 +109,7 @@ def test_no_natural_frequency_is_missed(points: int, k_y: float) -> None:
     tables, rows = chain(0.04, (k_y, 1e-4 * k_y, 5.0, 0.0, 0.1), points)
     factors = side_by_side.chain(TOOL, rows[0], HOLDER, cells=5)
     expected = side_by_side.natural_frequencies(*factors, 40e3)
-    found, _ = _core.natural_frequencies(2 * np.pi * 40e3, 1000, 0, *tables, NONE, rows)
+    found, _ = _core.Model(0, *tables, rows).natural_frequencies(2 * np.pi * 40e3, 1000, NONE)
     np.testing.assert_allclose(found / (2 * np.pi), expected, rtol=1e-6)
 
 
@@ -123,7 +123,7 @@ def test_natural_frequencies_of_random_overlaps() -> None:
         first = side_by_side.natural_frequencies(*factors, np.inf)
         limit = 1.0001 * first[5]
         tables = make(drawn.tables.segments)
-        found, _ = _core.natural_frequencies(2 * np.pi * limit, 1000, 0, *tables, NONE, drawn.overlaps)
+        found, _ = _core.Model(0, *tables, drawn.overlaps).natural_frequencies(2 * np.pi * limit, 1000, NONE)
         np.testing.assert_allclose(
             found / (2 * np.pi), first[first < limit], rtol=1e-4, err_msg=f"seed {SEED}: {drawn.label}"
         )
@@ -134,13 +134,13 @@ def test_slopes_of_natural_frequencies() -> None:
     columns = [2, 3, 5, 6, 14, 16, 25, 26]
     upper = 2 * np.pi * 15e3
     parameters = np.array([[4, 0, column] for column in columns], dtype=float)
-    found, slope = _core.natural_frequencies(upper, 5, 0, *tables, parameters, rows)
+    found, slope = _core.Model(0, *tables, rows).natural_frequencies(upper, 5, parameters)
     for number, column in enumerate(columns):
         sides = []
         for sign in (1, -1):
             moved = rows.copy()
             moved[0, column] *= 1 + sign * 1e-5
-            sides.append(_core.natural_frequencies(1.01 * upper, len(found), 0, *tables, NONE, moved)[0])
+            sides.append(_core.Model(0, *tables, moved).natural_frequencies(1.01 * upper, len(found), NONE)[0])
         expected = (sides[0] - sides[1]) / (2e-5 * rows[0, column])
         np.testing.assert_allclose(slope[:, number], expected, atol=1e-6 * np.abs(expected).max(), rtol=1e-6)
 
@@ -160,7 +160,7 @@ def test_points_converge_to_the_layer_with_the_second_order(summarise: Summarise
 
 def test_a_short_overlap_is_the_point_joint() -> None:
     point = make(chain(0.04)[0].segments, [joint(1, 2, 6e8, 5e4, 0.0, (30.0, 0.02, 0.0), 0.03)])
-    expected = _core.receptance(LINES, 0, *point, ENDS, ENDS, NONE, 1)[0]
+    expected = _core.Model(0, *point).receptance(_core.Lines(LINES), ENDS, ENDS, NONE, 1)[0]
     errors = []
     for length in (1e-3, 1e-5, 1e-7, 1e-9):
         found = receptance(point._replace(joints=np.zeros((0, 9))), chain(length, (6e8, 5e4, 30.0, 0.02, 0.03))[1])
@@ -178,11 +178,11 @@ def test_a_stiff_layer_is_the_bonded_section() -> None:
         segment(2, 4, 0.05, 0.04, STEEL, inner_diameter=0.012),
         segment(4, 3, 0.05, 0.06, STEEL, inner_diameter=0.02),
     ])  # fmt: skip
-    expected, _ = _core.natural_frequencies(2 * np.pi * 40e3, 5, 0, *bonded, NONE)
+    expected, _ = _core.Model(0, *bonded).natural_frequencies(2 * np.pi * 40e3, 5, NONE)
     errors = []
     for k_y in (1e10, 1e11, 1e12, 1e13):
         tables, rows = chain(0.04, (k_y, 1e-4 * k_y, 0.0, 0.0, 0.0))
-        found, _ = _core.natural_frequencies(2 * np.pi * 40e3, 5, 0, *tables, NONE, rows)
+        found, _ = _core.Model(0, *tables, rows).natural_frequencies(2 * np.pi * 40e3, 5, NONE)
         errors.append(np.max(np.abs(found - expected) / expected))
     assert errors[-1] <= 5e-3
     assert np.all(np.diff(errors) < 0.0)
@@ -207,7 +207,7 @@ def test_the_number_of_threads_changes_no_bit() -> None:
     tables, rows = chain(0.04, (6e8, 5e4, 30.0, 0.02, 0.03))
     w = 2 * np.pi * np.linspace(10.0, 2e4, 1500) + 0j
     parameters = np.array([[4, 0, 2], [4, 0, 25], [0, 0, 2]], dtype=float)
-    expected = _core.receptance(w, 0, *tables, ENDS[:1], ENDS[:1], parameters, 1, rows)
+    expected = _core.Model(0, *tables, rows).receptance(_core.Lines(w), ENDS[:1], ENDS[:1], parameters, 1)
     for threads in (2, 3):
-        found = _core.receptance(w, 0, *tables, ENDS[:1], ENDS[:1], parameters, threads, rows)
+        found = _core.Model(0, *tables, rows).receptance(_core.Lines(w), ENDS[:1], ENDS[:1], parameters, threads)
         assert all(np.array_equal(x, y) for x, y in zip(found, expected, strict=True))

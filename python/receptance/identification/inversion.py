@@ -42,8 +42,6 @@ _SUITED = 1.5
 """Standard deviations, as rms, up to which a joint is taken to suit all lines."""
 _ROUNDS = 4
 """Of medians over the lines that speak."""
-_OFF_AXIS = 1e-30j
-"""So far off the real axis a line tells the core to sweep instead of making series; the result is the same."""
 
 
 def invert_coupling(
@@ -305,14 +303,16 @@ def _rigid(
     assembly: Assembly, joint: str, lines: NDArray[Any], one: MeasuredFRF, threads: int | None
 ) -> tuple[NDArray[np.complex128], ...]:
     """Return H, F_r, F_e and Y of (T8) with the joint rigid."""
-    planes, _ = assembly.reduced_to_joint(
+    planes = assembly.reduced_to_joint(
         joint,
-        lines.astype(np.complex128) * (1.0 - _OFF_AXIS),
+        lines,
         response=one.response,
         excitation=one.excitation,
         at=_STIFF,
+        planes=True,
         threads=threads,
-    )
+    ).planes()
+    assert planes is not None, "planes were asked for"
     h, *forces, yy, yt, tt = planes[0::2] + 1j * planes[1::2]
     r, e = np.stack(forces[:2], axis=1), np.stack(forces[2:], axis=1)
     y = np.stack([np.stack([yy, yt], axis=1), np.stack([yt, tt], axis=1)], axis=1)

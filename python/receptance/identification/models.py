@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
-from receptance._ties import tie
+from receptance._ties import Tied, tie
 from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
 from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.observations import MeasuredFrequencies
+from receptance.identification.priors import PriorResidual
 from receptance.identification.problem import Normal, Problem, split_normal
 from receptance.identification.reduced import ENDED
 from receptance.identification.residuals import FRFResidual, InfeasibleError, Pair
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from receptance.identification.mapping import Placed
     from receptance.identification.task import Task
     from receptance.identification.unknowns import Unknown
+
+    _Reals = NDArray[np.float64]
 
 __all__ = ["ModelledProblem", "Models", "ModelsEnd"]
 
@@ -51,49 +54,42 @@ _TYPICAL = 40
 
 
 class ModelsEnd(NamedTuple):
-    """Where one fit ended: the variables, half the sum of squares, evaluations, SciPy's status."""
+    """Where one fit ended: the variables, half the sum of squares, evaluations, SciPy's status, last A^T A."""
 
     x: NDArray[np.float64]
     cost: float
     evaluations: int
     status: int
+    normal: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Models:
-    """Everything that is fitted, as the core takes it.
+    """Everything that is fitted, as a problem of the core.
 
     Attributes
     ----------
-    receptances, frequencies : list of tuple
-        One for each observation, see `receptance._core.fit_models`; receptances of one model on the same lines are
-        records of one observation, so that the model is evaluated once for all of them.
+    problem : _core.Problem
+        Observations, priors and bounds. Receptances of one model on the same lines are records of one observation, so
+        that the model is evaluated once for all of them.
     rows : ndarray
-        Where the residuals of the core are among those of the task.
-    priors : ndarray
-        `(k, 3)` variable, one over its standard deviation, mean times that.
-    logarithmic, limits : ndarray
-        Of the variables.
+        Places of the core's residuals among those of the task.
     threads : int
         Zero for all that the process may use.
     """
 
-    receptances: list[tuple[Any, ...]]
-    frequencies: list[tuple[Any, ...]]
+    problem: _core.Problem
     rows: NDArray[np.intp]
-    priors: NDArray[np.float64]
-    logarithmic: NDArray[np.bool_]
-    limits: NDArray[np.float64]
     threads: int
 
     @classmethod
     def of(cls, task: Task, problem: Problem, lines: Sequence[NDArray[np.intp] | None] | None = None) -> Models | None:
-        """Return what the core needs of a task and its residuals; None where it cannot run the fit.
+        """Return the problem of the core for a task and its residuals; None where the core cannot run the fit.
 
         `lines` are those of each observation that are taken; by default all.
         """
-        receptances: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[int], tuple[Any, ...]]] = {}
-        frequencies: list[tuple[int, tuple[Any, ...]]] = []
+        receptances: dict[tuple[bytes, ...], _Receptance] = {}
+        frequencies: list[tuple[int, _core.TiedModel, tuple[_Reals, _Reals, _Reals]]] = []
         sizes = []
         for index, (observation, placed, residual) in enumerate(
             zip(task.observed, task.placed, problem.residuals, strict=False)
@@ -103,76 +99,52 @@ class Models:
             if not isinstance(observation, MeasuredFrequencies):
                 points = (observation.response, observation.excitation)
             tied = _tied(observation.assembly, placed, points)
-            if tied is None or not isinstance(inner, (FRFResidual, FrequencyResidual)):
+            if tied is None:
+                return None
+            model, addresses, factors = tied
+            if isinstance(inner, FrequencyResidual):
+                numbers = inner.arrays()
+                if numbers is None:
+                    return None
+                frequencies.append((index, model.model(addresses, factors), numbers))
+                sizes.append(numbers[0].size)
+                continue
+            if not isinstance(inner, FRFResidual):
                 return None
             arrays = inner.arrays()
             if arrays is None:
                 return None
-            places, ties = tied
             chosen = None if lines is None else lines[index]
-            if not points:
-                frequencies.append((index, (*arrays, ties)))
-                sizes.append(arrays[0].size)
-                continue
-            w, measured, weights = arrays if chosen is None else (values[chosen] for values in arrays)
+            w, measured, weights = arrays
+            if chosen is not None:
+                w, measured, weights = w[chosen], measured[chosen], weights[chosen]
             sizes.append(2 * w.size)
-            key = tuple(array.tobytes() for array in (w, places, *ties[0], *ties[1:]))
-            own = receptances.setdefault(key, ([], [], [], (w, places, ties)))
-            own[0].append(measured)
-            own[1].append(weights)
-            own[2].append(index)
+            key = (w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
+            if key not in receptances:
+                receptances[key] = _Receptance(w, model.model(addresses, factors), model.points)
+            receptances[key].add(index, measured, weights)
         variables = problem.variables
-        order = [i for *_, own, _ in receptances.values() for i in own] + [i for i, _ in frequencies]
-        begins = np.cumsum([0, *sizes])
-        return cls(
-            receptances=[
-                (w, np.stack(measured), np.stack(weights), places, ties)
-                for measured, weights, _, (w, places, ties) in receptances.values()
-            ],
-            frequencies=[one for _, one in frequencies],
-            rows=np.concatenate([np.arange(begins[i], begins[i + 1]) for i in order]),
-            priors=_priors(variables.unknowns),
-            logarithmic=variables.logarithmic,
-            limits=np.ascontiguousarray(variables.limits),
-            threads=_checks.thread_count(task.threads),
+        whole = _core.Problem(
+            variables.logarithmic, np.ascontiguousarray(variables.limits), _priors(variables.unknowns)
         )
-
-    @property
-    def lines(self) -> int:
-        """Lines of all receptances."""
-        return sum(one[1].size for one in self.receptances)
-
-    def thinned(self, lines: int) -> Models:
-        """Return the same on every so many of the lines, so that about `lines` are left of each receptance."""
-        fewer = []
-        for w, measured, weights, *rest in self.receptances:
-            stride = max(w.size // lines, 1)
-            fewer.append((*(np.ascontiguousarray(a[..., ::stride]) for a in (w, measured, weights)), *rest))
-        return replace(self, receptances=fewer)
+        for one in receptances.values():
+            whole.add_receptance(
+                one.model, _core.Lines(one.w), one.points, np.stack(one.measured), np.stack(one.weights)
+            )
+        for _, tied_model, (modes, measured_w, weights) in frequencies:
+            whole.add_frequencies(tied_model, modes, measured_w, weights)
+        order = [i for one in receptances.values() for i in one.indices] + [i for i, *_ in frequencies]
+        begins = np.cumsum([0, *sizes])
+        rows = np.concatenate([np.arange(begins[i], begins[i + 1]) for i in order])
+        return cls(whole, rows, _checks.thread_count(task.threads))
 
     def normal(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return A^T A of A = [J | r], `(p + 1, p + 1)`; NaN where a model has no value."""
-        return _core.models_normal_matrix(
-            self.receptances,
-            self.frequencies,
-            self.priors,
-            self.logarithmic,
-            self.limits,
-            np.ascontiguousarray(x),
-            self.threads,
-        )
+        return self.problem.normal_matrix(np.ascontiguousarray(x), self.threads)
 
     def residual_and_slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> Pair | None:
         """Return the residuals without priors and their derivatives by the free variables; None where there is none."""
-        found = _core.models_rows(
-            self.receptances,
-            self.frequencies,
-            self.logarithmic,
-            self.limits,
-            free,
-            np.ascontiguousarray(x),
-            self.threads,
-        )
+        found = self.problem.rows(np.ascontiguousarray(x), free, self.threads)
         if found is None:
             return None
         residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
@@ -187,25 +159,44 @@ class Models:
         free: NDArray[np.bool_] | None = None,
     ) -> list[ModelsEnd]:
         """Return where the fits from all starts end, with variables that are not free held."""
-        moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
-        # Several calls where there is much to do: between them the interpreter sees signals.
-        chunk = max(int(_CALL / (_TYPICAL * max(self.lines, 100))), 2)
-        ends: list[ModelsEnd] = []
-        for first in range(0, len(starts), chunk):
-            found = _core.fit_models(
-                self.receptances,
-                self.frequencies,
-                self.priors,
-                self.logarithmic,
-                self.limits,
-                moving,
-                np.ascontiguousarray(starts[first : first + chunk]),
-                tolerance,
-                most,
-                self.threads,
-            )
-            ends += [ModelsEnd(x, float(cost), int(n), int(why)) for x, cost, n, why in zip(*found, strict=True)]
-        return ends
+        return fit_in_core(self.problem, starts, most, tolerance, self.threads, free)
+
+
+@dataclass(eq=False)
+class _Receptance:
+    """Records of one receptance of one model."""
+
+    w: NDArray[np.complex128]
+    model: _core.TiedModel
+    points: NDArray[np.float64]
+    indices: list[int] = field(default_factory=list)
+    measured: list[NDArray[np.complex128]] = field(default_factory=list)
+    weights: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def add(self, index: int, measured: NDArray[np.complex128], weights: NDArray[np.float64]) -> None:
+        self.indices.append(index)
+        self.measured.append(measured)
+        self.weights.append(weights)
+
+
+def fit_in_core(
+    problem: _core.Problem,
+    starts: NDArray[np.float64],
+    most: int,
+    tolerance: float,
+    threads: int,
+    free: NDArray[np.bool_] | None = None,
+) -> list[ModelsEnd]:
+    """Return where the fits of a problem of the core from all starts end, with variables that are not free held."""
+    moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
+    # Several calls where there is much to do: between them the interpreter sees signals.
+    chunk = max(int(_CALL / (_TYPICAL * max(problem.lines, 100))), 2)
+    ends: list[ModelsEnd] = []
+    for first in range(0, len(starts), chunk):
+        found = problem.fit(np.ascontiguousarray(starts[first : first + chunk]), moving, tolerance, most, threads)
+        numbers = zip(found.x, found.cost, found.evaluations, found.status, found.normal, strict=True)
+        ends += [ModelsEnd(x, float(cost), int(n), int(why), normal) for x, cost, n, why, normal in numbers]
+    return ends
 
 
 class ModelledProblem(Problem):
@@ -236,7 +227,7 @@ class ModelledProblem(Problem):
         if found is None:
             super()._parts(x)  # which knows why not
             raise InfeasibleError("a residual or its derivative is not finite")
-        known = self.residuals[len(self.residuals) - (self.models.priors.size > 0) :]
+        known = [residual for residual in self.residuals if isinstance(residual, PriorResidual)]
         values = self.variables.to_values(x)
         slopes = self.variables.slopes(values)
         parts = [found, *((a, b[:, free]) for a, b in (prior.evaluate(values, slopes) for prior in known))]
@@ -244,12 +235,12 @@ class ModelledProblem(Problem):
 
     def fit_all(self, starts: NDArray[np.float64], most: int, tolerance: float) -> list[Start]:
         """Run the fits from all starts: on some lines first, the best different ends on all."""
-        few = self.models.thinned(_FEW)
-        begun = [ModelsEnd(x, np.inf, 0, -1) for x in starts]
+        few = self.models.problem.thinned(_FEW)
+        begun = [ModelsEnd(x, np.inf, 0, -1, np.empty(0)) for x in starts]
         leaders = list(range(len(starts)))
         owners = dict(zip(leaders, leaders, strict=True))
-        if few.lines < self.models.lines:
-            begun = few.fit(starts, most, max(tolerance, _ROUGH))
+        if few.lines < self.models.problem.lines:
+            begun = fit_in_core(few, starts, most, max(tolerance, _ROUGH), self.models.threads)
             leaders, owners = self._chosen(begun)
         ends: dict[int, ModelsEnd] = {}
         if leaders:
@@ -260,7 +251,7 @@ class ModelledProblem(Problem):
 
     def _chosen(self, begun: list[ModelsEnd]) -> tuple[list[int], dict[int, int]]:
         """Return which ends go on, and for every start that ended at one of them, which."""
-        low, high = self.models.limits
+        low, high = self.variables.limits
         leaders: list[int] = []
         owners: dict[int, int] = {}
         order = sorted((i for i, one in enumerate(begun) if np.isfinite(one.cost)), key=lambda i: begun[i].cost)
@@ -299,8 +290,8 @@ class ModelledProblem(Problem):
 
 def _tied(
     assembly: Assembly, placed: Placed, points: tuple[Coordinate, ...]
-) -> tuple[NDArray[np.float64], tuple[Any, ...]] | None:
-    """Return the places of the coordinates, and the tables as functions of the unknowns."""
+) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
     factors = [(FACTORS.index(name), i) for i, name in enumerate(placed.addresses) if name in FACTORS]
     windowed = not set(DECAY_RATES).isdisjoint(placed.addresses)
     powers = frequency_powers(assembly) if windowed else {}
@@ -309,8 +300,7 @@ def _tied(
         return None
     start = np.where(placed.base >= 0, placed.scale, placed.fixed)
     addresses = np.column_stack([placed.base, start, placed.exponents, placed.shifts]).astype(np.float64)
-    between = np.array(factors, dtype=np.float64).reshape(-1, 2)
-    return tied.points, (tied.tables, tied.rates, np.ascontiguousarray(addresses), between, tied.powers)
+    return tied, np.ascontiguousarray(addresses), np.array(factors, dtype=np.float64).reshape(-1, 2)
 
 
 def _priors(unknowns: tuple[Unknown, ...]) -> NDArray[np.float64]:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from receptance import _checks, _core
-from receptance.errors import ReceptanceError
 from receptance.identification.residuals import InfeasibleError, Pair, Unit
 from receptance.identification.unknowns import Variables, covered
 from receptance.joints import PointJoint
@@ -25,6 +24,11 @@ if TYPE_CHECKING:
     from receptance.identification.observations import MeasuredFRF
 
 __all__ = ["ENDED", "JointResidual", "only_joint"]
+
+_FEW = 1500
+"""Lines of each receptance on the way to an optimum."""
+_ROUGH = 1e-4
+"""Tolerance on the way."""
 
 ENDED = {
     -1: "the model has no value there",
@@ -79,10 +83,10 @@ class JointResidual:
         self._variables = variables
         self._columns = [i for i, name in enumerate(variables.addresses) if covered(name, frf.assembly)]
         fields = [variables.addresses[i].split(".", 1)[1] for i in self._columns]
-        self._fields = np.array([PointJoint.columns_of.index(field) for field in fields], dtype=np.float64)
+        self._fields = np.array([PointJoint.columns_of.index(field) for field in fields], dtype=np.intp)
         stiff = self._stiff(frf, joint, fields, variables)
         self._reference = np.array(stiff.columns())
-        self._reduction, self._w = frf.assembly.reduced_to_joint(
+        self._reduction = frf.assembly.reduced_to_joint(
             joint,
             np.ascontiguousarray(frf.frequency_hz[select]),
             response=frf.response,
@@ -94,6 +98,17 @@ class JointResidual:
         self._weights = np.ones(self._measured.size)
         if unit == "standard deviations" and frf.standard_deviation is not None:
             self._weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
+        count = len(variables.addresses)
+        # The variables of this problem are the values themselves, without bounds.
+        limits = np.repeat([[-np.inf], [np.inf]], count, axis=1)
+        self._alone = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)))
+        self.add_to(self._alone)
+
+    def add_to(self, problem: _core.Problem) -> None:
+        """Add the receptance to a problem of the core with the same variables."""
+        numbers = np.full(len(PointJoint.columns_of), -1.0)
+        numbers[self._fields] = self._columns
+        problem.add_joint_receptance(self._reduction, self._reference, numbers, self._measured, self._weights)
 
     @staticmethod
     def _stiff(frf: MeasuredFRF, joint: str, fields: list[str], variables: Variables) -> PointJoint:
@@ -118,43 +133,34 @@ class JointResidual:
 
     def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
         """Return compressed residuals and their derivatives; see `residuals.Residual`."""
-        joint = self._joint(values)
-        try:
-            normal = _core.joint_normal_matrix(
-                self._reduction,
-                self._w,
-                self._measured,
-                self._weights,
-                self._reference,
-                joint,
-                self._fields,
-                np.ascontiguousarray(slopes[self._columns]),
-                self._threads,
-            )
-        except (ReceptanceError, ValueError) as error:
-            raise InfeasibleError(str(error)) from None
-        factor = _factor(normal)
+        self._check(values)
+        normal = self._alone.normal_matrix(np.ascontiguousarray(values), self._threads)
+        if not np.isfinite(normal).all():
+            raise InfeasibleError("a residual or its derivative is not finite")
+        kept = [*self._columns, -1]
+        scale = np.append(slopes[self._columns], 1.0)
+        factor = _factor(normal[np.ix_(kept, kept)] * np.outer(scale, scale))
         jacobian = np.zeros((self.size, len(self._variables.addresses)))
         jacobian[:, self._columns] = factor[:, :-1]
         return factor[:, -1].copy(), jacobian
 
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the residuals of all lines, not compressed, as `residuals.FRFResidual` does."""
-        joint = self._joint(values)
-        found = _core.joint_residual(
-            self._reduction, self._w, self._measured, self._weights, self._reference, joint, self._threads
-        )
-        return found.reshape(-1)
+        self._check(values)
+        none = np.zeros(len(self._variables.addresses), dtype=np.bool_)
+        found = self._alone.rows(np.ascontiguousarray(values), none, self._threads)
+        if found is None:
+            raise InfeasibleError("a residual is not finite")
+        return found[0]
 
-    def _joint(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _check(self, values: NDArray[np.float64]) -> None:
         joint = self._reference.copy()
-        joint[self._fields.astype(int)] = values[self._columns]
+        joint[self._fields] = values[self._columns]
         columns: dict[str, Any] = dict(zip(PointJoint.columns_of, joint.tolist(), strict=True))
         try:
             PointJoint(**columns)  # says what is indefinite or holds nothing
         except ValueError as error:
             raise InfeasibleError(str(error)) from None
-        return joint
 
     @staticmethod
     def fit_together(
@@ -165,28 +171,20 @@ class JointResidual:
         tolerance: float,
     ) -> list[Ending]:
         """Fit the joint from every start, in the core; the least sum of squares within the bounds."""
-        numbers = np.full((len(residuals), len(PointJoint.columns_of)), -1.0)
-        for row, one in zip(numbers, residuals, strict=True):
-            row[one._fields.astype(int)] = one._columns
-        found = _core.fit_joint(
-            [one._reduction for one in residuals],
-            [one._w for one in residuals],
-            [one._measured for one in residuals],
-            [one._weights for one in residuals],
-            np.array([one._reference for one in residuals]),
-            np.array([one._reference for one in residuals]),
-            numbers,
-            variables.logarithmic,
-            np.ascontiguousarray(variables.limits),
-            np.ascontiguousarray(starts),
-            tolerance,
-            most,
-            residuals[0]._threads,
-        )
-        return [
-            Ending(x, float(cost), int(n), int(status), normal)
-            for x, cost, n, status, normal in zip(*found, strict=True)
-        ]
+        problem = _core.Problem(variables.logarithmic, np.ascontiguousarray(variables.limits), np.zeros((0, 3)))
+        for one in residuals:
+            one.add_to(problem)
+        x, threads = np.array(starts), residuals[0]._threads
+        free = np.ones(x.shape[1], dtype=np.bool_)
+        before = np.zeros(len(x), dtype=np.int64)
+        fewer = problem.thinned(_FEW)
+        if fewer.lines < problem.lines:
+            way = fewer.fit(x, free, max(tolerance, _ROUGH), most, threads)
+            x = np.where(np.isfinite(way.cost)[:, None], way.x, x)
+            before = way.evaluations
+        found = problem.fit(np.ascontiguousarray(x), free, tolerance, most, threads)
+        numbers = zip(found.x, found.cost, before + found.evaluations, found.status, found.normal, strict=True)
+        return [Ending(end, float(cost), int(n), int(status), normal) for end, cost, n, status, normal in numbers]
 
 
 class Ending(NamedTuple):

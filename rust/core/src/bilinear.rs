@@ -11,10 +11,11 @@
 
 use crate::frequencies::Frequencies;
 use crate::joint_change::REDUCTION_PLANES;
-use crate::joint_fit::{Reduction, SPRING_COLUMNS};
+use crate::joint_fit::SPRING_COLUMNS;
 use crate::joint_series::SERIES_ROWS;
 use crate::lane::{C, MAX_LANES};
 use crate::model::Spring;
+use crate::reduction::Reduction;
 use crate::small::{self, Mat};
 use core::ops::Range;
 use num_complex::Complex64;
@@ -81,7 +82,7 @@ pub fn factors(joint: &Spring, highest: f64) -> [f64; COLUMNS] {
 #[derive(Copy, Clone)]
 pub struct Functions<'a> {
     /// What the model was reduced to.
-    pub reduction: Reduction<'a>,
+    pub reduction: &'a Reduction,
     /// The lines.
     pub frequencies: Frequencies<'a>,
     /// The joint at which it was reduced.

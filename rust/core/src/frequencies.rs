@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::lane::{C, MAX_LANES};
+use crate::problem::every;
 use crate::response::LINES_PER_TASK;
 use core::ops::Range;
 use num_complex::Complex64;
@@ -21,6 +22,29 @@ pub struct Frequencies<'a> {
 enum Given<'a> {
     Real(&'a [f64]),
     Complex(&'a [Complex64]),
+}
+
+/// Frequency lines that are kept: as they were given, and the scale to rad/s.
+#[derive(Clone, Debug)]
+pub struct OwnedFrequencies {
+    given: Owned,
+    scale: f64,
+}
+
+#[derive(Clone, Debug)]
+enum Owned {
+    Real(Vec<f64>),
+    Complex(Vec<Complex64>),
+}
+
+impl OwnedFrequencies {
+    /// The lines.
+    pub fn view(&self) -> Frequencies<'_> {
+        match &self.given {
+            Owned::Real(lines) => Frequencies::real(lines, self.scale),
+            Owned::Complex(lines) => Frequencies::complex(lines, self.scale),
+        }
+    }
 }
 
 /// Room for the angular frequencies of one task.
@@ -53,6 +77,15 @@ impl<'a> Frequencies<'a> {
         self.len() == 0
     }
 
+    /// A copy of every so many of the lines.
+    pub fn every(&self, stride: usize) -> OwnedFrequencies {
+        let given = match self.given {
+            Given::Real(lines) => Owned::Real(every(lines, stride)),
+            Given::Complex(lines) => Owned::Complex(every(lines, stride)),
+        };
+        OwnedFrequencies { given, scale: self.scale }
+    }
+
     /// One angular frequency.
     pub(crate) fn angular(&self, line: usize) -> Complex64 {
         match self.given {
@@ -62,7 +95,7 @@ impl<'a> Frequencies<'a> {
     }
 
     /// All angular frequencies, one after the other.
-    pub(crate) fn iter(&self) -> impl Iterator<Item = Complex64> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = Complex64> + '_ {
         (0..self.len()).map(|line| self.angular(line))
     }
 

@@ -5,18 +5,19 @@
 use crate::error::{Error, Result};
 use crate::frequencies::Frequencies;
 use crate::gradient::spring_derivative;
-use crate::joint_change::{Change, Planes, REDUCTION_PLANES, Update};
-use crate::joint_series::{AtJoint, SERIES_ROWS};
+use crate::joint_change::{Change, Planes, Update};
+use crate::joint_series::AtJoint;
 use crate::lane::{C, MAX_LANES, R};
 use crate::model::Spring;
-use crate::response::LINES_PER_TASK;
+use crate::problem::Rows;
+use crate::reduction::{JointReduction, Reduction};
 use crate::threads::on_threads;
 use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Most columns of a spring.
-pub(crate) const SPRING_COLUMNS: usize = 7;
+pub const SPRING_COLUMNS: usize = 7;
 
 /// What a task takes at least [ns].
 const A_TASK: f64 = 1e3;
@@ -24,35 +25,10 @@ const A_TASK: f64 = 1e3;
 /// Entries of the upper triangle over the columns and the residual.
 const TRIANGLE: usize = (SPRING_COLUMNS + 1) * (SPRING_COLUMNS + 2) / 2;
 
-/// Everything of a model but one joint, see `reduce_joint`.
-#[derive(Copy, Clone)]
-pub(crate) enum Reduction<'a> {
-    /// Planes by line, one after the other.
-    Planes(&'a [f64]),
-    /// A table of power series for all lines.
-    Series(&'a [f64]),
-}
-
-impl<'a> Reduction<'a> {
-    /// A table of so many rows, for so many lines.
-    pub(crate) fn new(rows: usize, values: &'a [f64], lines: usize) -> Result<Self> {
-        match rows {
-            REDUCTION_PLANES if values.len() == rows * lines => Ok(Self::Planes(values)),
-            SERIES_ROWS if !values.is_empty() && values.len().is_multiple_of(rows) => {
-                Ok(Self::Series(values))
-            }
-            _ => {
-                let expected = format!("{REDUCTION_PLANES} rows of {lines} lines, or {SERIES_ROWS}");
-                Err(Error::Index { what: "reduction", index: 0, value: rows as f64, expected })
-            }
-        }
-    }
-}
-
 /// A measured receptance beside the model reduced to one joint.
 #[derive(Copy, Clone)]
 pub struct Reduced<'a> {
-    reduction: Reduction<'a>,
+    reduction: &'a Reduction,
     frequencies: Frequencies<'a>,
     measured: &'a [Complex64],
     weights: &'a [f64],
@@ -61,57 +37,20 @@ pub struct Reduced<'a> {
 }
 
 impl<'a> Reduced<'a> {
-    /// What `reduce_joint` returned, of so many rows, and for each line what was measured and a weight.
+    /// A reduced model, and for each of its lines what was measured and a weight.
     ///
     /// # Errors
     /// Arrays of different lengths.
-    pub fn new(
-        rows: usize,
-        reduction: &'a [f64],
-        frequencies: Frequencies<'a>,
-        measured: &'a [Complex64],
-        weights: &'a [f64],
-        reference: [f64; SPRING_COLUMNS],
-    ) -> Result<Self> {
-        let lines = measured.len();
-        for (index, length) in [frequencies.len(), weights.len()].into_iter().enumerate() {
-            if length != lines {
-                let expected = format!("{lines} lines");
-                return Err(Error::Index { what: "reduction array", index, value: length as f64, expected });
+    pub fn new(model: &'a JointReduction, measured: &'a [Complex64], weights: &'a [f64]) -> Result<Self> {
+        let frequencies = model.frequencies();
+        for (index, length) in [measured.len(), weights.len()].into_iter().enumerate() {
+            if length != frequencies.len() {
+                let expected = format!("{} lines", frequencies.len());
+                let what = "measured receptance or weights";
+                return Err(Error::Index { what, index, value: length as f64, expected });
             }
         }
-        let reduction = Reduction::new(rows, reduction, lines)?;
-        Ok(Self { reduction, frequencies, measured, weights, reference })
-    }
-
-    /// Every so many of the lines: the planes if there are any, w, measured receptance and weights.
-    pub(crate) fn thinned(&self, stride: usize) -> Lines {
-        let planes = match self.reduction {
-            Reduction::Planes(planes) => {
-                planes.chunks(self.lines()).flat_map(|plane| plane.iter().step_by(stride).copied()).collect()
-            }
-            Reduction::Series(_) => Vec::new(),
-        };
-        Lines {
-            planes,
-            w: self.frequencies.iter().step_by(stride).collect(),
-            measured: self.measured.iter().step_by(stride).copied().collect(),
-            weights: self.weights.iter().step_by(stride).copied().collect(),
-        }
-    }
-
-    /// Other lines of the same receptance.
-    pub(crate) fn of<'b>(&self, lines: &'b Lines) -> Reduced<'b>
-    where
-        'a: 'b,
-    {
-        let reduction = match self.reduction {
-            Reduction::Planes(_) => Reduction::Planes(&lines.planes),
-            Reduction::Series(_) => self.reduction,
-        };
-        let Lines { w, measured, weights, .. } = lines;
-        let frequencies = Frequencies::complex(w, 1.0);
-        Reduced { reduction, frequencies, measured, weights, reference: self.reference }
+        Ok(Self { reduction: &model.reduction, frequencies, measured, weights, reference: model.reference })
     }
 
     /// Number of lines.
@@ -164,19 +103,48 @@ impl<'a> Reduced<'a> {
         Ok(matrix)
     }
 
-    /// The weighted residual: the real parts of all lines, then the imaginary parts.
+    /// The weighted residual, the real parts of all lines and then the imaginary parts, and its derivatives by the
+    /// columns, row by row.
     ///
     /// # Errors
     /// The threads could not be started.
-    pub fn residual(&self, joint: &[f64; SPRING_COLUMNS], threads: usize) -> Result<Vec<f64>> {
-        let mut out = vec![0.0; 2 * self.lines()];
-        let (re, im) = out.split_at_mut(self.lines());
+    pub fn rows(
+        &self,
+        joint: &[f64; SPRING_COLUMNS],
+        columns: &[(usize, f64)],
+        threads: usize,
+    ) -> Result<Rows> {
         let spring = Spring::new(joint);
-        match self.reduction {
-            Reduction::Planes(values) => self.logarithms(&self.planes(values, spring), threads, re, im),
-            Reduction::Series(rows) => self.logarithms(&AtJoint::new(rows, &spring), threads, re, im),
+        let parts = match self.reduction {
+            Reduction::Planes(values) => self.parts(&self.planes(values, spring), &spring, columns, threads),
+            Reduction::Series(rows) => self.parts(&AtJoint::new(rows, &spring), &spring, columns, threads),
         }?;
-        Ok(out)
+        let (lines, wide) = (self.lines(), columns.len());
+        let mut rows = Rows { residual: vec![0.0; 2 * lines], jacobian: vec![0.0; 2 * lines * wide] };
+        for (line, values) in parts.iter().flat_map(|part| part.chunks(wide + 1)).enumerate() {
+            for (row, part) in [(line, [true, false]), (lines + line, [false, true])] {
+                let of = |value: &Complex64| if part[0] { value.re } else { value.im };
+                for (into, value) in rows.jacobian[row * wide..(row + 1) * wide].iter_mut().zip(values) {
+                    *into = of(value);
+                }
+                rows.residual[row] = of(&values[wide]);
+            }
+        }
+        Ok(rows)
+    }
+
+    /// The derivatives by the columns and the residual of each line, task by task.
+    fn parts(
+        &self,
+        change: &impl Change,
+        joint: &Spring,
+        columns: &[(usize, f64)],
+        threads: usize,
+    ) -> Result<Vec<Vec<Complex64>>> {
+        let arch = Arch::new();
+        on_threads(threads, self.frequencies.tasks(), A_TASK, |range| {
+            arch.dispatch(Each { reduced: *self, change, joint, columns, range })
+        })
     }
 
     fn planes(&self, values: &'a [f64], joint: Spring) -> Planes<'a> {
@@ -196,24 +164,6 @@ impl<'a> Reduced<'a> {
             arch.dispatch(Normal { reduced: *self, change, joint, columns, range })
         })
     }
-
-    fn logarithms(&self, change: &impl Change, threads: usize, re: &mut [f64], im: &mut [f64]) -> Result<()> {
-        let parts = re.chunks_mut(LINES_PER_TASK).zip(im.chunks_mut(LINES_PER_TASK));
-        let tasks = self.frequencies.tasks().into_iter().zip(parts).collect();
-        let arch = Arch::new();
-        on_threads(threads, tasks, A_TASK, |(range, (re, im))| {
-            arch.dispatch(Logarithms { reduced: *self, change, range, re, im });
-        })?;
-        Ok(())
-    }
-}
-
-/// Some of the lines of a receptance.
-pub(crate) struct Lines {
-    planes: Vec<f64>,
-    w: Vec<Complex64>,
-    measured: Vec<Complex64>,
-    weights: Vec<f64>,
 }
 
 /// The normal matrix of the lines of one task.
@@ -235,20 +185,7 @@ impl<T: Change> WithSimd for Normal<'_, T> {
         let mut start = self.range.start;
         while start < self.range.end {
             let end = self.range.end.min(start + S::F64_LANES);
-            let lines = start..end;
-            let mut rows = [C::zero(simd); SPRING_COLUMNS + 1];
-            let Update { inverse, left, right, iw } =
-                self.change.update(simd, &self.reduced.frequencies, lines.clone());
-            let weight = simd.partial_load_f64s(&self.reduced.weights[lines.clone()]);
-            for (row, (column, slope)) in rows.iter_mut().zip(self.columns) {
-                let change = spring_derivative(self.joint, *column, iw, &left, &right);
-                *row = change.scale(-slope);
-            }
-            rows[size - 1] = (C::load(simd, &self.reduced.measured[lines]) * inverse).ln();
-            for row in &mut rows[..size] {
-                row.re = simd.mul_f64s(row.re, weight);
-                row.im = simd.mul_f64s(row.im, weight);
-            }
+            let rows = block(simd, &self.reduced, self.change, self.joint, self.columns, start..end);
             let mut entry = 0;
             for i in 0..size {
                 for j in i..size {
@@ -269,36 +206,62 @@ impl<T: Change> WithSimd for Normal<'_, T> {
     }
 }
 
-/// The residuals of the lines of one task.
-struct Logarithms<'a, T> {
+/// The derivatives by the columns and the residual of each line of one task.
+struct Each<'a, T> {
     reduced: Reduced<'a>,
     change: &'a T,
+    joint: &'a Spring,
+    columns: &'a [(usize, f64)],
     range: Range<usize>,
-    re: &'a mut [f64],
-    im: &'a mut [f64],
 }
 
-impl<T: Change> WithSimd for Logarithms<'_, T> {
-    type Output = ();
+impl<T: Change> WithSimd for Each<'_, T> {
+    type Output = Vec<Complex64>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let first = self.range.start;
-        let mut start = first;
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<Complex64> {
+        let size = self.columns.len() + 1;
+        let mut out = vec![Complex64::ZERO; self.range.len() * size];
+        let mut start = self.range.start;
         while start < self.range.end {
             let end = self.range.end.min(start + S::F64_LANES);
-            let Update { inverse, .. } = self.change.update(simd, &self.reduced.frequencies, start..end);
-            let weight = simd.partial_load_f64s(&self.reduced.weights[start..end]);
-            let found = (C::load(simd, &self.reduced.measured[start..end]) * inverse).ln();
-            simd.partial_store_f64s(
-                &mut self.re[start - first..end - first],
-                simd.mul_f64s(found.re, weight),
-            );
-            simd.partial_store_f64s(
-                &mut self.im[start - first..end - first],
-                simd.mul_f64s(found.im, weight),
-            );
+            let rows = block(simd, &self.reduced, self.change, self.joint, self.columns, start..end);
+            for (column, row) in rows[..size].iter().enumerate() {
+                let (mut re, mut im) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+                R { simd, v: row.re }.store(&mut re);
+                R { simd, v: row.im }.store(&mut im);
+                for lane in 0..end - start {
+                    out[(start - self.range.start + lane) * size + column] =
+                        Complex64::new(re[lane], im[lane]);
+                }
+            }
             start = end;
         }
+        out
     }
+}
+
+/// The weighted derivatives by the columns and, behind them, the weighted residual of a block of lines.
+#[inline(always)]
+fn block<S: Simd>(
+    simd: S,
+    reduced: &Reduced,
+    change: &impl Change,
+    joint: &Spring,
+    columns: &[(usize, f64)],
+    lines: Range<usize>,
+) -> [C<S>; SPRING_COLUMNS + 1] {
+    let mut rows = [C::zero(simd); SPRING_COLUMNS + 1];
+    let Update { inverse, left, right, iw } = change.update(simd, &reduced.frequencies, lines.clone());
+    let weight = simd.partial_load_f64s(&reduced.weights[lines.clone()]);
+    for (row, (column, slope)) in rows.iter_mut().zip(columns) {
+        let change = spring_derivative(joint, *column, iw, &left, &right);
+        *row = change.scale(-slope);
+    }
+    rows[columns.len()] = (C::load(simd, &reduced.measured[lines]) * inverse).ln();
+    for row in &mut rows[..=columns.len()] {
+        row.re = simd.mul_f64s(row.re, weight);
+        row.im = simd.mul_f64s(row.im, weight);
+    }
+    rows
 }

@@ -6,11 +6,11 @@
 
 use crate::bilinear::{Functions, factors, used};
 use crate::error::{Error, Result};
-use crate::frequencies::Frequencies;
-use crate::joint_fit::{Reduction, SPRING_COLUMNS};
+use crate::joint_fit::SPRING_COLUMNS;
 use crate::joint_hoist::{Hoisted, Measured, Source};
 use crate::joint_kernel::{EachLine, Factors, SIDE, Sums};
 use crate::model::Spring;
+use crate::reduction::JointReduction;
 use crate::request::singular_at;
 use crate::threads::on_threads;
 use num_complex::Complex64;
@@ -42,19 +42,15 @@ pub struct JointSweep<'a> {
 }
 
 impl<'a> JointSweep<'a> {
-    /// What `reduce_joint` returned, of so many rows, its lines, and the joint at which the model was reduced.
+    /// Many joints in the place of the one that a model was reduced to.
     ///
     /// # Errors
-    /// Arrays of other lengths, or a line that is no frequency.
-    pub fn new(
-        rows: usize,
-        reduction: &'a [f64],
-        frequencies: Frequencies<'a>,
-        reference: &[f64; SPRING_COLUMNS],
-    ) -> Result<Self> {
-        let reduction = Reduction::new(rows, reduction, frequencies.len())?;
+    /// A line that is no frequency.
+    pub fn new(model: &'a JointReduction) -> Result<Self> {
+        let frequencies = model.frequencies();
         let highest = frequencies.highest()?;
-        let functions = Functions { reduction, frequencies, reference: Spring::new(reference) };
+        let reference = Spring::new(&model.reference);
+        let functions = Functions { reduction: &model.reduction, frequencies, reference };
         Ok(Self { functions, highest })
     }
 

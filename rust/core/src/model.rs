@@ -64,6 +64,12 @@ impl Spring {
         Self { k: three(0), c: three(3), loss_factor: columns[6] }
     }
 
+    /// The columns that it was made of.
+    pub(crate) fn columns(&self) -> [f64; 7] {
+        let ([ky, kt, kc], [cy, ct, cc]) = (self.k, self.c);
+        [ky, kt, kc, cy, ct, cc, self.loss_factor]
+    }
+
     pub(crate) fn check(&self, element: &'static str, row: usize) -> Result<()> {
         const NAMES: [&str; 7] = ["k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor"];
         let fail = |index: usize, value: f64, expected| {

@@ -1,41 +1,18 @@
 //! Residuals of whole models and their derivatives, row by row.
 
-use crate::model_fit::Campaign;
 use crate::observed::{Lines, Modelled, Seen};
+use crate::problem::Rows;
 use crate::ties::At;
 
-/// Weighted residuals and their derivatives by some variables.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Rows {
-    /// Observation after observation, record after record: all real parts of the logarithm, then all imaginary
-    /// parts, or calculated less measured frequencies.
-    pub residual: Vec<f64>,
-    /// `(residuals, free variables)`.
-    pub jacobian: Vec<f64>,
-}
-
-impl Campaign<'_> {
-    /// Residuals and their derivatives by the variables that are `free`; nothing where a model has no value. What is
-    /// known beforehand is not among them.
-    pub fn rows(&self, x: &[f64], free: &[bool], threads: usize) -> Option<Rows> {
-        let moving: Vec<usize> = (0..x.len()).filter(|&i| free[i]).collect();
-        let parts = self.each(x, free, threads, |one, at, threads| match one.seen {
-            Seen::Receptance { .. } => one.rows_of_lines(at, &moving, x.len(), threads),
-            Seen::Frequencies { .. } => one.rows_of_frequencies(at, &moving, x.len()),
-        })?;
-        let mut rows = Rows::default();
-        for (part, _) in parts {
-            rows.residual.extend(part.residual);
-            rows.jacobian.extend(part.jacobian);
-        }
-        let finite = rows.residual.iter().chain(&rows.jacobian).all(|value| value.is_finite());
-        finite.then_some(rows)
-    }
-}
-
-impl Modelled<'_> {
-    fn rows_of_lines(&self, at: &At, moving: &[usize], count: usize, threads: usize) -> Option<Rows> {
-        let Seen::Receptance { w, ref records, .. } = self.seen else { return None };
+impl Modelled {
+    pub(crate) fn rows_of_lines(
+        &self,
+        at: &At,
+        moving: &[usize],
+        count: usize,
+        threads: usize,
+    ) -> Option<Rows> {
+        let Seen::Receptance { w, records, .. } = &self.seen else { return None };
         let (lines, wide) = (w.len(), moving.len());
         let slopes = picked(at, moving, count);
         let parts = self.lines(at, threads, |Lines { range, h, dh, records }| {
@@ -81,7 +58,7 @@ impl Modelled<'_> {
         Some(rows)
     }
 
-    fn rows_of_frequencies(&self, at: &At, moving: &[usize], count: usize) -> Option<Rows> {
+    pub(crate) fn rows_of_frequencies(&self, at: &At, moving: &[usize], count: usize) -> Option<Rows> {
         let slopes = picked(at, moving, count);
         let mut rows = Rows::default();
         for row in self.frequencies(at)? {

@@ -19,24 +19,23 @@ const A_LINE: f64 = 5.0;
 
 /// A model as a function of some parameters, observed on some lines.
 pub struct ModelSweep<'a> {
-    tied: &'a Tied<'a>,
+    tied: &'a Tied,
     frequencies: Frequencies<'a>,
     request: Request,
     count: usize,
 }
 
 impl<'a> ModelSweep<'a> {
-    /// A model tied to `count` parameters.
+    /// A tied model between two coordinates on some lines.
     pub fn new(
-        tied: &'a Tied<'a>,
-        count: usize,
+        tied: &'a Tied,
         frequencies: Frequencies<'a>,
         response: Coordinate,
         excitation: Coordinate,
     ) -> Self {
         let request =
             Request { excitations: vec![excitation], responses: vec![response], ..Request::default() };
-        Self { tied, frequencies, request, count }
+        Self { tied, frequencies, request, count: tied.count() }
     }
 
     /// Receptances, `(n_candidates, n_lines)`; a row of NaN where a candidate is no model or has no finite value.

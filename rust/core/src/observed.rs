@@ -12,6 +12,7 @@ use crate::ties::{At, Tied};
 use core::ops::Range;
 use num_complex::Complex64;
 use pulp::Arch;
+use std::sync::Arc;
 
 /// What stands between a structure and what was recorded of it.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -25,22 +26,30 @@ pub enum Factor {
 }
 
 /// One record of a receptance.
-#[derive(Copy, Clone)]
-pub struct Record<'a> {
+#[derive(Clone, Debug)]
+pub struct Record {
     /// Values.
-    pub measured: &'a [Complex64],
+    pub measured: Vec<Complex64>,
     /// One over the standard deviations of the logarithm.
+    pub weights: Vec<f64>,
+}
+
+/// Some lines of a record.
+#[derive(Copy, Clone)]
+pub(crate) struct RecordLines<'a> {
+    pub measured: &'a [Complex64],
     pub weights: &'a [f64],
 }
 
 /// What was measured of a model.
-pub enum Seen<'a> {
+#[derive(Clone, Debug)]
+pub enum Seen {
     /// A receptance on lines w in rad/s, measured once or several times.
     Receptance {
         /// Lines.
-        w: &'a [Complex64],
+        w: Vec<Complex64>,
         /// What was measured on them.
-        records: Vec<Record<'a>>,
+        records: Vec<Record>,
         /// Where motion was seen.
         response: Coordinate,
         /// Where the load acted.
@@ -49,15 +58,15 @@ pub enum Seen<'a> {
     /// Natural frequencies in rad/s.
     Frequencies {
         /// Which modes these are, counted from 0 on, ascending.
-        modes: &'a [usize],
+        modes: Vec<usize>,
         /// Values.
-        measured: &'a [f64],
+        measured: Vec<f64>,
         /// One over their standard deviations.
-        weights: &'a [f64],
+        weights: Vec<f64>,
     },
 }
 
-impl Seen<'_> {
+impl Seen {
     /// Lines, or what takes about as long.
     pub(crate) fn lines(&self) -> usize {
         match self {
@@ -68,11 +77,12 @@ impl Seen<'_> {
 }
 
 /// A model and what was measured of it.
-pub struct Modelled<'a> {
+#[derive(Clone, Debug)]
+pub struct Modelled {
     /// The model as a function of the unknowns.
-    pub tied: Tied<'a>,
+    pub tied: Arc<Tied>,
     /// What was measured.
-    pub seen: Seen<'a>,
+    pub seen: Seen,
 }
 
 /// The lines of one task: calculated receptance with its factors, its derivatives by moving entries and then factors
@@ -81,10 +91,10 @@ pub(crate) struct Lines<'a> {
     pub range: Range<usize>,
     pub h: &'a [Complex64],
     pub dh: &'a [Complex64],
-    pub records: &'a [Record<'a>],
+    pub records: &'a [RecordLines<'a>],
 }
 
-impl Modelled<'_> {
+impl Modelled {
     /// What some work makes of the lines of each task, in their order; nothing where the model has no value.
     pub(crate) fn lines<T: Send>(
         &self,
@@ -118,9 +128,9 @@ impl Modelled<'_> {
                     return None;
                 }
                 let dh = factors.apply(&w[range.clone()], &mut h, dh);
-                let own: Vec<Record> = records
+                let own: Vec<RecordLines> = records
                     .iter()
-                    .map(|one| Record {
+                    .map(|one| RecordLines {
                         measured: &one.measured[range.clone()],
                         weights: &one.weights[range.clone()],
                     })
@@ -133,7 +143,7 @@ impl Modelled<'_> {
 
     /// Weighted derivatives by the entries and weighted residual of each measured mode.
     pub(crate) fn frequencies(&self, at: &At) -> Option<Vec<Vec<f64>>> {
-        let Seen::Frequencies { modes, measured, weights } = self.seen else { return None };
+        let Seen::Frequencies { modes, measured, weights } = &self.seen else { return None };
         let found = expected_frequencies(&at.model, modes, measured, &at.entries).ok()?;
         let count = at.entries.len();
         let row = |(mode, (measured, weight)): (usize, (&f64, &f64))| {

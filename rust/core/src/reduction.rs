@@ -9,12 +9,14 @@
 //! have huge rigid-body receptances that cancel in a plain coupling.
 
 use crate::error::{Error, Result};
-use crate::frequencies::{EMPTY, Frequencies};
+use crate::frequencies::{EMPTY, Frequencies, OwnedFrequencies};
 use crate::joint_change::REDUCTION_PLANES;
-use crate::joint_series::{SERIES_ROWS, joint_series};
+use crate::joint_fit::SPRING_COLUMNS;
+use crate::joint_series::joint_series;
 use crate::lane::{C, MAX_LANES};
 use crate::model::{Model, Motion, Spring};
 use crate::outputs::first_of;
+use crate::problem::every;
 use crate::request::{Coordinate, Request, Terminals, check};
 use crate::response::{Job, LINES_PER_TASK};
 use crate::small::{self, Mat};
@@ -28,19 +30,72 @@ const PAIRS: usize = 2;
 /// Numbers a line of a 2 x 2 receptance, and of the forces under two excitations.
 const SQUARE: usize = 4;
 
-/// A table of numbers: planes with a column a line, or series with a column a power.
+/// Numbers that tell everything of a model but one joint.
 #[derive(Clone, Debug)]
-pub struct JointReduction {
-    /// `REDUCTION_PLANES` or `SERIES_ROWS`.
-    pub rows: usize,
-    /// The rows, one after the other.
-    pub values: Vec<f64>,
+pub(crate) enum Reduction {
+    /// `REDUCTION_PLANES` rows with a column a line.
+    Planes(Vec<f64>),
+    /// `SERIES_ROWS` rows of coefficients of power series in w^2, for all lines.
+    Series(Vec<f64>),
 }
 
-/// Reduces a model to one joint, to power series in w^2 where that serves.
+/// A model reduced to one joint, on some lines.
+#[derive(Clone, Debug)]
+pub struct JointReduction {
+    pub(crate) reduction: Reduction,
+    frequencies: OwnedFrequencies,
+    /// The seven columns of the joint at which the model was reduced.
+    pub(crate) reference: [f64; SPRING_COLUMNS],
+}
+
+impl JointReduction {
+    /// The lines.
+    pub fn frequencies(&self) -> Frequencies<'_> {
+        self.frequencies.view()
+    }
+
+    /// Number of lines.
+    pub fn lines(&self) -> usize {
+        self.frequencies.view().len()
+    }
+
+    /// H_0, F_r (2), F_e (2) and Y (3), real and imaginary parts each, `(16, n_freq)`; nothing where the model was
+    /// reduced to power series.
+    pub fn planes(&self) -> Option<&[f64]> {
+        match &self.reduction {
+            Reduction::Planes(planes) => Some(planes),
+            Reduction::Series(_) => None,
+        }
+    }
+
+    /// The same on every so many of the lines.
+    pub(crate) fn thinned(&self, stride: usize) -> Self {
+        let reduction = match &self.reduction {
+            Reduction::Planes(planes) => {
+                let planes = planes.chunks(self.lines().max(1));
+                Reduction::Planes(planes.flat_map(|plane| every(plane, stride)).collect())
+            }
+            Reduction::Series(rows) => Reduction::Series(rows.clone()),
+        };
+        let frequencies = self.frequencies.view().every(stride);
+        Self { reduction, frequencies, reference: self.reference }
+    }
+}
+
+/// How a model is reduced to one joint.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Power series in w^2 where they serve, else line by line.
+    Shortest,
+    /// Line by line.
+    Planes,
+}
+
+/// Reduces a model to one joint.
 ///
 /// # Errors
 /// As `receptance`, and where the model is not in bending or has no such joint.
+#[allow(clippy::too_many_arguments)]
 pub fn reduce_joint(
     model: &Model,
     joint: usize,
@@ -48,6 +103,7 @@ pub fn reduce_joint(
     response: Coordinate,
     excitation: Coordinate,
     terminals: Terminals,
+    form: Form,
     threads: usize,
 ) -> Result<JointReduction> {
     if model.motion != Motion::Bending || joint >= model.joints.len() {
@@ -62,14 +118,14 @@ pub fn reduce_joint(
         ..Request::default()
     };
     let highest = check(model, lines, &request)?;
-    if lines.are_real()
-        && request.terminals.nodes.is_empty()
-        && let Some(values) = joint_series(model, joint, highest, response, excitation)
-    {
-        return Ok(JointReduction { rows: SERIES_ROWS, values });
-    }
-    let values = planes(model, joint, lines, highest, &request, threads)?;
-    Ok(JointReduction { rows: REDUCTION_PLANES, values })
+    let in_series = form == Form::Shortest && lines.are_real() && request.terminals.nodes.is_empty();
+    let series = if in_series { joint_series(model, joint, highest, response, excitation) } else { None };
+    let reduction = match series {
+        Some(series) => Reduction::Series(series),
+        None => Reduction::Planes(planes(model, joint, lines, highest, &request, threads)?),
+    };
+    let reference = model.joints[joint].1.columns();
+    Ok(JointReduction { reduction, frequencies: lines.every(1), reference })
 }
 
 /// The planes of a reduction, from sweeps of the assembly and of both sides of the joint.

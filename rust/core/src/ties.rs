@@ -5,10 +5,10 @@
 //! the addresses at fixed rates. Addresses may also be factors of what was recorded, see `observed`.
 
 use crate::error::{Error, Result};
-use crate::joint_search::Variables;
 use crate::model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Table, Tables};
 use crate::observed::Factor;
 use crate::overlap;
+use crate::problem::Variables;
 use crate::request::Parameter;
 use crate::section;
 
@@ -24,15 +24,17 @@ pub struct Rate {
 }
 
 /// The tables of one model as functions of the unknowns.
-pub struct Tied<'a> {
-    /// What of the tables does not depend on the addresses.
-    fixed: [&'a [f64]; 5],
+#[derive(Clone, Debug)]
+pub struct Tied {
+    /// The tables less the contribution of the addresses.
+    fixed: [Vec<f64>; 5],
+    motion: Motion,
     /// The distinct entries that move.
     pub entries: Vec<Parameter>,
     /// Entry, address and rate.
     rates: Vec<(usize, usize, f64)>,
     /// A row an address: the unknown of b or -1, by what it is multiplied or b as a number, E, S.
-    addresses: &'a [f64],
+    addresses: Vec<f64>,
     count: usize,
     /// Factors of what was recorded, and their addresses.
     factors: Vec<(Factor, usize)>,
@@ -54,12 +56,19 @@ pub struct At {
     pub slopes: Vec<f64>,
 }
 
-impl<'a> Tied<'a> {
-    /// Ties the tables to `count` unknowns.
+impl Tied {
+    /// Ties the tables to `count` unknowns. `present` are the values of the addresses that are in the tables now.
     ///
     /// # Errors
     /// An entry, an address or an unknown that does not exist.
-    pub fn new(tables: Tables<'a>, rates: &[Rate], addresses: &'a [f64], count: usize) -> Result<Self> {
+    pub fn new(
+        motion: Motion,
+        tables: Tables,
+        rates: &[Rate],
+        present: &[f64],
+        addresses: Vec<f64>,
+        count: usize,
+    ) -> Result<Self> {
         let width = 2 + 2 * count;
         let expected = || format!("rows of {width} columns for {count} unknowns");
         if !addresses.len().is_multiple_of(width) {
@@ -72,16 +81,24 @@ impl<'a> Tied<'a> {
                 return Err(Error::Index { what: "address", index, value: row[0], expected });
             }
         }
+        let known = addresses.len() / width;
+        if present.len() != known {
+            let (value, expected) = (present.len() as f64, format!("{known}, one of each address"));
+            return Err(Error::Index { what: "number of present values", index: 0, value, expected });
+        }
         let fixed = [tables.segments, tables.joints, tables.masses, tables.grounds, tables.overlaps];
+        let fixed = fixed.map(<[f64]>::to_vec);
         let (factors, powers) = (Vec::new(), Vec::new());
-        let mut tied =
-            Self { fixed, entries: Vec::new(), rates: Vec::new(), addresses, count, factors, powers };
+        let (entries, rated) = (Vec::new(), Vec::new());
+        let mut tied = Self { fixed, motion, entries, rates: rated, addresses, count, factors, powers };
         for (index, rate) in rates.iter().enumerate() {
-            if rate.address >= addresses.len() / width {
-                let expected = format!("an address below {}", addresses.len() / width);
+            if rate.address >= known {
+                let expected = format!("an address below {known}");
                 return Err(Error::Index { what: "rate", index, value: rate.address as f64, expected });
             }
             tied.check_entry(index, rate.entry)?;
+            let Parameter { table, row, column } = rate.entry;
+            tied.fixed[table as usize][row * columns(table) + column] -= rate.rate * present[rate.address];
             let known = tied.entries.iter().position(|entry| *entry == rate.entry);
             let entry = known.unwrap_or_else(|| {
                 tied.entries.push(rate.entry);
@@ -90,6 +107,11 @@ impl<'a> Tied<'a> {
             tied.rates.push((entry, rate.address, rate.rate));
         }
         Ok(tied)
+    }
+
+    /// Number of unknowns.
+    pub fn count(&self) -> usize {
+        self.count
     }
 
     /// The same with factors at addresses, and entries through which frequency acts with their powers.
@@ -124,7 +146,7 @@ impl<'a> Tied<'a> {
     /// The model at a point; nothing where it is none. `slopes` are the derivatives of the values by the variables,
     /// zero for what is held.
     pub fn at(&self, values: &[f64], slopes: &[f64]) -> Option<At> {
-        let mut tables = self.fixed.map(<[f64]>::to_vec);
+        let mut tables = self.fixed.clone();
         let mut by_variable = vec![0.0; self.entries.len() * self.count];
         let width = 2 + 2 * self.count;
         let mut by_address = vec![0.0; self.addresses.len() / width * self.count];
@@ -168,7 +190,7 @@ impl<'a> Tied<'a> {
         }
         let [segments, joints, masses, grounds, overlaps] = &tables;
         let tables = Tables { segments, joints, masses, grounds, overlaps };
-        let model = Model::new(Motion::Bending, tables).ok()?;
+        let model = Model::new(self.motion, tables).ok()?;
         Some(At { model, entries, factors, by_frequency, slopes: moving })
     }
 }
@@ -208,10 +230,10 @@ fn columns(table: Table) -> usize {
 /// Values of the unknowns, and their derivatives by the variables.
 pub fn unknowns(variables: &Variables, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let value = |(x, logarithmic): (&f64, &bool)| if *logarithmic { 10.0_f64.powf(*x) } else { *x };
-    let values: Vec<f64> = x.iter().zip(variables.logarithmic).map(value).collect();
+    let values: Vec<f64> = x.iter().zip(&variables.logarithmic).map(value).collect();
     let slope = |(value, logarithmic): (&f64, &bool)| {
         if *logarithmic { value * core::f64::consts::LN_10 } else { 1.0 }
     };
-    let slopes = values.iter().zip(variables.logarithmic).map(slope).collect();
+    let slopes = values.iter().zip(&variables.logarithmic).map(slope).collect();
     (values, slopes)
 }

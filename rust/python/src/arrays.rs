@@ -1,33 +1,15 @@
 //! Views of NumPy arrays, checked for shape and layout.
 
-use crate::errors::CoreError;
 use num_complex::Complex64;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use numpy::ndarray::ShapeError;
+use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use receptance_core::{
-    Coordinate, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Parameter, Table,
-    Tables, overlap, section,
-};
+use receptance_core::{Coordinate, Parameter, SPRING_COLUMNS, Table};
 
-/// Frequency lines as they come, real or complex.
-#[derive(FromPyObject)]
-pub enum Lines<'py> {
-    /// Real.
-    Real(PyReadonlyArray1<'py, f64>),
-    /// Complex.
-    Complex(PyReadonlyArray1<'py, Complex64>),
-}
-
-impl Lines<'_> {
-    /// The lines, which times the scale are in rad/s.
-    pub fn frequencies(&self, scale: f64) -> PyResult<Frequencies<'_>> {
-        let name = "angular_frequency";
-        Ok(match self {
-            Self::Real(lines) => Frequencies::real(contiguous(name, lines.as_slice())?, scale),
-            Self::Complex(lines) => Frequencies::complex(contiguous(name, lines.as_slice())?, scale),
-        })
-    }
+/// An internal error instead of a panic where a shape does not fit.
+pub fn shaped<T>(result: Result<T, ShapeError>) -> PyResult<T> {
+    result.map_err(|error| PyRuntimeError::new_err(format!("internal error: {error}")))
 }
 
 /// The values of a C-contiguous table with a given number of columns.
@@ -41,7 +23,7 @@ pub fn table<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>, columns: usiz
 }
 
 /// The values of a two-dimensional array in C order: one in Fortran order would be read transposed.
-pub fn c_contiguous<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [f64]> {
+pub fn c_contiguous<'a, T: Element>(name: &str, array: &'a PyReadonlyArray2<'_, T>) -> PyResult<&'a [T]> {
     if !array.is_c_contiguous() {
         return Err(PyValueError::new_err(format!("{name}: expected a C-contiguous array")));
     }
@@ -51,6 +33,11 @@ pub fn c_contiguous<'a>(name: &str, array: &'a PyReadonlyArray2<'_, f64>) -> PyR
 /// The slice of an array, or an error that names it.
 pub fn contiguous<T, E>(name: &str, slice: Result<T, E>) -> PyResult<T> {
     slice.map_err(|_| PyValueError::new_err(format!("{name}: expected a C-contiguous array")))
+}
+
+/// The values of an array, none where there is none.
+pub fn numbers(name: &str, array: Option<&PyReadonlyArray1<'_, Complex64>>) -> PyResult<Vec<Complex64>> {
+    array.map_or(Ok(Vec::new()), |array| Ok(contiguous(name, array.as_slice())?.to_vec()))
 }
 
 /// A whole number that is not negative.
@@ -78,6 +65,14 @@ pub fn response_and_excitation(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[C
         .map_err(|_| PyValueError::new_err("points: expected two rows, response and excitation"))
 }
 
+/// The seven columns of a joint.
+pub fn spring(name: &str, array: &PyReadonlyArray1<'_, f64>) -> PyResult<[f64; SPRING_COLUMNS]> {
+    let values = contiguous(name, array.as_slice())?;
+    <[f64; SPRING_COLUMNS]>::try_from(values).map_err(|_| {
+        PyValueError::new_err(format!("{name}: {} values, expected {SPRING_COLUMNS}", values.len()))
+    })
+}
+
 /// Rows of (table, row, column).
 pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>> {
     table("parameters", array, 3)?.chunks_exact(3).map(parameter).collect()
@@ -95,27 +90,18 @@ pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
     Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
 }
 
-/// The model behind a motion and its tables, that of the overlaps being optional.
-pub fn model(
-    motion: usize,
-    segments: &PyReadonlyArray2<'_, f64>,
-    joints: &PyReadonlyArray2<'_, f64>,
-    masses: &PyReadonlyArray2<'_, f64>,
-    grounds: &PyReadonlyArray2<'_, f64>,
-    overlaps: Option<&PyReadonlyArray2<'_, f64>>,
-) -> PyResult<Model> {
-    let motion = [Motion::Bending, Motion::Axial, Motion::Torsion].get(motion).copied().ok_or_else(|| {
-        PyValueError::new_err(format!("motion: {motion} is not 0 (bending), 1 (axial) or 2 (torsion)"))
-    })?;
-    let tables = Tables {
-        segments: table("segments", segments, section::column::COUNT)?,
-        joints: table("joints", joints, JOINT_COLUMNS)?,
-        masses: table("masses", masses, MASS_COLUMNS)?,
-        grounds: table("grounds", grounds, GROUND_COLUMNS)?,
-        overlaps: match overlaps {
-            Some(overlaps) => table("overlaps", overlaps, overlap::column::COUNT)?,
-            None => &[],
-        },
-    };
-    Ok(Model::new(motion, tables).map_err(CoreError::from)?)
+/// An output in C order of the shape it should have.
+pub fn filled<'a, T: Element>(
+    out: &'a mut PyReadwriteArray2<'_, T>,
+    [rows, lines]: [usize; 2],
+) -> PyResult<&'a mut [T]> {
+    let found = out.shape();
+    if found != [rows, lines] {
+        let message = format!("out: shape is {found:?}, expected ({rows}, {lines})");
+        return Err(PyValueError::new_err(message));
+    }
+    if !out.is_c_contiguous() {
+        return Err(PyValueError::new_err("out: expected a C-contiguous array"));
+    }
+    contiguous("out", out.as_slice_mut())
 }

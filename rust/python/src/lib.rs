@@ -1,10 +1,13 @@
-//! The extension `receptance._core`: arrays in, arrays out, errors mapped; nothing else.
+//! The extension `receptance._core`: handles that are built and checked once, arrays in, arrays out, errors mapped.
+//!
+//! `Lines` are frequencies. `Model` is an assembly; it calculates receptances and natural frequencies. `JointReduction`
+//! is a model of which one joint varies, `TiedModel` one of which any parameters do; both are swept. `Problem` is what
+//! is fitted: measured values beside reduced or tied models, with priors and bounds.
 
 mod arrays;
-mod campaigns;
 mod errors;
-mod fits;
-mod functions;
+mod model;
+mod problem;
 mod sweeps;
 
 use pyo3::prelude::*;
@@ -13,13 +16,11 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::campaigns::{fit_models, models_normal_matrix, models_rows};
-    #[pymodule_export]
     use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
-    use super::fits::{fit_joint, joint_normal_matrix, joint_residual};
+    use super::model::{ByLine, Lines, Model, instruction_set};
     #[pymodule_export]
-    use super::functions::{instruction_set, natural_frequencies, receptance, reduce_joint};
+    use super::problem::{Ends, Problem};
     #[pymodule_export]
-    use super::sweeps::{sweep_joint, sweep_joint_misfit, sweep_models, sweep_models_misfit};
+    use super::sweeps::{JointReduction, ModelSweep, TiedModel};
 }

@@ -1,22 +1,20 @@
-//! The functions of the extension that evaluate many candidates in one call.
+//! Models of which some parameters vary, evaluated for many candidates in one call.
 
-use crate::arrays::{Lines, c_contiguous, contiguous, response_and_excitation, table};
-use crate::campaigns::{Ties, tied};
+use crate::arrays::{c_contiguous, contiguous, filled, response_and_excitation, shaped, table};
 use crate::errors::CoreError;
-use crate::fits::seven;
+use crate::model::Lines;
 use num_complex::Complex64;
+use numpy::ndarray::Array2;
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2,
+    IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2,
     PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use receptance_core::{JointSweep, Misfit, ModelSweep, Result};
+use receptance_core::{Coordinate, JointSweep, Misfit, OwnedFrequencies, Result, SPRING_COLUMNS, Tied};
+use std::sync::Arc;
 
-/// Columns of a joint.
-const COLUMNS: usize = 7;
-
-/// Where receptances or their magnitudes go, (n_joints, n_freq).
+/// Receptances (complex) or their magnitudes (real), (n_candidates, n_freq).
 #[derive(FromPyObject)]
 pub enum Output<'py> {
     /// Receptances.
@@ -26,7 +24,7 @@ pub enum Output<'py> {
 }
 
 impl Output<'_> {
-    /// Lets the core write receptances or magnitudes into an output of the shape it should have.
+    /// Lets the core write receptances or magnitudes into an output of the right shape.
     fn fill(
         self,
         py: Python<'_>,
@@ -49,139 +47,170 @@ impl Output<'_> {
     }
 }
 
-/// Fills `out` (n_joints, n_freq) with the receptance of each joint in the place of the one that a model was reduced
-/// to, or with magnitudes where it is real; rows of NaN where a joint is none.
-#[pyfunction]
-#[pyo3(signature = (reduction, angular_frequency, reference, joints, out, threads))]
-pub fn sweep_joint<'py>(
-    py: Python<'py>,
-    reduction: PyReadonlyArray2<'py, f64>,
-    angular_frequency: Lines<'py>,
-    reference: PyReadonlyArray1<'py, f64>,
-    joints: PyReadonlyArray2<'py, f64>,
-    out: Output<'py>,
-    threads: usize,
-) -> PyResult<()> {
-    let sweep = joint_sweep(&reduction, &angular_frequency, &reference)?;
-    let joints = table("joints", &joints, COLUMNS)?;
-    out.fill(
-        py,
-        [joints.len() / COLUMNS, sweep.lines()],
-        |out| sweep.receptances(joints, out, threads),
-        |out| sweep.magnitudes(joints, out, threads),
-    )
-}
-
-/// The misfit (n_joints,) of each joint in the place of the one that a model was reduced to: the sum over the lines of
-/// |weight log(measured / H)|^2, or of |weight (measured - H)|^2 where that is not `logarithmic`; NaN where it is none.
-#[pyfunction]
-#[pyo3(signature = (reduction, angular_frequency, reference, joints, measured, weights, logarithmic, threads))]
-#[allow(clippy::too_many_arguments)]
-pub fn sweep_joint_misfit<'py>(
-    py: Python<'py>,
-    reduction: PyReadonlyArray2<'py, f64>,
-    angular_frequency: Lines<'py>,
-    reference: PyReadonlyArray1<'py, f64>,
-    joints: PyReadonlyArray2<'py, f64>,
-    measured: PyReadonlyArray1<'py, Complex64>,
-    weights: PyReadonlyArray1<'py, f64>,
-    logarithmic: bool,
-    threads: usize,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let sweep = joint_sweep(&reduction, &angular_frequency, &reference)?;
-    let joints = table("joints", &joints, COLUMNS)?;
-    let measured = contiguous("measured", measured.as_slice())?;
-    let weights = contiguous("weights", weights.as_slice())?;
-    let misfit = kind(logarithmic);
-    let found =
-        py.detach(|| sweep.misfits(joints, measured, weights, misfit, threads)).map_err(CoreError::from)?;
-    Ok(found.into_pyarray(py))
-}
-
-fn joint_sweep<'a>(
-    reduction: &'a PyReadonlyArray2<'_, f64>,
-    angular_frequency: &'a Lines<'_>,
-    reference: &'a PyReadonlyArray1<'_, f64>,
-) -> PyResult<JointSweep<'a>> {
-    let found = JointSweep::new(
-        reduction.as_array().nrows(),
-        c_contiguous("reduction", reduction)?,
-        angular_frequency.frequencies(1.0)?,
-        &seven("reference", contiguous("reference", reference.as_slice())?)?,
-    );
-    Ok(found.map_err(CoreError::from)?)
-}
-
-/// Fills `out` (n_candidates, n_freq) with the receptance of each row of `values` (n_candidates, n_addresses) of a model
-/// tied to addresses, or with magnitudes where it is real; rows of NaN where there is no model or no finite value.
-#[pyfunction]
-#[pyo3(signature = (ties, points, angular_frequency, values, out, threads))]
-pub fn sweep_models<'py>(
-    py: Python<'py>,
-    ties: Ties<'py>,
-    points: PyReadonlyArray2<'py, f64>,
-    angular_frequency: Lines<'py>,
-    values: PyReadonlyArray2<'py, f64>,
-    out: Output<'py>,
-    threads: usize,
-) -> PyResult<()> {
-    let (rows, count) = (values.shape()[0], values.shape()[1]);
-    let (tied, lines) = (tied(&ties, count)?, angular_frequency.frequencies(1.0)?);
-    let [response, excitation] = response_and_excitation(&points)?;
-    let sweep = ModelSweep::new(&tied, count, lines, response, excitation);
-    let values = c_contiguous("values", &values)?;
-    out.fill(
-        py,
-        [rows, lines.len()],
-        |out| sweep.receptances(values, out, threads),
-        |out| sweep.magnitudes(values, out, threads),
-    )
-}
-
-/// The misfit (n_candidates,) of each row of `values`, see `sweep_models` and `sweep_joint_misfit`.
-#[pyfunction]
-#[pyo3(signature = (ties, points, angular_frequency, values, measured, weights, logarithmic, threads))]
-#[allow(clippy::too_many_arguments)]
-pub fn sweep_models_misfit<'py>(
-    py: Python<'py>,
-    ties: Ties<'py>,
-    points: PyReadonlyArray2<'py, f64>,
-    angular_frequency: Lines<'py>,
-    values: PyReadonlyArray2<'py, f64>,
-    measured: PyReadonlyArray1<'py, Complex64>,
-    weights: PyReadonlyArray1<'py, f64>,
-    logarithmic: bool,
-    threads: usize,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let count = values.shape()[1];
-    let (tied, lines) = (tied(&ties, count)?, angular_frequency.frequencies(1.0)?);
-    let [response, excitation] = response_and_excitation(&points)?;
-    let sweep = ModelSweep::new(&tied, count, lines, response, excitation);
-    let values = c_contiguous("values", &values)?;
-    let measured = contiguous("measured", measured.as_slice())?;
-    let weights = contiguous("weights", weights.as_slice())?;
-    let misfit = kind(logarithmic);
-    let found =
-        py.detach(|| sweep.misfits(values, measured, weights, misfit, threads)).map_err(CoreError::from)?;
-    Ok(found.into_pyarray(py))
-}
-
 fn kind(logarithmic: bool) -> Misfit {
     if logarithmic { Misfit::Logarithm } else { Misfit::Difference }
 }
 
-/// An output in C order of the shape it should have.
-fn filled<'a, T: Element>(
-    out: &'a mut PyReadwriteArray2<'_, T>,
-    [rows, lines]: [usize; 2],
-) -> PyResult<&'a mut [T]> {
-    let found = out.shape();
-    if found != [rows, lines] {
-        let message = format!("out: shape is {found:?}, expected ({rows}, {lines})");
-        return Err(PyValueError::new_err(message));
+/// A model on some lines of which one joint varies; everything else is evaluated once.
+#[pyclass(frozen, module = "receptance._core")]
+pub struct JointReduction {
+    pub reduction: Arc<receptance_core::JointReduction>,
+}
+
+impl JointReduction {
+    /// A handle of a reduction.
+    pub fn new(reduction: receptance_core::JointReduction) -> Self {
+        Self { reduction: Arc::new(reduction) }
     }
-    if !out.is_c_contiguous() {
-        return Err(PyValueError::new_err("out: expected a C-contiguous array"));
+}
+
+#[pymethods]
+impl JointReduction {
+    fn __len__(&self) -> usize {
+        self.reduction.lines()
     }
-    contiguous("out", out.as_slice_mut())
+
+    /// H_0, F_r (2), F_e (2) and Y (3) of (T7), real and imaginary parts, (16, n_freq); None where the model is kept as
+    /// power series.
+    fn planes<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let Some(planes) = self.reduction.planes() else { return Ok(None) };
+        let shape = (planes.len() / self.reduction.lines().max(1), self.reduction.lines());
+        Ok(Some(shaped(Array2::from_shape_vec(shape, planes.to_vec()))?.into_pyarray(py)))
+    }
+
+    /// Fills `out` (n_joints, n_freq) with the receptance of each row of `joints` (n_joints, 7), or with magnitudes where
+    /// it is real; rows of NaN where a joint is invalid.
+    fn fill(
+        &self,
+        py: Python<'_>,
+        joints: PyReadonlyArray2<'_, f64>,
+        out: Output<'_>,
+        threads: usize,
+    ) -> PyResult<()> {
+        let sweep = JointSweep::new(&self.reduction).map_err(CoreError::from)?;
+        let joints = table("joints", &joints, SPRING_COLUMNS)?;
+        out.fill(
+            py,
+            [joints.len() / SPRING_COLUMNS, sweep.lines()],
+            |out| sweep.receptances(joints, out, threads),
+            |out| sweep.magnitudes(joints, out, threads),
+        )
+    }
+
+    /// The misfit (n_joints,) of each row of `joints`: the sum over the lines of |weight log(measured / H)|^2, or of
+    /// |weight (measured - H)|^2 if not `logarithmic`; NaN where a joint is invalid.
+    fn misfit<'py>(
+        &self,
+        py: Python<'py>,
+        joints: PyReadonlyArray2<'py, f64>,
+        measured: PyReadonlyArray1<'py, Complex64>,
+        weights: PyReadonlyArray1<'py, f64>,
+        logarithmic: bool,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let sweep = JointSweep::new(&self.reduction).map_err(CoreError::from)?;
+        let joints = table("joints", &joints, SPRING_COLUMNS)?;
+        let measured = contiguous("measured", measured.as_slice())?;
+        let weights = contiguous("weights", weights.as_slice())?;
+        let found = py
+            .detach(|| sweep.misfits(joints, measured, weights, kind(logarithmic), threads))
+            .map_err(CoreError::from)?;
+        Ok(found.into_pyarray(py))
+    }
+}
+
+/// A model as a function of unknowns, see `Model.tied`.
+#[pyclass(frozen, module = "receptance._core")]
+pub struct TiedModel {
+    pub tied: Arc<Tied>,
+}
+
+impl TiedModel {
+    /// A handle of a tied model.
+    pub fn new(tied: Tied) -> Self {
+        Self { tied: Arc::new(tied) }
+    }
+}
+
+#[pymethods]
+impl TiedModel {
+    /// The model between two coordinates (response, excitation) on some lines, for many values of its unknowns.
+    fn sweep(
+        &self,
+        py: Python<'_>,
+        lines: &Lines,
+        points: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<ModelSweep> {
+        let [response, excitation] = response_and_excitation(&points)?;
+        Ok(ModelSweep { tied: self.tied.clone(), frequencies: lines.copied(py)?, response, excitation })
+    }
+}
+
+/// A model between two coordinates on some lines, as a function of unknowns.
+#[pyclass(frozen, module = "receptance._core")]
+pub struct ModelSweep {
+    tied: Arc<Tied>,
+    frequencies: OwnedFrequencies,
+    response: Coordinate,
+    excitation: Coordinate,
+}
+
+impl ModelSweep {
+    fn sweep(&self) -> receptance_core::ModelSweep<'_> {
+        receptance_core::ModelSweep::new(&self.tied, self.frequencies.view(), self.response, self.excitation)
+    }
+
+    fn values<'a>(&self, values: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [f64]> {
+        if values.shape()[1] != self.tied.count() {
+            let (found, count) = (values.shape()[1], self.tied.count());
+            return Err(PyValueError::new_err(format!("values: {found} columns, expected {count}")));
+        }
+        c_contiguous("values", values)
+    }
+}
+
+#[pymethods]
+impl ModelSweep {
+    fn __len__(&self) -> usize {
+        self.frequencies.view().len()
+    }
+
+    /// As `JointReduction.fill`, for rows of `values` (n_candidates, n_unknowns).
+    fn fill(
+        &self,
+        py: Python<'_>,
+        values: PyReadonlyArray2<'_, f64>,
+        out: Output<'_>,
+        threads: usize,
+    ) -> PyResult<()> {
+        let sweep = self.sweep();
+        let rows = values.shape()[0];
+        let values = self.values(&values)?;
+        out.fill(
+            py,
+            [rows, self.frequencies.view().len()],
+            |out| sweep.receptances(values, out, threads),
+            |out| sweep.magnitudes(values, out, threads),
+        )
+    }
+
+    /// As `JointReduction.misfit`, for rows of `values` (n_candidates, n_unknowns).
+    fn misfit<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray2<'py, f64>,
+        measured: PyReadonlyArray1<'py, Complex64>,
+        weights: PyReadonlyArray1<'py, f64>,
+        logarithmic: bool,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let sweep = self.sweep();
+        let values = self.values(&values)?;
+        let measured = contiguous("measured", measured.as_slice())?;
+        let weights = contiguous("weights", weights.as_slice())?;
+        let found = py
+            .detach(|| sweep.misfits(values, measured, weights, kind(logarithmic), threads))
+            .map_err(CoreError::from)?;
+        Ok(found.into_pyarray(py))
+    }
 }

@@ -1,7 +1,7 @@
 //! The joint-only roads against whole models.
 
 use super::*;
-use crate::joint_fit::{Reduced, SPRING_COLUMNS};
+use crate::joint_fit::Reduced;
 use crate::joint_sweep::JointSweep;
 use crate::model::{Table, Tables};
 use crate::request::Parameter;
@@ -81,44 +81,31 @@ fn both_roads_are_the_whole_model() {
     let mut draw = Draw(SEED);
     let w = lines();
     let all = Frequencies::complex(&w, 1.0);
-    let highest = all.highest().unwrap();
     for case in 0..40 {
         let model = draw.model();
         let node = if case % 2 == 0 { 0 } else { 7 };
         let tip = Coordinate { node, direction: case / 2 % 2 };
-        let series = joint_series(&model, 0, highest, tip, tip).unwrap();
-        let request = Request {
-            excitations: vec![tip, tip],
-            responses: vec![tip],
-            joint: Some(0),
-            ..Request::default()
-        };
-        let planes = planes(&model, 0, &all, highest, &request, 1).unwrap();
-        let mut reference = [0.0; SPRING_COLUMNS];
-        let own = model.joints[0].1;
-        reference[..3].copy_from_slice(&own.k);
-        reference[3..6].copy_from_slice(&own.c);
-        reference[6] = own.loss_factor;
+        let reference = model.joints[0].1.columns();
         let joint = draw.joint(case % 3 > 0);
         let (mut other, request) = (model.clone(), derivatives(tip));
         other.joints[0].1 = Spring::new(&joint);
         let whole = receptance(&other, &all, &request, 1).unwrap();
         for line in 0..w.len() {
             let h = whole.receptance[line];
-            let plane: Vec<f64> = planes.chunks(w.len()).map(|plane| plane[line]).collect();
-            for (rows, values) in [(SERIES_ROWS, &series), (REDUCTION_PLANES, &plane)] {
+            let one = Frequencies::complex(&w[line..=line], 1.0);
+            for form in [Form::Shortest, Form::Planes] {
+                let model = reduce_joint(&model, 0, &one, tip, tip, Terminals::default(), form, 1).unwrap();
+                assert_eq!(model.planes().is_some(), form == Form::Planes);
                 // log(measured/H) is 1 for the first and i for the second, so that the products are J.
                 let measured = [h * 1.0_f64.exp(), h * Complex64::I.exp()];
-                let one = Frequencies::complex(&w[line..=line], 1.0);
-                let reduced = [0, 1]
-                    .map(|i| Reduced::new(rows, values, one, &measured[i..=i], &[1.0], reference).unwrap());
-                let at = format!("case {case}, line {line}, {rows} rows");
-                let many = JointSweep::new(rows, values, one, &reference).unwrap();
+                let reduced = [0, 1].map(|i| Reduced::new(&model, &measured[i..=i], &[1.0]).unwrap());
+                let at = format!("case {case}, line {line}, {form:?}");
+                let many = JointSweep::new(&model).unwrap();
                 let mut swept = [Complex64::ZERO; 3];
                 many.receptances(&[reference, joint, joint].concat(), &mut swept, 2).unwrap();
                 assert!((swept[1] / h - 1.0).norm() < 1e-9 && swept[1] == swept[2], "{at}");
                 for (i, one) in reduced.iter().enumerate() {
-                    let residual = one.residual(&joint, 1).unwrap();
+                    let residual = one.rows(&joint, &[], 1).unwrap().residual;
                     assert!((residual[i] - 1.0).abs() < 1e-9 && residual[1 - i].abs() < 1e-9, "{at}");
                 }
                 for column in 0..SPRING_COLUMNS {
@@ -146,29 +133,29 @@ fn derivatives(tip: Coordinate) -> Request {
 }
 
 #[test]
-fn what_is_no_function_of_the_square_is_swept() {
+fn models_that_are_no_function_of_the_square_are_swept() {
     let mut draw = Draw(SEED);
     let (model, w) = (draw.model(), lines());
     let tip = Coordinate { node: 0, direction: 0 };
-    let rows = |model: &Model, w: &[Complex64], response, excitation| {
-        reduce_joint(model, 0, &Frequencies::complex(w, 1.0), response, excitation, Terminals::default(), 1)
-            .unwrap()
-            .rows
+    let in_series = |model: &Model, w: &[Complex64], response, excitation| {
+        let (lines, ends) = (Frequencies::complex(w, 1.0), Terminals::default());
+        let found = reduce_joint(model, 0, &lines, response, excitation, ends, Form::Shortest, 1);
+        found.unwrap().planes().is_none()
     };
-    assert_eq!(rows(&model, &w, tip, tip), SERIES_ROWS);
+    assert!(in_series(&model, &w, tip, tip));
     let slope = Coordinate { node: 0, direction: 1 };
     let inside = Coordinate { node: 1, direction: 0 };
-    assert_eq!(rows(&model, &w, tip, slope), REDUCTION_PLANES);
-    assert_eq!(rows(&model, &w, inside, inside), REDUCTION_PLANES);
+    assert!(!in_series(&model, &w, tip, slope));
+    assert!(!in_series(&model, &w, inside, inside));
     let windowed: Vec<Complex64> = w.iter().map(|w| w - 20.0 * Complex64::I).collect();
-    assert_eq!(rows(&model, &windowed, tip, tip), REDUCTION_PLANES);
+    assert!(!in_series(&model, &windowed, tip, tip));
     let high: Vec<Complex64> = w.iter().map(|w| 40.0 * w).collect();
-    assert_eq!(rows(&model, &high, tip, tip), REDUCTION_PLANES);
+    assert!(!in_series(&model, &high, tip, tip));
     let (mut damped, mut coupled, mut grounded) = (model.clone(), model.clone(), model);
     damped.joints[1].1.c[1] = 0.1;
     coupled.joints[1].1.k[2] = 1e3;
     grounded.grounds.push((4, Spring::new(&[1e5, 1e3, 0.0, 3.0, 0.0, 0.0, 0.0])));
     for other in [damped, coupled, grounded] {
-        assert_eq!(rows(&other, &w, tip, tip), REDUCTION_PLANES);
+        assert!(!in_series(&other, &w, tip, tip));
     }
 }

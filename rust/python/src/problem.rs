@@ -1,0 +1,266 @@
+//! Least-squares problems: measured values beside models, with bounds and priors.
+
+use crate::arrays::{
+    c_contiguous, contiguous, index, indices, response_and_excitation, shaped, spring, table,
+};
+use crate::errors::CoreError;
+use crate::model::Lines;
+use crate::sweeps::{JointReduction, TiedModel};
+use num_complex::Complex64;
+use numpy::ndarray::{Array1, Array2, Array3};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use receptance_core::{
+    End, Modelled, Observation, OfJoint, Prior, Record, SPRING_COLUMNS, Seen, Stop, Variables,
+};
+
+/// Everything that is fitted: observations as functions of variables, with bounds and priors.
+///
+/// Residuals are the weighted complex logarithm of measured over calculated receptance, calculated less measured
+/// natural frequencies times their weights, and `scale` x - `offset` for each prior.
+///
+/// Parameters
+/// ----------
+/// logarithmic : (p,) bool
+///     Whether a variable is the base-ten logarithm of its value.
+/// bounds : (2, p)
+///     Of the variables.
+/// priors : (k, 3)
+///     Variable, scale, offset.
+#[pyclass(module = "receptance._core")]
+pub struct Problem {
+    problem: receptance_core::Problem,
+}
+
+/// Where fits ended.
+///
+/// Attributes
+/// ----------
+/// x : (n_starts, p)
+///     The variables.
+/// cost : (n_starts,)
+///     Half the sum of squares.
+/// evaluations : (n_starts,)
+///     Of the normal matrix.
+/// status : (n_starts,)
+///     As SciPy's `least_squares`; -1 where the model has no value at the start.
+/// normal : (n_starts, p + 1, p + 1)
+///     A^T A with A = [J | r] where it was evaluated last; NaN where there is none, or where variables were held.
+#[pyclass(frozen, get_all, module = "receptance._core")]
+pub struct Ends {
+    x: Py<PyArray2<f64>>,
+    cost: Py<PyArray1<f64>>,
+    evaluations: Py<PyArray1<i64>>,
+    status: Py<PyArray1<i64>>,
+    normal: Py<PyArray3<f64>>,
+}
+
+#[pymethods]
+impl Problem {
+    #[new]
+    fn new(
+        logarithmic: PyReadonlyArray1<'_, bool>,
+        bounds: PyReadonlyArray2<'_, f64>,
+        priors: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let logarithmic = contiguous("logarithmic", logarithmic.as_slice())?.to_vec();
+        let (count, bounds) = (logarithmic.len(), c_contiguous("bounds", &bounds)?);
+        if bounds.len() != 2 * count {
+            return Err(PyValueError::new_err(format!(
+                "bounds: {} values, expected (2, {count})",
+                bounds.len()
+            )));
+        }
+        let (lower, upper) = (bounds[..count].to_vec(), bounds[count..].to_vec());
+        let mut known = Vec::new();
+        for row in table("priors", &priors, 3)?.chunks_exact(3) {
+            known.push(Prior { variable: index("priors", row[0])?, scale: row[1], offset: row[2] });
+        }
+        let variables = Variables { logarithmic, lower, upper };
+        let problem = receptance_core::Problem::new(variables, known).map_err(CoreError::from)?;
+        Ok(Self { problem })
+    }
+
+    /// Number of lines of all receptances.
+    #[getter]
+    fn lines(&self) -> usize {
+        self.problem.lines()
+    }
+
+    /// Adds receptances between two coordinates (response, excitation) of a model: `measured` and `weights` are
+    /// (n_records, n_freq), records of the same receptance.
+    fn add_receptance(
+        &mut self,
+        py: Python<'_>,
+        model: &TiedModel,
+        lines: &Lines,
+        points: PyReadonlyArray2<'_, f64>,
+        measured: PyReadonlyArray2<'_, Complex64>,
+        weights: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<()> {
+        let count = self.problem.count();
+        if model.tied.count() != count {
+            let message = format!("model: tied to {} unknowns, expected {count}", model.tied.count());
+            return Err(PyValueError::new_err(message));
+        }
+        if measured.shape() != weights.shape() {
+            let (found, expected) = (weights.shape(), measured.shape());
+            return Err(PyValueError::new_err(format!("weights: shape is {found:?}, expected {expected:?}")));
+        }
+        let [response, excitation] = response_and_excitation(&points)?;
+        let read = lines.read(py)?;
+        let w: Vec<Complex64> = lines.frequencies(&read)?.iter().collect();
+        let width = measured.shape()[1].max(1);
+        let measured = c_contiguous("measured", &measured)?.chunks(width);
+        let weights = c_contiguous("weights", &weights)?.chunks(width);
+        let record = |(measured, weights): (&[Complex64], &[f64])| Record {
+            measured: measured.to_vec(),
+            weights: weights.to_vec(),
+        };
+        let seen = Seen::Receptance {
+            w,
+            records: measured.zip(weights).map(record).collect(),
+            response,
+            excitation,
+        };
+        self.add(Observation::Whole(Modelled { tied: model.tied.clone(), seen }))
+    }
+
+    /// Adds natural frequencies in rad/s of a model; `modes` are ascending numbers, counted from 0.
+    fn add_frequencies(
+        &mut self,
+        model: &TiedModel,
+        modes: PyReadonlyArray1<'_, f64>,
+        measured: PyReadonlyArray1<'_, f64>,
+        weights: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let seen = Seen::Frequencies {
+            modes: indices("modes", &modes)?,
+            measured: contiguous("measured", measured.as_slice())?.to_vec(),
+            weights: contiguous("weights", weights.as_slice())?.to_vec(),
+        };
+        self.add(Observation::Whole(Modelled { tied: model.tied.clone(), seen }))
+    }
+
+    /// Adds a receptance of a model that is reduced to one joint.
+    ///
+    /// `joint` (7,) are the columns of the joint, `variables` (7,) the number of the variable that each one is, or -1.
+    fn add_joint_receptance(
+        &mut self,
+        model: &JointReduction,
+        joint: PyReadonlyArray1<'_, f64>,
+        variables: PyReadonlyArray1<'_, f64>,
+        measured: PyReadonlyArray1<'_, Complex64>,
+        weights: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let mut numbers = [None; SPRING_COLUMNS];
+        for (number, value) in numbers.iter_mut().zip(spring("variables", &variables)?) {
+            *number = if value == -1.0 { None } else { Some(index("variables", value)?) };
+        }
+        let record = Record {
+            measured: contiguous("measured", measured.as_slice())?.to_vec(),
+            weights: contiguous("weights", weights.as_slice())?.to_vec(),
+        };
+        let (reduction, joint) = (model.reduction.clone(), spring("joint", &joint)?);
+        self.add(Observation::Joint(OfJoint { reduction, record, joint, variables: numbers }))
+    }
+
+    /// The same problem with about so many lines of each receptance.
+    fn thinned(&self, lines: usize) -> Self {
+        Self { problem: self.problem.thinned(lines) }
+    }
+
+    /// A^T A with A = [J | r], (p + 1, p + 1); NaN where a model has no value.
+    fn normal_matrix<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let x = self.point(&x)?;
+        let size = x.len() + 1;
+        let found = py
+            .detach(|| self.problem.normal_matrix(x, &vec![true; x.len()], threads))
+            .unwrap_or(vec![f64::NAN; size * size]);
+        Ok(shaped(Array2::from_shape_vec((size, size), found))?.into_pyarray(py))
+    }
+
+    /// Residuals, those of priors left out, and their derivatives by the variables that are `free`; None where a model
+    /// has no value.
+    #[allow(clippy::type_complexity)]
+    fn rows<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'py, f64>,
+        free: PyReadonlyArray1<'py, bool>,
+        threads: usize,
+    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
+        let (x, free) = (self.point(&x)?, self.free(&free)?);
+        let Some(found) = py.detach(|| self.problem.rows(x, free, threads)) else { return Ok(None) };
+        let shape = (found.residual.len(), free.iter().filter(|free| **free).count());
+        let jacobian = shaped(Array2::from_shape_vec(shape, found.jacobian))?;
+        Ok(Some((Array1::from_vec(found.residual).into_pyarray(py), jacobian.into_pyarray(py))))
+    }
+
+    /// Fits from each row of `starts` (n_starts, p); variables that are not `free` are held where they start.
+    #[allow(clippy::too_many_arguments)]
+    fn fit(
+        &self,
+        py: Python<'_>,
+        starts: PyReadonlyArray2<'_, f64>,
+        free: PyReadonlyArray1<'_, bool>,
+        tolerance: f64,
+        evaluations: usize,
+        threads: usize,
+    ) -> PyResult<Ends> {
+        let count = self.problem.count();
+        if starts.shape()[1] != count {
+            return Err(PyValueError::new_err(format!("starts: expected {count} columns")));
+        }
+        let (starts, free) = (c_contiguous("starts", &starts)?, self.free(&free)?);
+        let stop = Stop { tolerance, evaluations };
+        let ends = py.detach(|| self.problem.fit(starts, free, stop, threads)).map_err(CoreError::from)?;
+        let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
+        let size = (count + 1) * (count + 1);
+        let mut normal = vec![f64::NAN; ends.len() * size];
+        for (into, end) in normal.chunks_mut(size).zip(&ends) {
+            if end.normal.len() == size {
+                into.copy_from_slice(&end.normal);
+            }
+        }
+        let integers = |each: fn(&End) -> i64| -> Vec<i64> { ends.iter().map(each).collect() };
+        let normal = shaped(Array3::from_shape_vec((ends.len(), count + 1, count + 1), normal))?;
+        Ok(Ends {
+            x: shaped(Array2::from_shape_vec((ends.len(), count), x))?.into_pyarray(py).unbind(),
+            cost: ends.iter().map(|end| end.cost).collect::<Array1<f64>>().into_pyarray(py).unbind(),
+            evaluations: Array1::from_vec(integers(|end| end.evaluations as i64)).into_pyarray(py).unbind(),
+            status: Array1::from_vec(integers(|end| end.status as i64)).into_pyarray(py).unbind(),
+            normal: normal.into_pyarray(py).unbind(),
+        })
+    }
+}
+
+impl Problem {
+    fn add(&mut self, one: Observation) -> PyResult<()> {
+        Ok(self.problem.add(one).map_err(CoreError::from)?)
+    }
+
+    fn point<'a>(&self, x: &'a PyReadonlyArray1<'_, f64>) -> PyResult<&'a [f64]> {
+        self.right("x", contiguous("x", x.as_slice())?)
+    }
+
+    fn free<'a>(&self, free: &'a PyReadonlyArray1<'_, bool>) -> PyResult<&'a [bool]> {
+        self.right("free", contiguous("free", free.as_slice())?)
+    }
+
+    fn right<'a, T>(&self, name: &str, values: &'a [T]) -> PyResult<&'a [T]> {
+        let (found, expected) = (values.len(), self.problem.count());
+        if found == expected {
+            return Ok(values);
+        }
+        Err(PyValueError::new_err(format!("{name}: {found} values, expected {expected}")))
+    }
+}
