@@ -18,7 +18,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.conclusion import conclude
 from receptance.identification.fit import identify
 from receptance.identification.minimise import minimise
-from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.observations import MeasuredFRF, on_lines
 from receptance.identification.result import Identification, Start
 from receptance.identification.task import place_of
 
@@ -196,12 +196,7 @@ def thinned(model: Model, lines: int = EXPLORING) -> Model:
     def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
         if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
             return one
-        return altered(
-            one,
-            frequency_hz=one.frequency_hz[chosen],
-            receptance=one.receptance[chosen],
-            standard_deviation=one.standard_deviation[chosen],
-        )
+        return on_lines(one, chosen)
 
     pairs = zip(model.observations, telling_lines(model, lines), strict=True)
     return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))

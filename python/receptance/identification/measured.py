@@ -55,7 +55,7 @@ def observe(
         "response": places[0],
         "excitation": places[1],
         "standard_deviation": _spread(owner, entry, known, least, notes),
-        "correlated_lines": float(np.mean(entry.correlated_lines[known])),
+        "correlated_lines": entry.correlated_lines[known],
         "label": name,
         "notes": (*entry.notes, *notes),
     }

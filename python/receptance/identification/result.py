@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.identification import showing
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, on_lines
 from receptance.identification.prediction import Forecast, PredictedReceptance
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
@@ -154,13 +154,14 @@ class Identification:
     @property
     def independent_lines(self) -> float:
         """Effective number of independent lines and natural frequencies that were fitted."""
-        sizes = (len(r) / (1 if unit == "percent" else 2) for r, unit in zip(self.residuals, self.units, strict=True))
-        return float(
-            sum(
-                size / max(o.correlated_lines, 1.0) if isinstance(o, MeasuredFRF) else len(o.modes)
-                for size, o in zip(sizes, self.task.observed, strict=True)
-            )
-        )
+        total = 0.0
+        for index, one in enumerate(self.task.observed):
+            if isinstance(one, MeasuredFRF):
+                chosen = self.task.chosen(index)
+                total += (one if chosen is None else on_lines(one, chosen)).independent_lines
+            else:
+                total += len(one.modes)
+        return total
 
     def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a value, in SI units.

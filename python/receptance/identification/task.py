@@ -129,15 +129,20 @@ class Task:
         placed = self.placed[index]
         return MappedResidual(self._own(index, Addresses(placed.addresses)), placed)
 
+    def chosen(self, index: int) -> NDArray[np.bool_] | None:
+        """Return which lines of a measured FRF count; None for all."""
+        observation, bands = self.observed[index], self.bands
+        if isinstance(observation, MeasuredFrequencies):
+            return None
+        if bands is None and self.units[index] == "percent":
+            bands = find_bands(observation, width_percent=self.band_width_percent)
+        return None if bands is None else within(observation, bands)
+
     def _own(self, index: int, addressed: Variables | Addresses) -> Residual:
         observation, unit = self.observed[index], self.units[index]
         if isinstance(observation, MeasuredFrequencies):
             return FrequencyResidual(observation, addressed, unit)
-        bands = self.bands
-        if bands is None and unit == "percent":
-            bands = find_bands(observation, width_percent=self.band_width_percent)
-        chosen = None if bands is None else within(observation, bands)
-        return FRFResidual(observation, addressed, unit, chosen, self.threads)
+        return FRFResidual(observation, addressed, unit, self.chosen(index), self.threads)
 
     def _reduced(self, observation: Observation, residual: Residual) -> Residual:
         """Return the same residual compressed, where only one joint of the observation's assembly is unknown."""
