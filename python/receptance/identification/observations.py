@@ -211,8 +211,11 @@ class MeasuredFRF:
         """Return one entry of an FRF as an observation of an assembly.
 
         Converted to receptance, on the usable lines, complex ones where an exponential window was used. Standard
-        deviations are those of the FRF times the square root of its `correlated_lines`, because a fit takes lines as
-        independent. Lines at 0 Hz and lines of infinite variance are left out.
+        deviations are those of the FRF's `log_variance`, or of coherence and averages where it has none, pooled over
+        neighbouring lines, times the square root of its `correlated_lines`, because a fit takes lines as independent.
+        Where the variance follows the magnitude, that magnitude is taken from neighbouring lines, so that weights do
+        not follow the noise of their own line; variances with few degrees of freedom nu are enlarged by nu / (nu - 4).
+        Lines at 0 Hz and lines of infinite variance are left out.
 
         Parameters
         ----------
@@ -237,6 +240,11 @@ class MeasuredFRF:
         ------
         TypeError, ValueError
             No such entry, no usable line in the band, or a variance of zero without a floor.
+
+        Warns
+        -----
+        ReceptanceWarning
+            A coherence that gives no standard deviations, because `averages` is missing.
 
         Examples
         --------
