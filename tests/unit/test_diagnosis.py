@@ -97,6 +97,25 @@ def test_lines_that_are_correlated_unequally_are_adequate() -> None:
     assert worst.misfit < 6.0, worst
 
 
+def test_too_few_numbers_judge_nothing() -> None:
+    true = assembled(0.07)
+    found = true.natural_frequencies(60e3)
+    for count, answer in ((2, "undecided"), (4, "adequate")):
+        seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
+        verdict = diagnose(seen, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], most=1)
+        assert verdict.verdict == answer
+    seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
+    verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    assert verdict.adequacy.misfit < 1e-3
+    assert "1 degree of freedom is left, fewer than the 3 it takes" in verdict.summary()
+    assert "Nothing can be judged" in verdict.summary()
+    assert verdict.next_measurement is not None
+    # What one degree of freedom is enough to refute is refuted, but no cause is named for it.
+    seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
+    verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
+
+
 def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
     verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW)
     assert [one.id for one in verdict.causes] == ["calibration_gain"]

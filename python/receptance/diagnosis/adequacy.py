@@ -11,7 +11,10 @@ from receptance.diagnosis.fitting import Fit
 from receptance.identification.floor import Floor
 from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["GATE", "Adequacy", "Place", "Strain", "judge"]
+__all__ = ["FEWEST", "GATE", "Adequacy", "Place", "Strain", "judge"]
+
+FEWEST = 3
+"""Degrees of freedom below which a fit that passes says nothing of its model: of two, a misfit of 6.9 still passes."""
 
 GATE = 1.25
 """Misfit up to which noise models are believed to be no better themselves."""

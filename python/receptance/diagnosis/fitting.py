@@ -33,6 +33,7 @@ __all__ = [
     "Fit",
     "explore",
     "fit_base",
+    "numbers_of",
     "on_few_lines",
     "problem_of",
     "refit",
@@ -52,6 +53,13 @@ _EXPLORING_MOST = 30
 _BEGUN = 8
 _CONTINUED = 2
 """Every start may take so many evaluations, and so many of them go on."""
+
+
+def numbers_of(one: Observation) -> float:
+    """Return the effective number of independent observed numbers of an observation."""
+    if isinstance(one, MeasuredFRF):
+        return 2.0 * one.independent_lines
+    return float(one.frequency_hz.size + one.damped.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +122,7 @@ class Fit:
     @cached_property
     def independent(self) -> float:
         """Effective number of independent observed numbers."""
-        return sum(
-            2.0 * one.independent_lines
-            if isinstance(one, MeasuredFRF)
-            else float(one.frequency_hz.size + one.damped.size)
-            for one in self.model.observations
-        )
+        return sum(numbers_of(one) for one in self.model.observations)
 
     @cached_property
     def one_mode(self) -> bool:
@@ -143,10 +146,14 @@ class Fit:
         return True
 
     @property
-    def freedom(self) -> float:
+    def left(self) -> float:
         """Degrees of freedom: a prior counts as an observed number, so errors of tolerances cost none."""
-        free = sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
-        return max(self.independent - free, 1.0)
+        return self.independent - sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
+
+    @property
+    def freedom(self) -> float:
+        """The same, but at least one, to divide by."""
+        return max(self.left, 1.0)
 
     @property
     def misfit(self) -> float:
