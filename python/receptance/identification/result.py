@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.identification import showing
-from receptance.identification.observations import MeasuredFRF, on_lines
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.prediction import Forecast, PredictedReceptance
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
@@ -154,14 +154,8 @@ class Identification:
     @property
     def independent_lines(self) -> float:
         """Effective number of independent lines and natural frequencies that were fitted."""
-        total = 0.0
-        for index, one in enumerate(self.task.observed):
-            if isinstance(one, MeasuredFRF):
-                chosen = self.task.chosen(index)
-                total += (one if chosen is None else on_lines(one, chosen)).independent_lines
-            else:
-                total += len(one.modes)
-        return total
+        pairs = zip(self.task.observed, self.task.independent_numbers(), strict=True)
+        return sum(0.5 * n if isinstance(one, MeasuredFRF) else float(len(one.modes)) for one, n in pairs)
 
     def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a value, in SI units.
