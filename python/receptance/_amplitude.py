@@ -111,7 +111,7 @@ def force_amplitudes(force: ArrayLike | None, w: NDArray[Any], excitations: int)
     """
     if force is None:
         return None
-    array = np.asarray(force)
+    array = _checks.unmasked("", "force", force)
     if array.dtype.kind not in "iuf":
         raise TypeError(f"force has dtype {array.dtype}, expected real numbers in N")
     if array.shape not in ((), w.shape):

@@ -28,10 +28,30 @@ def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     return result
 
 
+class MaskedError(ValueError):
+    """Masked values where numbers are expected."""
+
+
+def unmasked(owner: str, quantity: str, value: Any, dtype: Any = None) -> NDArray[Any]:
+    """Return `np.asarray(value, dtype)`, or raise where values are masked: what is under a mask is no number."""
+    parts = value if isinstance(value, (list, tuple)) else (value,)
+    count = sum(int(np.count_nonzero(one.mask)) for one in parts if isinstance(one, np.ma.MaskedArray))
+    if count:
+        first = f"{owner}: {quantity}" if owner else quantity
+        raise MaskedError(
+            f"{first} has {count} masked value{'s' if count > 1 else ''}, expected an array without a mask: leave the "
+            "masked lines out of all arrays, as in frequency_hz[~mask], or put numbers there and say which lines of an "
+            "FRF are good with usable=~mask"
+        )
+    return np.asarray(value, dtype=dtype)
+
+
 def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
     """Return an array of some kinds of numbers, or raise."""
     try:
-        array = np.asarray(value)
+        array = unmasked(owner, quantity, value)
+    except MaskedError:
+        raise
     except ValueError:
         raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
     if array.dtype.kind not in kinds:
@@ -60,7 +80,7 @@ def frequencies(frequency_hz: ArrayLike) -> NDArray[np.float64] | NDArray[np.com
 
     It lies in memory as the core takes it, and may be the given array itself.
     """
-    array = np.asarray(frequency_hz)
+    array = unmasked("", "frequency_hz", frequency_hz)
     if array.dtype.kind not in "iufc":
         raise TypeError(f"frequency_hz has dtype {array.dtype}, expected real or complex numbers in Hz")
     if array.ndim > 1:

@@ -151,7 +151,7 @@ class MeasuredPart(Terminal):
         lines = _checks.frequencies(self.frequency_hz)
         if lines.dtype.kind == "c":
             raise TypeError(f"{owner}: frequency_hz is complex, expected real lines and decay_rate")
-        matrix = np.array(self.matrix, dtype=np.complex128)
+        matrix = _checks.unmasked(owner, "matrix", self.matrix, np.complex128).copy()
         if matrix.shape != (lines.size, 2, 2):
             raise ValueError(f"{owner}: matrix has shape {matrix.shape}, expected ({lines.size}, 2, 2)")
         _check_finite(owner, "matrix", matrix)
@@ -165,7 +165,7 @@ class MeasuredPart(Terminal):
             )
         arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines.astype(np.float64), "matrix": matrix}
         if self.covariance is not None:
-            arrays["covariance"] = np.array(self.covariance, dtype=np.complex128)
+            arrays["covariance"] = _checks.unmasked(owner, "covariance", self.covariance, np.complex128).copy()
             if arrays["covariance"].shape != (lines.size, 3, 3):
                 raise ValueError(
                     f"{owner}: covariance has shape {arrays['covariance'].shape}, expected ({lines.size}, 3, 3)"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from campaign_text import TEXT
-from receptance import FRF, MeasuredFRF, PointMass, campaign, examples
+from receptance import FRF, MeasuredFRF, PointMass, ReceptanceWarning, campaign, examples
 from receptance.campaign import Campaign, CampaignError
 from receptance.examples.simulated import FREE_FREE_JOINT, HAMMER_JOINT
 from receptance.io import TimeSeries, write
@@ -114,7 +114,16 @@ class TestFRF:
         hits = values() * (1.0 + 0.05 * (rng.standard_normal((10, 300)) + 1j * rng.standard_normal((10, 300))))
         coherence = np.abs(hits.mean(axis=0)) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence))
-        assert observed(tmp_path, 'file = "m.npz"').standard_deviation is None
+        with pytest.warns(ReceptanceWarning, match=r"measurements\.m: .*`averages = 10` say, and standard deviations"):
+            read = load(tmp_path, 'file = "m.npz"')
+        seen = read.measurements["m"].observation
+        assert isinstance(seen, MeasuredFRF)
+        assert seen.standard_deviation is None
+        with pytest.raises(CampaignError, match=r"no standard deviation.*not known how many .* `averages = 10` say"):
+            read.diagnose(causes=["sensor_mass"])
+        with pytest.warns(ReceptanceWarning, match="because averages is 1: the coherence of a single record is 1"):
+            load(tmp_path, 'file = "m.npz"\naverages = 1')
+        assert observed(tmp_path, 'file = "m.npz"\nignore_coherence = true').standard_deviation is None
         spread = observed(tmp_path, 'file = "m.npz"\naverages = 10').standard_deviation
         assert spread is not None
         assert spread == pytest.approx(np.full(300, 0.05 / np.sqrt(10.0)), rel=0.4)

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from campaign_text import TEXT, changed, load
+from receptance import FRF
 from receptance.campaign import CampaignError
 from receptance.campaign.draws import Draws
 from receptance.campaign.propagation import Where
 from receptance.cli import main
+from receptance.io import write
 from receptance.stability import Milling, TipModes, stability_lobes
 
 TIP = TipModes(frequency_hz=[922.0, 1900.0], damping_ratio=[0.03, 0.02], shapes=[[5.0, 0.0], [4.0, 0.0]])
@@ -137,6 +139,20 @@ def test_a_measured_tip_alone(tmp_path: Path) -> None:
         "measured, tip.csv",
         "nothing is known of the errors of tip and coefficients, so there is no band",
     ]
+
+
+def test_the_tip_of_a_measurement_has_the_variance_of_its_file(tmp_path: Path) -> None:
+    """The fit widens the standard deviations of correlated lines; the lobes draw such lines together instead."""
+    alike = np.where(LINES < 1000.0, 9.0, 1.0)
+    frf = FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0], log_variance=4e-4, correlated_lines=alike)
+    write(tmp_path / "tip.npz", frf)
+    measured = '[measurements.tip]\nkind = "frf"\nassembly = "short"\nfile = "tip.npz"\nquantity = "receptance"\n'
+    cut = MEASURED.replace('{ file = "tip.csv", standard_deviation = "2 %" }', '{ measurement = "tip" }')
+    read = load(tmp_path, changed(("[unknowns]", f"{measured}\n[unknowns]")) + cut)
+    tip = read.cuts["slot"].x.frf
+    assert tip is not None
+    np.testing.assert_allclose(tip.log_variance, 4e-4)
+    np.testing.assert_array_equal(tip.correlated_lines, alike)
 
 
 def test_predicted_tips(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from receptance import (
     CARBIDE,
+    FRF,
     STEEL,
     Assembly,
     Coordinate,
@@ -67,6 +68,52 @@ def test_nothing_hidden_is_adequate() -> None:
     assert verdict.verdict == "adequate"
     assert verdict.causes == ()
     assert verdict.extended is None
+
+
+def alike(share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return standard normal numbers of which as many neighbours are alike as it says."""
+    total = np.cumsum(np.pad(rng.normal(size=share.size + int(share.max())), (1, 0)))
+    first = np.arange(share.size)
+    return np.asarray((total[first + share] - total[first]) / np.sqrt(share))
+
+
+def test_lines_that_are_correlated_unequally_are_adequate() -> None:
+    # A third of the lines err as one of 24 neighbours, the others alone: 2 sum(1 / c) is expected of chi-square.
+    rng = np.random.default_rng(3)
+    correlated = np.where(np.arange(LINES.size) < 100, 24, 1)
+    data = []
+    for x in (0.05, 0.07, 0.09):
+        noise = 0.01 * (alike(correlated, rng) + 1j * alike(correlated, rng))
+        values = assembled(x).receptance(LINES) * np.exp(noise)
+        frf = FRF(frequency_hz=LINES, values=values, log_variance=1e-4, correlated_lines=correlated)
+        data.append(MeasuredFRF.from_frf(assembled(x), frf, label=f"{x}"))
+    assert [one.independent_lines for one in data] == pytest.approx([200.0 + 100.0 / 24.0] * 3)
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=FEW, most=1)
+    assert verdict.verdict == "adequate"
+    assert verdict.adequacy.misfit == pytest.approx(1.0, abs=0.15)
+    assert verdict.adequacy.smooth < 1.25
+    assert verdict.base.independent_lines == pytest.approx(612.5)
+    worst = verdict.adequacy.worst[0]
+    assert worst.misfit < 6.0, worst
+
+
+def test_too_few_numbers_judge_nothing() -> None:
+    true = assembled(0.07)
+    found = true.natural_frequencies(60e3)
+    for count, answer in ((2, "undecided"), (4, "adequate")):
+        seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
+        verdict = diagnose(seen, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], most=1)
+        assert verdict.verdict == answer
+    seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
+    verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    assert verdict.adequacy.misfit < 1e-3
+    assert "1 degree of freedom is left, fewer than the 3 it takes" in verdict.summary()
+    assert "Nothing can be judged" in verdict.summary()
+    assert verdict.next_measurement is not None
+    # What one degree of freedom is enough to refute is refuted, but no cause is named for it.
+    seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
+    verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
 
 
 def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:

@@ -7,8 +7,23 @@ import numpy as np
 import pytest
 
 from bar_frf import BAR, END, LINES, SLOPE, TIP, VALUES, make
-from receptance import FRF, Assembly, Coordinate, PointMass, ReceptanceWarning
+from receptance import (
+    FRF,
+    STEEL,
+    Assembly,
+    Coordinate,
+    MeasuredFrequencies,
+    MeasuredFRF,
+    Part,
+    PointMass,
+    ReceptanceWarning,
+    Segment,
+)
 from receptance.frf import Unplaced
+from receptance.frf.variance import pool_variance, variance_from_coherence
+from receptance.measurement import TimeRecords
+from receptance.modal import ring_down
+from receptance.stability import Milling, TipModes, stability_lobes
 
 
 def test_arrays_are_kept_as_documented():
@@ -360,3 +375,42 @@ def test_a_drive_point_as_declared_is_not_spoken_of():
         assert make().notes == ("first note",)
     with pytest.warns(ReceptanceWarning, match="drive point"):
         make(values=-VALUES)
+
+
+MASKED = np.ma.masked_array(np.linspace(1.0, 2.0, 100), mask=np.arange(100) == 7)
+
+
+@pytest.mark.parametrize("name", ["frequency_hz", "values", "coherence", "log_variance", "usable", "correlated_lines"])
+def test_masked_values_are_refused(name):
+    """What is under a mask is no number: a bad line would count like any other."""
+    masked = np.ma.masked_array(np.ones(100, dtype=bool), mask=MASKED.mask) if name == "usable" else MASKED
+    fields = {"frequency_hz": np.linspace(1.0, 2.0, 100), "values": np.ones(100), "averages": 3}
+    with pytest.raises(ValueError, match=f"{name} has 1 masked value, expected an array without a mask: leave"):
+        FRF(**(fields | {name: masked}))
+    # A mask under which nothing is hidden hides nothing.
+    shown = np.ma.masked_array(np.linspace(1.0, 2.0, 100), mask=np.zeros(100, dtype=bool))
+    assert FRF(**(fields | {"frequency_hz": shown})).frequency_hz.size == 100
+
+
+def test_masked_values_are_refused_wherever_arrays_come_in():
+    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    lines = np.linspace(1.0, 2.0, 100)
+    seen = {"assembly": bar, "frequency_hz": lines, "receptance": np.ones(100), "standard_deviation": 0.01}
+    for name in ("frequency_hz", "receptance", "standard_deviation", "force"):
+        with pytest.raises(ValueError, match=f"{name} has 1 masked value"):
+            MeasuredFRF(**(seen | {name: MASKED}))
+    with pytest.raises(ValueError, match="frequency_hz has 1 masked value"):
+        MeasuredFrequencies(assembly=bar, frequency_hz=MASKED[[0, 7]])
+    for call in (
+        lambda: bar.receptance(MASKED),
+        lambda: TimeRecords(
+            force=[MASKED, MASKED], response=np.ones((2, 100)), sample_rate_hz=1e3, quantity="velocity"
+        ),
+        lambda: variance_from_coherence(MASKED - 1.0, 5),
+        lambda: pool_variance(np.ones(100), MASKED, 4.0),
+        lambda: stability_lobes(Milling(teeth=2, k_t=6e8, k_n=2e8), lines, MASKED, speeds_rpm=[1e4]),
+        lambda: ring_down(MASKED, sample_rate_hz=1e3, low_hz=50.0, high_hz=100.0),
+        lambda: TipModes(frequency_hz=MASKED, damping_ratio=0.1 * lines, shapes=np.ones((100, 2))),
+    ):
+        with pytest.raises(ValueError, match="masked value"):
+            call()

@@ -5,7 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from receptance import FRF, Coordinate, MeasuredFRF, identify
+from receptance import FRF, Coordinate, MeasuredFRF, ReceptanceWarning, identify
+from receptance.diagnosis import diagnose
 from receptance.frf import Unplaced
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
 
@@ -71,17 +72,65 @@ def test_lines_band_mask_and_zero():
 
 
 def test_spread():
-    variance = np.linspace(1e-4, 4e-4, LINES.size)
-    frf = make(log_variance=variance, degrees_of_freedom=18)
-    observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0)
-    np.testing.assert_allclose(observed.standard_deviation, np.sqrt(variance))
-    correlated = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(correlated_lines=9.0), response=0)
-    np.testing.assert_allclose(correlated.standard_deviation, 3.0 * np.sqrt(variance))
-    floor = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0, floor=0.003)
-    np.testing.assert_allclose(floor.standard_deviation, np.sqrt(variance + 9e-6))
-    np.testing.assert_allclose(
-        MeasuredFRF.from_frf(ASSEMBLY, frf.to("accelerance"), response=0).standard_deviation, np.sqrt(variance)
-    )
+    frf = make(log_variance=1e-4)
+    for one, factor in (
+        (frf, 1.0),
+        (frf.with_(correlated_lines=9.0), 9.0),
+        # Estimated variances weigh wrongly: nu / (nu - 4).
+        (frf.with_(degrees_of_freedom=18), 18.0 / 14.0),
+        (frf.with_(degrees_of_freedom=3), 2.0),
+        (frf.with_(degrees_of_freedom=np.inf), 1.0),
+        (frf.to("accelerance"), 1.0),
+    ):
+        observed = MeasuredFRF.from_frf(ASSEMBLY, one, response=0)
+        np.testing.assert_allclose(observed.standard_deviation, np.sqrt(1e-4 * factor))
+    floor = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(degrees_of_freedom=18), response=0, floor=0.003)
+    np.testing.assert_allclose(floor.standard_deviation, np.sqrt(1e-4 * 18.0 / 14.0 + 9e-6))
+    # A variance that follows the receptance is steadied, by less than the noise itself.
+    variance = 1e-4 * np.exp(np.sin(LINES / 1e3))
+    observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
+    np.testing.assert_allclose(observed.standard_deviation, np.sqrt(variance), rtol=0.02)
+
+
+# Neighbours that are independent are further away where lines are correlated, and tell less.
+@pytest.mark.parametrize(("correlated", "left"), [(1, 0.4), (6, 0.8)])
+def test_weights_do_not_follow_the_noise_of_their_own_line(correlated, left):
+    """Additive noise over the measured magnitude would weigh lines more that noise has made larger."""
+    rng = np.random.default_rng(4)
+    clean = ASSEMBLY.receptance(LINES)
+    level = 0.1 * np.median(np.abs(clean))
+    quiet = level < 0.3 * np.abs(clean)
+    biases, steadied = [], []
+    for draw in range(20):
+        if draw % 2 == 0:  # each noise with both signs, so that what is odd in it cancels
+            parts = np.cumsum(rng.standard_normal((2, LINES.size + correlated)), axis=1) / np.sqrt(correlated)
+            noise = level * ((parts[0] + 1j * parts[1])[correlated:] - (parts[0] + 1j * parts[1])[:-correlated])
+        measured = clean + (-1.0) ** draw * noise
+        frf = FRF(frequency_hz=LINES, values=measured, log_variance=(level / np.abs(measured)) ** 2)
+        seen = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(correlated_lines=correlated))
+        error = np.log(np.abs(measured / clean))
+        biases.append(np.mean((error / (level / np.abs(measured)) ** 2)[quiet]))
+        steadied.append(correlated * np.mean((error / seen.standard_deviation**2)[quiet]))
+        ratio = seen.standard_deviation**2 / correlated / (level / np.abs(clean)) ** 2
+        assert np.median(np.abs(np.log(ratio[quiet]))) < 0.1
+    # Of every line 2, whatever its noise is.
+    assert np.mean(biases) == pytest.approx(2.0, abs=0.3)
+    assert abs(np.mean(steadied)) < left
+
+
+def test_a_coherence_gives_the_spread_with_averages_and_says_what_is_missing_without():
+    rng = np.random.default_rng(5)
+    hits = ASSEMBLY.receptance(LINES) * (1.0 + 0.03 * (rng.normal(size=(8, 1200)) + 1j * rng.normal(size=(8, 1200))))
+    coherence = np.abs(hits.mean(axis=0)) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
+    frf = FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence)
+    seen = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(averages=8))
+    assert np.median(seen.standard_deviation) == pytest.approx(0.03 / np.sqrt(8.0), rel=0.1)
+    with pytest.warns(ReceptanceWarning, match="the coherence is not used, because it is not known how many records"):
+        without = MeasuredFRF.from_frf(ASSEMBLY, frf)
+    assert without.standard_deviation is None
+    assert any("`averages = 10` say" in note for note in without.notes)
+    with pytest.raises(ValueError, match=r"has no standard deviation.*`averages = 10` say"):
+        diagnose(without, STIFFNESSES)
 
 
 def test_correlated_lines_make_errors_honest():

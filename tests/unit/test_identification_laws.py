@@ -109,6 +109,24 @@ def test_what_follows_a_law_has_its_powers_and_its_individual_parts():
         Parameters([Law(address="joint.k_y", lower=1.0, upper=2.0, follows={"joint.k_both": 0.5})], [], places)
 
 
+def test_an_unknown_reaches_assemblies_that_were_not_observed():
+    true, spare = (
+        assembled(k_theta=1.3e5),
+        Part([Segment(length=0.1, outer_diameter=0.0127, material=CARBIDE)], name="spare"),
+    )
+    held_out = Assembly([spare, PointJoint(k_y=6.3e8, k_theta=1e5, name="other"), true.elements["holder"]])
+    data = MeasuredFrequencies(
+        assembly=assembled(), frequency_hz=true.natural_frequencies(8e3), standard_deviation_hz=1.0
+    )
+    unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7, also={"other.k_theta": 0.5})
+    found = identify(data, unknown)
+    assert found.values["joint.k_theta"] == pytest.approx(1.3e5, rel=1e-3)
+    assert found.apply(held_out).get("other.k_theta") == pytest.approx(0.65e5, rel=1e-3)
+    assert any("no observation's assembly has other.k_theta; it matters for predictions" in n for n in found.notes)
+    with pytest.raises(ValueError, match=r"no observation's assembly has other\.k_theta"):
+        identify(data, Unknown(address="other.k_theta", lower=1e3, upper=1e7, also={"other.k_y": 1e4}))
+
+
 def test_a_power_law_is_found_over_overhangs():
     law = Power(of="tool.segment[0].length", reference=0.0623)
     observations = []

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from receptance import Assembly, Part, PointJoint
+from receptance import FRF, Assembly, Part, PointJoint
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, identify
 from receptance.identification.spread import covariance_of, quantile
-from tool_in_holder import STIFFNESSES, TRUE, make_assembly, simulate, simulate_modes
+from tool_in_holder import LINES, STIFFNESSES, TRUE, make_assembly, simulate, simulate_modes
 
 SEED = 20160229
 
@@ -160,6 +160,40 @@ def test_a_bound_in_the_way_is_said():
     assert result.values["joint.k_y"] <= 2e8
     assert any("joint.k_y is at its upper bound 2e+08" in text for text in result.advice)
     assert any("times what the standard deviations explain" in text for text in result.advice)
+
+
+def test_data_that_count_twice_are_said():
+    """The same FRF under two names, or another band of it: its noise is not averaged by counting it again."""
+    rng = np.random.default_rng(8)
+    true = make_assembly()
+    noise = 0.01 * (rng.normal(size=(2, LINES.size)) + 1j * rng.normal(size=(2, LINES.size)))
+    values = true.receptance(LINES) * np.exp(noise)
+    frfs = [FRF(frequency_hz=LINES, values=v, log_variance=1e-4) for v in (values[0], values[0], values[1])]
+    first, again, other = (
+        MeasuredFRF.from_frf(true, f, label=name) for f, name in zip(frfs, ("first", "again", "other"), strict=True)
+    )
+    part = MeasuredFRF.from_frf(true, frfs[0], high_hz=2000.0, label="part")
+    for two, said in (([first, again], "first and again"), ([first, part], "first and part"), ([first, other], "")):
+        advice = [text for text in identify(two, STIFFNESSES, starts=1).advice if "counts twice" in text]
+        assert [text.split(" have")[0] for text in advice] == ([said] if said else [])
+    modes = simulate_modes(make_assembly(), standard_deviation_hz=5.0)
+    assert any("counts twice" in text for text in identify([modes, modes], STIFFNESSES, starts=1).advice)
+
+
+@pytest.mark.parametrize("correlated", [1, 16])
+def test_standard_deviations_that_are_far_off_are_said(correlated):
+    """Residuals are judged for independent lines: correlated ones are all smaller than their widened deviation."""
+    rng = np.random.default_rng(9)
+    true = make_assembly()
+    total = np.cumsum(rng.normal(size=(2, LINES.size + correlated)), axis=1) / np.sqrt(correlated)
+    noise = 0.01 * (total[:, correlated:] - total[:, :-correlated])
+    values = true.receptance(LINES) * np.exp(noise[0] + 1j * noise[1])
+    for stated, words in ((0.01, ""), (1.0, "residuals are only 0.0"), (0.003, "residuals are 3.")):
+        frf = FRF(frequency_hz=LINES, values=values, log_variance=stated**2, correlated_lines=correlated)
+        found = identify(MeasuredFRF.from_frf(true, frf), STIFFNESSES, starts=1)
+        said = [text for text in found.advice if "standard deviations explain" in text]
+        assert len(said) == bool(words), said
+        assert words in "".join(said)
 
 
 def test_not_converging_is_a_field_with_advice():

@@ -107,6 +107,13 @@ def test_draws_of_a_measured_receptance_have_its_variance() -> None:
             own = part[:, :, column]
             assert np.mean(own[:, 1:] * own[:, :-1]) / np.mean(own**2) == pytest.approx(alike, abs=0.02)
     assert not receptance_draws(x, y, draws=1)[0, :, 0, 1].any()
+    # Lines that are correlated unequally, each as it says.
+    unequal = x.with_(correlated_lines=np.where(np.arange(LINES.size) < LINES.size // 2, 8.0, 1.0))
+    drawn = np.log(receptance_draws(unequal, draws=60, seed=1)[:, :, 0, 0] / values[:, 0, 0]).real
+    half = LINES.size // 2
+    np.testing.assert_allclose([drawn[:, :half].std(), drawn[:, half:].std()], 0.02, rtol=0.05)
+    for own, share in ((drawn[:, :half], 7.0 / 8.0), (drawn[:, half:], 0.0)):
+        assert np.mean(own[:, 1:] * own[:, :-1]) / np.mean(own**2) == pytest.approx(share, abs=0.03)
 
 
 @pytest.mark.slow

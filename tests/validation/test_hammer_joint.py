@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 
 import hammer_joint
-from receptance import Assembly, Coordinate, Material, MeasuredFRF, Part, PointJoint, Segment, Unknown, identify
+from receptance import (
+    Assembly,
+    Coordinate,
+    Material,
+    MeasuredFRF,
+    Part,
+    PointJoint,
+    Segment,
+    Unknown,
+    campaign,
+    examples,
+    identify,
+)
 from receptance.errors import ReceptanceWarning
 from receptance.measurement import TimeRecords, estimate_frf
 
@@ -44,6 +56,16 @@ def test_the_simulated_structure_is_the_one_that_is_identified():
     for decay_rate in (0.0, DECAY_RATE):
         wave = assembly.receptance(lines - 1j * decay_rate / (2.0 * np.pi))
         np.testing.assert_allclose(structure().receptance(lines, decay_rate), wave, rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::receptance.errors.ReceptanceWarning")
+def test_the_packaged_hammer_campaign_is_adequate(tmp_path):
+    """Its lines are correlated unequally, from 4 to 170 count as one, and its model is exact."""
+    examples.write("hammer", tmp_path)
+    found = campaign.load(tmp_path).diagnose(causes=["sensor_mass"], threads=1)
+    assert found.verdict.verdict == "adequate"
+    assert found.verdict.adequacy.misfit == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.slow

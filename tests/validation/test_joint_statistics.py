@@ -11,6 +11,7 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import coherence_coverage
 import joint_coverage
 import joint_global_optimum
 
@@ -82,6 +83,18 @@ def test_intervals_hold_the_truth(summarise):
     for row in rows:
         assert row["p_value"] > joint_coverage.REJECTED_AT, text
         assert row["rank_p_value"] > joint_coverage.REJECTED_AT, text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pooled", [True, False])
+def test_intervals_hold_the_truth_where_the_noise_is_estimated(pooled, summarise):
+    """Data of finite elements; variances from coherence, as they are or pooled over neighbouring lines."""
+    found = np.array([coherence_coverage.scores(SEED, case, pooled=pooled) for case in range(200)])
+    rows, text = coherence_coverage.report(found)
+    summarise(f"coherence coverage, {'pooled' if pooled else 'alone'}", f"seed {SEED}, 200 cases\n{text}", rows)
+    for row in rows:
+        assert row["p_value"] > coherence_coverage.REJECTED_AT, text
+    assert np.all(np.abs(found.mean(axis=0)) < 3.0 / np.sqrt(len(found))), text
 
 
 @pytest.mark.slow

@@ -149,7 +149,8 @@ def _measured(measured: Measurement, workshop: Workshop, path: Path) -> FRF:
         raise ValueError(f'is "{measured.name}", a rotation or of a moment, expected a translation over a force')
     if measured.sensor is not None:
         workshop.note(path, f"the mass of {measured.sensor} is in it, which was on the tip when it was measured")
-    variance = None if seen.standard_deviation is None else seen.standard_deviation**2
+    # The variance of an FRF is that of each line alone.
+    variance = None if seen.standard_deviation is None else seen.standard_deviation**2 / seen.correlated_lines
     return FRF(
         frequency_hz=seen.frequency_hz,
         values=seen.receptance,

@@ -127,6 +127,8 @@ def diagnose_campaign(
 ) -> CampaignDiagnosis:
     """Diagnose a campaign; see `Campaign.diagnose`."""
     from receptance.diagnosis import diagnose
+    from receptance.diagnosis.adequacy import FEWEST
+    from receptance.diagnosis.fitting import numbers_of
     from receptance.diagnosis.held_out import improvement
     from receptance.studies._provenance import versions
 
@@ -136,11 +138,12 @@ def diagnose_campaign(
         raise CampaignError.about(campaign.file, "there is nothing to diagnose, expected `measurements`")
     notes = list(campaign.notes)
     seen, kept_back = dict(campaign.to_identify), dict(campaign.held_out)
-    numbers = sum(one.observation.frequency_hz.size for one in seen.values())
-    if kept_back and numbers <= len(campaign.unknowns):
+    numbers = sum(numbers_of(one.observation) for one in seen.values())
+    if kept_back and numbers - len(campaign.unknowns) < FEWEST:
         notes.append(
-            f"the {numbers} numbers to identify from leave nothing to judge {len(campaign.unknowns)} unknowns by, so "
-            "the diagnosis sees what is held out as well; improvement is measured on assemblies left out in turn"
+            f"{numbers:.3g} numbers to identify {len(campaign.unknowns)} unknowns from leave too little to judge the "
+            "model by, so the diagnosis uses what is held out as well; improvement is measured on assemblies left out "
+            "in turn"
         )
         notes += _as_split(campaign)
         seen, kept_back = dict(campaign.measurements), {}

@@ -26,7 +26,7 @@ from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import changed
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered, on_lines
 from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import covered
 
@@ -326,9 +326,7 @@ def _as_seen(model: Model, diagnosed: Model) -> Model:
         other = seen.get(one.label)
         if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
             good = np.isin(one.frequency_hz, other.frequency_hz)
-            spread = one.standard_deviation
-            lines = {"frequency_hz": one.frequency_hz[good], "receptance": one.receptance[good]}
-            kept.append(altered(one, **lines, standard_deviation=None if spread is None else spread[good]))
+            kept.append(on_lines(one, good))
         elif other is not None:
             kept.append(one)
     places = [place_of(one, i) for i, one in enumerate(kept)]

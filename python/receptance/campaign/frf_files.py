@@ -107,13 +107,9 @@ def weighed(frf: FRF, share: float | None) -> FRF:
     """
     if share is not None:
         return frf.with_(log_variance=share**2, degrees_of_freedom=None)
-    if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
-        return frf
-    from receptance.frf.variance import pool_variance, variance_from_coherence
+    from receptance.frf.variance import with_variance
 
-    variance, freedom = variance_from_coherence(frf.coherence[:, 0, 0], frf.averages)
-    pooled, known = pool_variance(frf.values[:, 0, 0], variance, freedom, correlated_lines=frf.correlated_lines)
-    return frf.with_(log_variance=pooled, degrees_of_freedom=known)
+    return with_variance(frf)
 
 
 def placed(frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excitation: Coordinate, name: str) -> FRF:

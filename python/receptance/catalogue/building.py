@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
 from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.campaign.building import build_segment
@@ -192,7 +193,7 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Eff
     >>> errors_of("spindle", ["spindle.a", "spindle.b"], [[4.0, 0.0], [0.0, 1.0]])
     {'spindle, error 1': {'spindle.a': 2.0}, 'spindle, error 2': {'spindle.b': 1.0}}
     """
-    matrix = np.asarray(covariance, dtype=np.float64)
+    matrix = _checks.unmasked(f"errors of {name}", "covariance", covariance, np.float64)
     if matrix.shape != (len(addresses), len(addresses)) or not np.isfinite(matrix).all():
         raise ValueError(
             f"errors of {name}: covariance has shape {matrix.shape}, expected finite {(len(addresses),) * 2}"

@@ -11,7 +11,10 @@ from receptance.diagnosis.fitting import Fit
 from receptance.identification.floor import Floor
 from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["GATE", "Adequacy", "Place", "Strain", "judge"]
+__all__ = ["FEWEST", "GATE", "Adequacy", "Place", "Strain", "judge"]
+
+FEWEST = 3
+"""Degrees of freedom below which a fit that passes says nothing of its model: of two, a misfit of 6.9 still passes."""
 
 GATE = 1.25
 """Misfit up to which noise models are believed to be no better themselves."""
@@ -128,25 +131,25 @@ class Adequacy:
 def judge(fit: Fit) -> Adequacy:
     """Return how well a fit explains its data."""
     freedom = fit.freedom
-    blocks: list[NDArray[np.float64]] = []
+    smooth = expected = 0.0
     worst = []
     parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
     for one, residual in zip(fit.model.observations, parts, strict=False):
         if isinstance(one, MeasuredFRF):
             pair = residual.reshape(2, -1)
-            blocks.append(_blocks(one, pair))
+            of_blocks = _blocks(one, pair)
+            smooth, expected = smooth + of_blocks[0], expected + of_blocks[1]
             worst.append(_worst(one, pair))
         else:
             at = int(np.argmax(np.abs(residual)))
             places = np.append(one.frequency_hz, one.frequency_hz[one.damped])
             frequency = float(places[at])
             worst.append(Place(one.label or one.configuration, frequency, frequency, float(residual[at] ** 2)))
-    smooth = np.concatenate(blocks) if blocks else np.ones(0)
     return Adequacy(
         misfit=fit.misfit,
         limit=max(GATE, _quantile(freedom)),
-        smooth=float(np.mean(smooth)) if smooth.size else 1.0,
-        smooth_limit=max(GATE, _quantile(float(smooth.size))) if smooth.size else GATE,
+        smooth=smooth / expected if expected else 1.0,
+        smooth_limit=max(GATE, _quantile(expected)) if expected else GATE,
         worst=tuple(sorted(worst, key=lambda place: -place.misfit)),
         strain=_strain(fit),
     )
@@ -195,23 +198,30 @@ def _quantile(freedom: float) -> float:
     return float(chdtri(freedom, _RARE)) / freedom
 
 
-def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return squares of sums of neighbouring residuals, as multiples of their expectation."""
+def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the sum of squares of sums of neighbouring residuals, and how many independent ones there are.
+
+    Each square is divided by its expectation for lines that are independent or correlated over less than a block. Where
+    c lines are correlated, a residual has the variance 1 / c. A block that is shorter than c lines then has _BLOCK / c
+    of that expectation, and counts as so much of an independent block.
+    """
     if one.standard_deviation is None or pair.shape[1] < 2 * _BLOCK:
-        return np.ones(0)
+        return 0.0, 0.0
     count = pair.shape[1] // _BLOCK
     cut = count * _BLOCK
     sums = pair[:, :cut].reshape(2, count, _BLOCK).sum(axis=2) / np.sqrt(_BLOCK)
     variance = one.standard_deviation**2
     floor = Floor().variance(one.frequency_hz.real, one.receptance, variance)
     share = (np.minimum(floor, variance) / variance)[:cut].reshape(count, _BLOCK).mean(axis=1)
-    result: NDArray[np.float64] = (sums**2 / (1.0 - share + _BLOCK * share)).reshape(-1)
-    return result
+    alone = np.minimum(1.0, _BLOCK * (1.0 / one.correlated_lines)[:cut].reshape(count, _BLOCK).mean(axis=1))
+    squares = sums**2 / (1.0 - share + _BLOCK * share / alone)
+    return float(np.sum(squares)), 2.0 * float(np.sum(alone))
 
 
 def _worst(one: MeasuredFRF, pair: NDArray[np.float64]) -> Place:
     lines = np.array_split(np.arange(pair.shape[1]), min(_BAND, pair.shape[1]))
-    sizes = [float(np.mean(pair[:, own] ** 2)) * max(one.correlated_lines, 1.0) for own in lines]
+    expected = 1.0 / one.correlated_lines
+    sizes = [float(np.mean(pair[:, own] ** 2) / np.mean(expected[own])) for own in lines]
     at = int(np.argmax(sizes))
     frequency = one.frequency_hz.real[lines[at]]
     return Place(one.label or one.configuration, float(frequency[0]), float(frequency[-1]), sizes[at])

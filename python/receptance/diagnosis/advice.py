@@ -110,6 +110,11 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
     """
     if judgement.answer in ("adequate", "named"):
         return None
+    if judgement.answer == "undecided":
+        return NextMeasurement(
+            action="measure further modes, or another overhang",
+            reason="hardly more numbers were measured than are fitted, so nothing is left to judge the model by",
+        )
     if len(selection.base.model.configurations) == 1:
         return NextMeasurement(
             action="measure another overhang", reason="one configuration cannot tell the joint from the parts"

@@ -22,6 +22,7 @@ from receptance.diagnosis.selection import select
 from receptance.diagnosis.usable import usable
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.identification.laws import Tolerance
+from receptance.identification.measured import UNUSED_COHERENCE
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.result import Identification
 from receptance.identification.task import Observation
@@ -152,9 +153,10 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
             raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
         spread = one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz
         if spread is None:
+            said = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
             raise ValueError(
-                f"{one!r} has no standard deviation: without knowing how far noise can go, nothing can be said of "
-                "what is left"
+                f"{one!r} has no standard deviation, and without one nothing can be said of what is left; "
+                + (said[0] if said else "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF")
             )
     return found
 

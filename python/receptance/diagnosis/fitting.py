@@ -18,7 +18,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.conclusion import conclude
 from receptance.identification.fit import identify
 from receptance.identification.minimise import minimise
-from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.observations import MeasuredFRF, on_lines
 from receptance.identification.result import Identification, Start
 from receptance.identification.task import place_of
 
@@ -33,6 +33,7 @@ __all__ = [
     "Fit",
     "explore",
     "fit_base",
+    "numbers_of",
     "on_few_lines",
     "problem_of",
     "refit",
@@ -52,6 +53,13 @@ _EXPLORING_MOST = 30
 _BEGUN = 8
 _CONTINUED = 2
 """Every start may take so many evaluations, and so many of them go on."""
+
+
+def numbers_of(one: Observation) -> float:
+    """Return the effective number of independent observed numbers of an observation."""
+    if isinstance(one, MeasuredFRF):
+        return 2.0 * one.independent_lines
+    return float(one.frequency_hz.size + one.damped.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +122,7 @@ class Fit:
     @cached_property
     def independent(self) -> float:
         """Effective number of independent observed numbers."""
-        return sum(
-            2.0 * one.independent_lines
-            if isinstance(one, MeasuredFRF)
-            else float(one.frequency_hz.size + one.damped.size)
-            for one in self.model.observations
-        )
+        return sum(numbers_of(one) for one in self.model.observations)
 
     @cached_property
     def one_mode(self) -> bool:
@@ -143,10 +146,14 @@ class Fit:
         return True
 
     @property
-    def freedom(self) -> float:
+    def left(self) -> float:
         """Degrees of freedom: a prior counts as an observed number, so errors of tolerances cost none."""
-        free = sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
-        return max(self.independent - free, 1.0)
+        return self.independent - sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
+
+    @property
+    def freedom(self) -> float:
+        """The same, but at least one, to divide by."""
+        return max(self.left, 1.0)
 
     @property
     def misfit(self) -> float:
@@ -196,12 +203,7 @@ def thinned(model: Model, lines: int = EXPLORING) -> Model:
     def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
         if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
             return one
-        return altered(
-            one,
-            frequency_hz=one.frequency_hz[chosen],
-            receptance=one.receptance[chosen],
-            standard_deviation=one.standard_deviation[chosen],
-        )
+        return on_lines(one, chosen)
 
     pairs = zip(model.observations, telling_lines(model, lines), strict=True)
     return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from receptance.diagnosis.adequacy import judge
+from receptance.diagnosis.adequacy import FEWEST, judge
 from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.verdict import Answer
@@ -35,7 +35,8 @@ class Judgement:
 def conclude(selection: Selection) -> Judgement:
     """Return the answer.
 
-    1. Where no cause gains more than chance, the base is adequate if it passes the gate, else unexplained.
+    1. Where no cause gains more than chance, the base is adequate if it passes the gate, else unexplained. With fewer
+       than three degrees of freedom it passes whatever it lacks: undecided.
     2. Only what passes the gate itself may explain; nothing does: unexplained.
     3. All within the margin of the best evidence are reported, without what only adds to another one of them, or adds
        something to any other that is too small for anyone to mean.
@@ -110,6 +111,8 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     rival = next((other for other in selection.rivals if other.evidence >= one.evidence), None)
     if rival is not None:
         yield f"{_described(rival)} does as well as {name}, so it is a suspicion"
+    if one.fit.left < FEWEST:
+        yield f"{name}: {_few(one.fit)} to judge it, so it is a suspicion"
     strain = one.adequacy.strain
     if strain.chance < _HARDLY:
         far = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
@@ -160,10 +163,22 @@ def _nothing(selection: Selection) -> Judgement:
     adequacy = judge(selection.base)
     if not selection.base.converged:
         return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
+    if adequacy.passed and selection.base.left < FEWEST:
+        note = f"{_few(selection.base)} to judge the model: measure further modes, another overhang, or an FRF"
+        return Judgement("undecided", (), (), (note,))
     if adequacy.passed:
         return Judgement("adequate", (), (), ())
     note = f"the base model {adequacy.why_not}, and no cause helps"
     return Judgement("unexplained", (), (), (note,))
+
+
+def _few(fit: Fit) -> str:
+    free, left = round(fit.independent - fit.left), max(fit.left, 0.0)
+    return (
+        f"{fit.independent:.3g} independent numbers were measured for {free} unknown{'s' if free != 1 else ''}: "
+        f"{left:.3g} degree{' of freedom is' if left == 1 else 's of freedom are'} left, fewer than the {FEWEST} it "
+        "takes"
+    )
 
 
 def _adds_nothing(one: Explanation, other: Explanation) -> bool:

@@ -14,6 +14,7 @@ __all__ = ["SENTENCE", "as_dict", "as_text", "gained", "improved", "sizes", "wan
 _SHOWN = 6
 SENTENCE = {
     "adequate": "The model is adequate: noise, floor and tolerances explain what is left.",
+    "undecided": "Nothing can be judged: hardly more numbers were measured than are fitted.",
     "named": "The model lacks something, and the data say what.",
     "suspected": "Something may be missing; one cause is suspected, no more.",
     "ambiguous": "The model lacks something; these data cannot tell which of several causes it is.",

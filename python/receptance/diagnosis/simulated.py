@@ -287,7 +287,7 @@ def _frf(model: Model, index: int) -> MeasuredFRF:
     one = model.observations[index]
     assert isinstance(one, MeasuredFRF)
     spread = np.full(one.frequency_hz.size, float(np.median(np.asarray(one.standard_deviation))))
-    return altered(one, standard_deviation=spread, correlated_lines=1.0, force=None)
+    return altered(one, standard_deviation=spread, correlated_lines=np.ones_like(spread), force=None)
 
 
 def at_the_nose(model: Model, index: int) -> MeasuredFRF | None:

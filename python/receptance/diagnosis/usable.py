@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.model import Model
-from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.observations import MeasuredFRF, on_lines
 from receptance.identification.task import Observation, place_of
 
 __all__ = ["NOISIEST", "usable"]
@@ -46,7 +46,7 @@ def usable(model: Model) -> tuple[Model, tuple[str, ...]]:
             name = one.label or place_of(one, index).configuration or f"observation {index}"
             dropped.append(f"{name} ({count} of {good.size})")
             continue
-        kept.append(one if good.all() else _with(one, good))
+        kept.append(one if good.all() else on_lines(one, good))
     if lost:
         notes.append(
             f"{lost} of {total} lines are left out: the standard deviation of their logarithm, or of the same line in "
@@ -85,14 +85,3 @@ def _good(model: Model) -> list[NDArray[np.bool_] | None]:
             for i in indices:
                 result[i] = common
     return result
-
-
-def _with(one: MeasuredFRF, good: NDArray[np.bool_]) -> MeasuredFRF:
-    spread, force = one.standard_deviation, one.force
-    return altered(
-        one,
-        frequency_hz=one.frequency_hz[good],
-        receptance=one.receptance[good],
-        standard_deviation=None if spread is None else spread[good],
-        force=None if force is None else force[good],
-    )

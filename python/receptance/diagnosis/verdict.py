@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Answer", "Candidate", "Gain", "NextMeasurement", "Verdict"]
 
-Answer = Literal["adequate", "named", "suspected", "ambiguous", "unexplained"]
+Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "unexplained"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +129,7 @@ class Verdict:
 
     Attributes
     ----------
-    verdict : {"adequate", "named", "suspected", "ambiguous", "unexplained"}
+    verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "unexplained"}
         The answer.
     causes : tuple of Candidate
         The reported ones, the best evidence first; none where the model is adequate or nothing explains the data.

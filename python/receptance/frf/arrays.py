@@ -145,7 +145,7 @@ def mask(owner: str, value: ArrayLike | None, n: int) -> NDArray[np.bool_] | Non
     """Return which lines are usable, `(n,)`."""
     if value is None:
         return None
-    array = np.asarray(value)
+    array = _checks.unmasked(owner, "usable", value)
     if array.dtype.kind != "b" or array.shape != (n,):
         raise ValueError(
             f"{owner}: usable has dtype {array.dtype} and shape {array.shape}, "

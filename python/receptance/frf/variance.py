@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from receptance.frf.frf import FRF
 
-__all__ = ["half_width_of", "pool_entries", "pool_variance", "variance_from_coherence"]
+__all__ = ["half_width_of", "pool_entries", "pool_variance", "variance_from_coherence", "with_variance"]
 
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _ENOUGH = 60.0
@@ -77,6 +77,15 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
         return (1.0 - quality) / (2.0 * (n - 1) * quality), 2.0 * (n - 1)
 
 
+def with_variance(frf: FRF) -> FRF:
+    """Return an FRF of one entry with the variance of its coherence, pooled; as it is where it has one, or cannot."""
+    if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
+        return frf
+    variance, freedom = variance_from_coherence(frf.coherence[:, 0, 0], frf.averages)
+    pooled, known = pool_variance(frf.values[:, 0, 0], variance, freedom, correlated_lines=frf.correlated_lines)
+    return frf.with_(log_variance=pooled, degrees_of_freedom=known)
+
+
 def pool_variance(
     values: NDArray[np.complex128],
     log_variance: NDArray[np.float64],
@@ -119,10 +128,14 @@ def pool_variance(
     >>> bool(pooled.std() < 0.4 * (1e-4 * scatter).std()), bool(freedom[200] > 60.0)
     (True, True)
     """
-    own = np.array(np.broadcast_to(np.asarray(degrees_of_freedom, dtype=np.float64), values.shape))
-    known = np.isfinite(log_variance) & np.isfinite(own) & (values != 0.0)
-    result = np.array(log_variance, dtype=np.float64)
-    alike = np.broadcast_to(np.asarray(correlated_lines, dtype=np.float64), values.shape)[known]
+    owner = "pool_variance"
+    values = _checks.unmasked(owner, "values", values)
+    result = _checks.unmasked(owner, "log_variance", log_variance, np.float64).copy()
+    freedoms = _checks.unmasked(owner, "degrees_of_freedom", degrees_of_freedom, np.float64)
+    own = np.array(np.broadcast_to(freedoms, values.shape))
+    known = np.isfinite(result) & np.isfinite(own) & (values != 0.0)
+    shares = _checks.unmasked(owner, "correlated_lines", correlated_lines, np.float64)
+    alike = np.broadcast_to(shares, values.shape)[known]
     gain = np.abs(values[known]) ** 2
     gain /= gain.max(initial=np.finfo(float).tiny)
     scatter = result[known] * gain

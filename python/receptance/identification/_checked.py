@@ -67,7 +67,7 @@ def spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) 
 
 
 def mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
-    array = np.asarray(modes)
+    array = _checks.unmasked(owner, "modes", modes)
     if array.ndim != 1 or array.dtype.kind not in "iu":
         raise TypeError(f"{owner}: modes is {modes!r}, expected a list of whole numbers")
     if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):

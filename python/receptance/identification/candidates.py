@@ -238,7 +238,7 @@ def natural_slopes(
 
 
 def _lines(owner: str, lines: ArrayLike | None) -> NDArray[Any]:
-    found = np.atleast_1d(np.asarray(lines))
+    found = np.atleast_1d(_checks.unmasked(owner, "frequency_hz", lines))
     good = found.ndim == 1 and found.size and found.dtype.kind in "iufc" and np.isfinite(found).all()
     if not good or not np.all(found.real > 0.0) or not np.all(np.diff(found.real) > 0.0):
         raise ValueError(f"{owner}: frequency_hz is {lines!r}, expected ascending lines above zero")
@@ -254,7 +254,7 @@ def _modes(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
 
 
 def _deviation(owner: str, name: str, value: ArrayLike, count: int) -> NDArray[np.float64]:
-    found = np.asarray(value, dtype=np.float64)
+    found = _checks.unmasked(owner, name, value, np.float64)
     if found.ndim > 1 or (found.ndim == 1 and found.size != count):
         raise ValueError(f"{owner}: {name} has shape {found.shape}, expected one number or {count}")
     if not (np.isfinite(found).all() and np.all(found > 0.0)):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
 from receptance.identification.spread import covariance_of, variance_factor
 from receptance.identification.unknowns import Variables
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.problem import Problem
-    from receptance.identification.task import Task
+    from receptance.identification.task import Observation, Task
 
 __all__ = ["conclude"]
 
@@ -25,6 +26,8 @@ _AT_BOUND = 1e-3
 """A variable within this share of its range from a bound is said to be at it."""
 _SAME = 0.2
 """Ends that differ by less than this many standard errors are the same."""
+_RARE = 1e-3
+"""Chance of residuals so small from which on standard deviations are said to be too large."""
 _UNEXPLAINED = 2.0
 """Residuals this many times their standard deviation, as rms, are said to be unexplained."""
 
@@ -79,7 +82,8 @@ def conclude(
             *_on_starts(runs, best, same, elsewhere),
             *_on_bounds(best.variables, variables),
             *_on_spread(inverse, correlation, variables.names),
-            *_on_misfit(rms if known else 0.0),
+            *(_on_misfit(parts, task.independent_numbers()) if known else ()),
+            *_on_copies(observed),
         ],
         notes=notes,
         starts=tuple(runs),
@@ -160,10 +164,46 @@ def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], n
     return advice
 
 
-def _on_misfit(rms: float) -> list[str]:
-    if rms <= _UNEXPLAINED:
-        return []
-    return [
-        f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
-        "standard deviations are too small, and the standard errors are then too small as well"
-    ]
+def _on_misfit(residuals: Sequence[NDArray[np.float64]], independent: Sequence[float]) -> list[str]:
+    """Compare residuals with what is expected of them: one for each independent number, however many lines share it."""
+    from scipy.special import chdtr  # the light part of scipy.stats
+
+    chi_square, expected = sum(float(np.sum(part**2)) for part in residuals), sum(independent)
+    rms = float(np.sqrt(chi_square / expected))
+    if rms > _UNEXPLAINED:
+        return [
+            f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
+            "standard deviations are too small, and the standard errors are then too small as well"
+        ]
+    if rms < 1.0 / _UNEXPLAINED and chdtr(expected, chi_square) < _RARE:
+        return [
+            f"the residuals are only {rms:.2g} times what the standard deviations explain: these are stated too large "
+            "(a percentage for a share, or a limit for a standard deviation?), and the standard errors are too large "
+            "as well; or the data have no noise"
+        ]
+    return []
+
+
+def _may_be_one(one: Observation, other: Observation) -> bool:
+    # Two structures may well have the same natural frequencies, to the digits that are written.
+    if isinstance(one, MeasuredFRF):
+        return True
+    return one.assembly is other.assembly or bool(one.configuration and one.configuration == other.configuration)
+
+
+def _on_copies(observed: Sequence[Observation]) -> list[str]:
+    """Say which observations hold the same numbers: noise does not repeat itself."""
+    advice = []
+    names = [one.label or f"observation {i}" for i, one in enumerate(observed)]
+    values = [np.unique(one.receptance if isinstance(one, MeasuredFRF) else one.frequency_hz) for one in observed]
+    for i, first in enumerate(values):
+        for j in range(i):
+            if type(observed[i]) is not type(observed[j]) or not _may_be_one(observed[i], observed[j]):
+                continue
+            same = np.intersect1d(first, values[j], assume_unique=True).size
+            if same > 0.5 * min(first.size, values[j].size):
+                advice.append(
+                    f"{names[j]} and {names[i]} have the same numbers ({same} of {min(first.size, values[j].size)}): a "
+                    "measurement that counts twice makes the standard errors too small; leave one of them out"
+                )
+    return advice

@@ -167,7 +167,7 @@ def identify(
     if not np.isfinite(min(run.cost for run in runs)):
         raise ReceptanceError(f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}")
     notes = [note for observation in observed for note in getattr(observation, "notes", ())]
-    notes += _on_weights(observed, units, objective)
+    notes += [*parameters.notes, *_on_weights(observed, units, objective)]
     return conclude(
         task,
         problem,

@@ -52,7 +52,7 @@ class Parameters:
     def __init__(self, wanted: Sequence[Unknown], tolerances: Sequence[Tolerance], places: Sequence[Place]) -> None:
         self.wanted = tuple(wanted)
         self.tolerances = tuple(tolerances)
-        self._check(places)
+        self.notes = self._check(places)
         values: list[Unknown] = []
         errors: dict[str, Unknown] = {}
         for unknown in self.wanted:
@@ -217,7 +217,8 @@ class Parameters:
                 row = table.setdefault(address, {})
                 row[column] = row.get(column, 0.0) + size * coefficient
 
-    def _check(self, places: Sequence[Place]) -> None:
+    def _check(self, places: Sequence[Place]) -> list[str]:
+        """Return what is to be said of addresses that other assemblies may have; raise for what is wrong."""
         if not self.wanted:
             raise ValueError("unknowns is empty, expected at least one Unknown")
         for index, unknown in enumerate(self.wanted):
@@ -234,6 +235,7 @@ class Parameters:
                         raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} are both {name!r}")
                     owner[name] = unknown.name
         known = dict.fromkeys(name for place in places for name in place.assembly.parameters)
+        notes: list[str] = []
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
             (f"Unknown {one.address!r}", one.reached, one.configurations, None) for one in self.wanted
@@ -257,14 +259,19 @@ class Parameters:
                 raise ValueError(
                     f"{title}: no observation is of {', '.join(labels or configurations or ())}; there are {names}"
                 )
-            for address in addresses:
-                if not _has(address, there):
-                    first = address.split(".", 1)[0] + "."
-                    near = [name for name in known if name.startswith(first)] or list(known)
-                    raise ValueError(
-                        f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else address}; there are "
-                        f"{', '.join(near)}"
-                    )
+            missing = [address for address in addresses if not _has(address, there)]
+            if missing and len(missing) == len(addresses):
+                first = missing[0].split(".", 1)[0] + "."
+                near = [name for name in known if name.startswith(first)] or list(known)
+                raise ValueError(
+                    f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else missing[0]}; there are "
+                    f"{', '.join(near)}"
+                )
+            # Others may have it: an assembly that is held out, or one that is predicted.
+            notes += [
+                f"{title}: no observation's assembly has {one}; it matters for predictions alone" for one in missing
+            ]
+        return notes
 
 
 def _has(address: str, places: Sequence[Place]) -> bool:

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks
 from receptance.coordinates import Coordinate
+from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF, Unplaced
+from receptance.frf.variance import with_variance
 from receptance.identification.floor import Floor
+from receptance.identification.steadying import steadied, weakly_known
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["observe"]
+__all__ = ["UNUSED_COHERENCE", "observe", "unused_coherence"]
 
+UNUSED_COHERENCE = "the coherence is not used"
+"""How the note on a coherence begins that gives no standard deviations."""
 _FEW = 10.0
 """Degrees of freedom below which a line's standard deviation is itself mostly noise: 25 % and more."""
 
@@ -39,6 +45,10 @@ def observe(
     else:
         least = Floor(relative=_checks.not_negative("MeasuredFRF.from_frf", "floor", floor), frequency=0.0)
     entry, places, notes = _entry(frf, response, excitation)
+    entry = with_variance(entry)
+    if entry.log_variance is None and entry.coherence is not None:
+        notes.append(unused_coherence(entry.averages))
+        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=4)
     # Over the band first: the line at 0 Hz then causes no note where it is not asked for.
     entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
     known = entry.frequency_hz > 0.0
@@ -55,10 +65,23 @@ def observe(
         "response": places[0],
         "excitation": places[1],
         "standard_deviation": _spread(owner, entry, known, least, notes),
-        "correlated_lines": float(np.mean(entry.correlated_lines[known])),
+        "correlated_lines": entry.correlated_lines[known],
         "label": name,
         "notes": (*entry.notes, *notes),
     }
+
+
+def unused_coherence(averages: int | None) -> str:
+    """Return why a coherence gives no standard deviations, and what to write."""
+    if averages is None:
+        return (
+            f"{UNUSED_COHERENCE}, because it is not known how many records were averaged: give that number, "
+            "`averages = 10` say, and standard deviations follow from the coherence"
+        )
+    return (
+        f"{UNUSED_COHERENCE}, because averages is {averages}: the coherence of a single record is 1 whatever was "
+        "measured; give a standard deviation"
+    )
 
 
 def _entry(
@@ -99,7 +122,10 @@ def _spread(
             return None
         notes.append(f"the FRF has no variance: the floor of {floor} is all there is")
         return np.sqrt(floor.variance(lines, values))
-    noise = entry.log_variance[known, 0, 0] * entry.correlated_lines[known]
+    alike = entry.correlated_lines[known]
+    noise = steadied(lines, values, entry.log_variance[known, 0, 0], alike) * alike
+    if entry.degrees_of_freedom is not None:
+        noise *= weakly_known(entry.degrees_of_freedom[known, 0, 0])
     spread: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))
     if floor:
         share = float(np.median(noise / spread**2))

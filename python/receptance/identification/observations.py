@@ -13,6 +13,7 @@ import numpy as np
 from receptance import _checks
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
+from receptance.frf import arrays
 from receptance.identification import _checked
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
 
+_PER_LINE = ("frequency_hz", "receptance", "standard_deviation", "correlated_lines", "force")
 _Kind = TypeVar("_Kind", "MeasuredFRF", "MeasuredFrequencies")
 _Any = TypeVar("_Any", bound="MeasuredFRF | MeasuredFrequencies")
 
@@ -47,9 +49,10 @@ class MeasuredFRF:
     standard_deviation : array_like, optional
         Standard deviation of the real and of the imaginary part of the logarithm of the receptance, one number
         or `(n,)`; 0.01 is 1 % of the magnitude and 0.01 rad of the phase.
-    correlated_lines : float, optional
-        How many neighbouring lines share one independent value, on average; the standard deviations are taken to have
-        it in them, as those of `from_frf` have. It says how many independent lines there are.
+    correlated_lines : array_like, optional
+        How many neighbouring lines share one independent value, at least 1, one number or `(n,)`. The standard
+        deviations must contain it, as those of `from_frf` do: sqrt(correlated_lines) times those of the line alone. It
+        is used to count the independent lines.
     label : str, optional
         For people.
     notes : sequence of str, optional
@@ -91,7 +94,7 @@ class MeasuredFRF:
     response: Coordinate
     excitation: Coordinate
     standard_deviation: NDArray[np.float64] | None
-    correlated_lines: float
+    correlated_lines: NDArray[np.float64]
     label: str
     notes: tuple[str, ...]
     configuration: str
@@ -108,7 +111,7 @@ class MeasuredFRF:
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
         standard_deviation: ArrayLike | None = None,
-        correlated_lines: float = 1.0,
+        correlated_lines: ArrayLike = 1.0,
         label: str = "",
         notes: Sequence[str] = (),
         configuration: str = "",
@@ -128,6 +131,7 @@ class MeasuredFRF:
         sd = standard_deviation
         spread = None if sd is None else _checked.spread(owner, "standard_deviation", sd, lines.shape)
         forces = None if force is None else _checked.spread(owner, "force", force, lines.shape)
+        alike = arrays.per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -138,7 +142,7 @@ class MeasuredFRF:
                 ReceptanceWarning,
                 stacklevel=2,
             )
-            lines, values = lines[1:], values[1:]
+            lines, values, alike = lines[1:], values[1:], alike[1:]
             spread, forces = (given if given is None else given[1:] for given in (spread, forces))
         lines = _checked.decaying(owner, _checked.ascending(owner, lines))
         if forces is not None and lines.dtype.kind == "c":
@@ -170,7 +174,7 @@ class MeasuredFRF:
             response=places[0],
             excitation=places[1],
             standard_deviation=spread,
-            correlated_lines=_checks.positive(owner, "correlated_lines", correlated_lines),
+            correlated_lines=alike,
             label=str(label),
             notes=notes,
             configuration=str(configuration or label),
@@ -185,8 +189,8 @@ class MeasuredFRF:
 
     @property
     def independent_lines(self) -> float:
-        """Effective number of independent lines."""
-        return self.frequency_hz.size / max(self.correlated_lines, 1.0)
+        """Effective number of independent lines: each one counts as 1 / correlated_lines."""
+        return float(np.sum(1.0 / self.correlated_lines))
 
     @classmethod
     def from_frf(
@@ -207,8 +211,11 @@ class MeasuredFRF:
         """Return one entry of an FRF as an observation of an assembly.
 
         Converted to receptance, on the usable lines, complex ones where an exponential window was used. Standard
-        deviations are those of the FRF times the square root of its `correlated_lines`, because a fit takes lines as
-        independent. Lines at 0 Hz and lines of infinite variance are left out.
+        deviations are those of the FRF's `log_variance`, or of coherence and averages where it has none, pooled over
+        neighbouring lines, times the square root of its `correlated_lines`, because a fit takes lines as independent.
+        Where the variance follows the magnitude, that magnitude is taken from neighbouring lines, so that weights do
+        not follow the noise of their own line; variances with few degrees of freedom nu are enlarged by nu / (nu - 4).
+        Lines at 0 Hz and lines of infinite variance are left out.
 
         Parameters
         ----------
@@ -233,6 +240,11 @@ class MeasuredFRF:
         ------
         TypeError, ValueError
             No such entry, no usable line in the band, or a variance of zero without a floor.
+
+        Warns
+        -----
+        ReceptanceWarning
+            A coherence that gives no standard deviations, because `averages` is missing.
 
         Examples
         --------
@@ -366,3 +378,9 @@ def altered(target: _Any, **fields: Any) -> _Any:
     changed = copy.copy(target)
     _checked.fill(changed, **fields)
     return changed
+
+
+def on_lines(one: MeasuredFRF, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> MeasuredFRF:
+    """Return a measured FRF on some of its lines."""
+    arrays_of = {name: getattr(one, name) for name in _PER_LINE}
+    return altered(one, **{name: array[chosen] for name, array in arrays_of.items() if array is not None})

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.mapping import Place
 from receptance.identification.spread import quantile
@@ -74,7 +75,7 @@ class PredictedReceptance:
             A level not between 0 and 1.
         """
         reach = quantile(level, self.degrees_of_freedom)
-        noise = np.asarray(noise, dtype=np.float64)
+        noise = _checks.unmasked("band", "noise", noise, np.float64)
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
             low, high = np.quantile(self.drawn, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)

@@ -154,13 +154,8 @@ class Identification:
     @property
     def independent_lines(self) -> float:
         """Effective number of independent lines and natural frequencies that were fitted."""
-        sizes = (len(r) / (1 if unit == "percent" else 2) for r, unit in zip(self.residuals, self.units, strict=True))
-        return float(
-            sum(
-                size / max(o.correlated_lines, 1.0) if isinstance(o, MeasuredFRF) else len(o.modes)
-                for size, o in zip(sizes, self.task.observed, strict=True)
-            )
-        )
+        pairs = zip(self.task.observed, self.task.independent_numbers(), strict=True)
+        return sum(0.5 * n if isinstance(one, MeasuredFRF) else float(len(one.modes)) for one, n in pairs)
 
     def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a value, in SI units.

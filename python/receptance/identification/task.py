@@ -14,7 +14,7 @@ from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import Law
 from receptance.identification.mapping import Addresses, MappedResidual, Parameters, Place, Placed
 from receptance.identification.models import ModelledProblem, Models
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, on_lines
 from receptance.identification.priors import PriorResidual
 from receptance.identification.problem import Problem
 from receptance.identification.reduced import JointResidual, only_joint
@@ -129,15 +129,31 @@ class Task:
         placed = self.placed[index]
         return MappedResidual(self._own(index, Addresses(placed.addresses)), placed)
 
+    def independent_numbers(self) -> list[float]:
+        """Return how many independent numbers each observation has: two a line, over `correlated_lines`."""
+        found = []
+        for index, one in enumerate(self.observed):
+            if isinstance(one, MeasuredFRF):
+                chosen = self.chosen(index)
+                found.append(2.0 * (one if chosen is None else on_lines(one, chosen)).independent_lines)
+            else:
+                found.append(float(one.frequency_hz.size + one.damped.size))
+        return found
+
+    def chosen(self, index: int) -> NDArray[np.bool_] | None:
+        """Return which lines of a measured FRF count; None for all."""
+        observation, bands = self.observed[index], self.bands
+        if isinstance(observation, MeasuredFrequencies):
+            return None
+        if bands is None and self.units[index] == "percent":
+            bands = find_bands(observation, width_percent=self.band_width_percent)
+        return None if bands is None else within(observation, bands)
+
     def _own(self, index: int, addressed: Variables | Addresses) -> Residual:
         observation, unit = self.observed[index], self.units[index]
         if isinstance(observation, MeasuredFrequencies):
             return FrequencyResidual(observation, addressed, unit)
-        bands = self.bands
-        if bands is None and unit == "percent":
-            bands = find_bands(observation, width_percent=self.band_width_percent)
-        chosen = None if bands is None else within(observation, bands)
-        return FRFResidual(observation, addressed, unit, chosen, self.threads)
+        return FRFResidual(observation, addressed, unit, self.chosen(index), self.threads)
 
     def _reduced(self, observation: Observation, residual: Residual) -> Residual:
         """Return the same residual compressed, where only one joint of the observation's assembly is unknown."""

@@ -48,7 +48,8 @@ class Unknown:
     multiple : float, optional
         The parameter at the address is so many times its value.
     also : mapping of str to float, optional
-        Other addresses, and how many times its value these are.
+        Other addresses, and how many times its value these are. At least one of all its addresses must be in an
+        observed assembly; the others may be in assemblies that are predicted.
 
     Raises
     ------

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance import _checks
 from receptance.io.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -69,8 +70,8 @@ class Coherence:
         source: str = "",
         notes: Sequence[str] = (),
     ) -> None:
-        lines = np.array(frequency_hz, dtype=np.float64)
-        array = np.array(values, dtype=np.float64)
+        lines = _checks.unmasked("Coherence", "frequency_hz", frequency_hz, np.float64).copy()
+        array = _checks.unmasked("Coherence", "values", values, np.float64).copy()
         if array.ndim == 1:
             array = array[:, None, None]
         if lines.ndim != 1 or array.ndim != 3 or array.shape[0] != lines.size or 0 in array.shape:

@@ -161,7 +161,9 @@ def _texts(owner: str, what: str, given: Sequence[str]) -> tuple[str, ...]:
 
 def _samples(owner: str, values: Any, names: tuple[str, ...]) -> NDArray[np.float64]:
     try:
-        array = np.asarray(values)
+        array = _checks.unmasked(owner, "values", values)
+    except _checks.MaskedError:
+        raise
     except ValueError:
         raise ValueError(f"{owner}: values have rows of different lengths") from None
     if array.dtype.kind not in "iuf":

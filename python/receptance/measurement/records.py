@@ -278,7 +278,9 @@ def _changed(records: TimeRecords, **fields: Any) -> TimeRecords:
 
 def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
     try:
-        array = np.asarray(value)
+        array = _checks.unmasked(owner, name, value)
+    except _checks.MaskedError:
+        raise
     except ValueError:
         raise ValueError(f"{owner}: {name} has rows of different lengths; give such records one by one") from None
     if array.dtype.kind not in "iuf":
@@ -332,7 +334,7 @@ def _factors(
 
 
 def _full_scales(owner: str, value: ArrayLike, count: int) -> NDArray[np.float64]:
-    given = np.asarray(value)
+    given = _checks.unmasked(owner, "full_scale_response", value)
     if given.shape not in ((), (count,)):
         raise ValueError(f"{owner}: full_scale_response has shape {given.shape}, expected one number or {(count,)}")
     name = "full_scale_response"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from receptance import _checks
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Search:
     def near(self, frequency_hz: Sequence[float]) -> PoleFit:
         """Fit one mode near each frequency."""
         fit = self._empty()
-        wanted = np.asarray(frequency_hz, dtype=np.float64)
+        wanted = _checks.unmasked("fit_modes", "frequency_hz", frequency_hz, np.float64)
         places = self.candidates.imag / (2.0 * np.pi)
         nearest = np.argmin(np.abs(places[:, None] - wanted), axis=1)
         for index, place in enumerate(wanted):

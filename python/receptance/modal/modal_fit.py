@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance import _checks
 from receptance.frf.forms import conversion
 from receptance.modal.estimate import ModeEstimate, quantile
 
@@ -100,7 +101,7 @@ class ModalFit:
         background : bool, optional
             Whether what stands for modes outside the band is added; it holds in the band only.
         """
-        s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz)).astype(np.complex128)
+        s = 2j * np.pi * np.atleast_1d(_checks.unmasked("", "frequency_hz", frequency_hz)).astype(np.complex128)
         own = 1.0 / (s[:, None] - self.poles)
         other = 1.0 / (s[:, None] - self.poles.conj())
         total = np.einsum("nr,roi->noi", own, self.residue) + np.einsum("nr,roi->noi", other, self.residue.conj())

@@ -73,7 +73,7 @@ class RingDown:
         ValueError
             An amplitude outside the blocks' middles.
         """
-        wanted = np.asarray(amplitude, dtype=np.float64)
+        wanted = _checks.unmasked("ring-down", "amplitude", amplitude, np.float64)
         low, high = self.amplitude.min(), self.amplitude.max()
         outside = ~((wanted >= low) & (wanted <= high))
         if outside.any():
@@ -200,7 +200,7 @@ def ring_down(
 
 
 def _record(owner: str, samples: ArrayLike) -> NDArray[np.float64]:
-    record = np.asarray(samples)
+    record = _checks.unmasked(owner, "samples", samples)
     if record.dtype.kind not in "iuf":
         raise TypeError(f"{owner}: samples has dtype {record.dtype}, expected real numbers")
     if record.ndim != 1:

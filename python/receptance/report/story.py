@@ -40,6 +40,8 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
         sentence += (
             ", which would pass; yet something explains more of it than chance does" if found else ": that is adequate"
         )
+    if verdict.verdict == "undecided":
+        sentence = "Hardly more numbers were measured than are fitted, so nothing can be said of the model"
     sentences.append(f"{sentence}.")
     sentences += _on_causes(verdict)
     sentences += _on_modes(before, after)

@@ -126,7 +126,7 @@ class Lobes:
             Without draws of the receptance, or with depths that do not fit the speeds.
         """
         draws = self._known_draws()
-        depths = np.asarray(depth, dtype=np.float64)
+        depths = _checks.unmasked("Lobes", "depth", depth, np.float64)
         if depths.ndim > 2 or (depths.ndim and depths.shape[-1] not in (1, self.speeds_rpm.size)):
             raise ValueError(
                 f"Lobes: depth has shape {depths.shape}, expected one number, ({self.speeds_rpm.size},) or (k, 1)"
@@ -267,7 +267,7 @@ def stability_lobes(
             f"{owner}: frequency_hz has {checked.size} {checked.dtype} lines, expected two or more real ones"
         )
     lines = checked.real
-    speeds = np.atleast_1d(np.asarray(speeds_rpm, dtype=np.float64))
+    speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
     if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():
         raise ValueError(f"{owner}: speeds_rpm must be finite and more than zero, one dimension")
     matrix = _shaped(owner, "receptance", receptance, lines.size, cut)
@@ -278,7 +278,7 @@ def stability_lobes(
         return plain
     several = None
     if draws is not None:
-        given = list(np.asarray(draws))
+        given = list(_checks.unmasked(owner, "draws", draws))
         several = [_shaped(owner, f"draws[{i}]", one, lines.size, cut) for i, one in enumerate(given)]
     limits = [
         limit_over_speed(teeth, speeds, lines, *critical_depths(own, lines, one))[0]
@@ -317,7 +317,7 @@ def ensemble(
 
 
 def _shaped(owner: str, name: str, values: ArrayLike, lines: int, cut: Milling | Turning) -> NDArray[np.complex128]:
-    array = np.asarray(values, dtype=np.complex128)
+    array = _checks.unmasked(owner, name, values, np.complex128)
     size = 2 if isinstance(cut, Milling) else 1
     if array.shape == (lines,):
         matrix = np.zeros((lines, size, size), np.complex128)

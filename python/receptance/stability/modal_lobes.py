@@ -73,7 +73,7 @@ def semi_discretised_lobes(
     owner = "semi_discretised_lobes"
     if not isinstance(cut, Milling):
         raise TypeError(f"{owner}: cut is {type(cut).__name__}, expected Milling: turning is not interrupted")
-    speeds = np.atleast_1d(np.asarray(speeds_rpm, dtype=np.float64))
+    speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
     several = None if draws is None and cuts is None else ensemble(owner, cut, tip, draws, cuts)
     depths, limits = [], []
     with ThreadPoolExecutor(_checks.worker_count(threads)) as pool:

@@ -49,9 +49,9 @@ class TipModes:
     shapes: NDArray[np.float64]
 
     def __init__(self, *, frequency_hz: ArrayLike, damping_ratio: ArrayLike, shapes: ArrayLike) -> None:
-        frequency = np.atleast_1d(np.array(frequency_hz, dtype=np.float64))
-        damping = np.atleast_1d(np.array(damping_ratio, dtype=np.float64))
-        modes = np.atleast_2d(np.array(shapes, dtype=np.float64))
+        frequency = np.atleast_1d(_checks.unmasked("TipModes", "frequency_hz", frequency_hz, np.float64).copy())
+        damping = np.atleast_1d(_checks.unmasked("TipModes", "damping_ratio", damping_ratio, np.float64).copy())
+        modes = np.atleast_2d(_checks.unmasked("TipModes", "shapes", shapes, np.float64).copy())
         if frequency.ndim != 1 or damping.shape != frequency.shape or modes.shape != (frequency.size, 2):
             raise ValueError(
                 f"TipModes: frequency_hz has shape {frequency.shape}, damping_ratio {damping.shape}, shapes "

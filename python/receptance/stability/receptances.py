@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,23 +104,25 @@ class _Entry:
     frequency_hz: NDArray[np.float64]
     values: NDArray[np.complex128]
     variance: NDArray[np.float64] | None
-    alike: int
+    alike: NDArray[np.intp]
 
     @classmethod
     def of(cls, frf: FRF) -> _Entry:
         variance = None if frf.log_variance is None else frf.log_variance[:, 0, 0]
-        return cls(frf.frequency_hz, frf.values[:, 0, 0], variance, round(float(np.median(frf.correlated_lines))))
+        return cls(frf.frequency_hz, frf.values[:, 0, 0], variance, np.rint(frf.correlated_lines).astype(np.intp))
 
     def subset(self, keep: NDArray[np.bool_]) -> _Entry:
         variance = None if self.variance is None else self.variance[keep]
-        return replace(self, frequency_hz=self.frequency_hz[keep], values=self.values[keep], variance=variance)
+        return _Entry(self.frequency_hz[keep], self.values[keep], variance, self.alike[keep])
 
     def drawn(self, rng: np.random.Generator) -> NDArray[np.complex128]:
         if self.variance is None:
             return self.values
-        parts = rng.standard_normal((2, self.values.size + self.alike - 1))
-        window = np.full(self.alike, self.alike**-0.5)
-        real, imaginary = (np.convolve(part, window, "valid") * np.sqrt(self.variance) for part in parts)
+        # Each line gets the mean of as many independent numbers as lines err alike there, neighbours shared ones.
+        parts = rng.standard_normal((2, self.values.size + int(self.alike.max()) - 1))
+        parts = np.cumsum(np.pad(parts, ((0, 0), (1, 0))), axis=1)
+        first = np.arange(self.values.size)
+        real, imaginary = (parts[:, first + self.alike] - parts[:, first]) * np.sqrt(self.variance / self.alike)
         return np.asarray(self.values * np.exp(real + 1j * imaginary))
 
 

@@ -90,7 +90,7 @@ def floquet_multiplier(
     array([0.82 , 1.074])
     """
     speed = _checks.positive("floquet_multiplier", "speed_rpm", speed_rpm, unit="rpm")
-    depths = np.atleast_1d(np.asarray(depth, dtype=np.float64))
+    depths = np.atleast_1d(_checks.unmasked("floquet_multiplier", "depth", depth, np.float64))
     if depths.ndim != 1 or not np.isfinite(depths).all() or (depths < 0.0).any():
         raise ValueError(f"floquet_multiplier: depth is {depth!r}, expected finite depths in m, zero or more")
     pair = _Pair(cut, tip, speed, _steps(cut, tip, speed, steps))
@@ -136,7 +136,7 @@ def semi_discretised_limit(
     highest = _checks.positive(owner, "most", most, unit="m")
     share = _checks.positive(owner, "resolution", resolution)
     close = _checks.positive(owner, "tolerance", tolerance)
-    speeds = np.atleast_1d(np.asarray(speeds_rpm, dtype=np.float64))
+    speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
     tried = np.asarray(highest * np.arange(1, int(np.ceil(1.0 / share)) + 1) * share, dtype=np.float64)
     limits = []
     for speed in speeds:

@@ -270,7 +270,7 @@ def _named(owner: str, given: Any) -> dict[str, Any]:
 def _columns(owner: str, values: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
     columns = {}
     for name, value in _named(owner, values).items():
-        array = np.atleast_1d(np.asarray(value))
+        array = np.atleast_1d(_checks.unmasked(owner, name, value))
         if array.dtype.kind not in "iuf" or array.ndim != 1 or not array.size:
             raise TypeError(f"{owner}: {name} is {value!r}, expected numbers in one dimension")
         columns[name] = np.array([_checks.number(owner, f"{name}[{i}]", v) for i, v in enumerate(array.tolist())])

@@ -186,7 +186,7 @@ def radial_from_modes(
 
 
 def _pair(name: str, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
-    found = np.asarray(values, dtype=np.float64)
+    found = _checks.unmasked("radial_from_modes", name, values, np.float64)
     if found.shape != (2,) or not np.isfinite(found).all() or (positive and np.any(found <= 0.0)):
         kind = "positive " if positive else ""
         raise ValueError(f"radial_from_modes: {name} is {values!r}, expected two {kind}finite numbers")

@@ -82,5 +82,6 @@ def rotation_alone(
     k_theta, c_theta : ndarray
         In N m/rad and N m s/rad, of each mode.
     """
-    f, zeta = np.asarray(frequency_hz, dtype=np.float64), np.asarray(damping_ratio, dtype=np.float64)
+    f = _checks.unmasked("", "frequency_hz", frequency_hz, np.float64)
+    zeta = _checks.unmasked("", "damping_ratio", damping_ratio, np.float64)
     return 4.0 * np.pi**2 * body.inertia * f**2, 4.0 * np.pi * body.inertia * f * zeta

@@ -55,7 +55,7 @@ class ForceLaw:
 
     def at(self, force: ArrayLike) -> NDArray[np.float64]:
         """Value of the law at some forces."""
-        x = np.asarray(force, dtype=np.float64) / self.reference
+        x = _checks.unmasked("", "force", force, np.float64) / self.reference
         if self.name == "constant":
             return np.full(x.shape, self.start)
         return np.asarray(self.start + self.change * x**self.exponent)
@@ -248,7 +248,8 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
     neighbours, and no start can mislead it. Laws are compared by Akaike's criterion, corrected for few values
     (Hurvich and Tsai 1989), with the scatter about the power law where that is more than the standard errors explain.
     """
-    x, y, e = (np.asarray(one, dtype=np.float64) for one in (force, values, standard_errors))
+    given = {"force": force, "values": values, "standard_errors": standard_errors}
+    x, y, e = (_checks.unmasked("", name, one, np.float64) for name, one in given.items())
     from scipy.optimize import minimize_scalar
 
     mean = float(np.sum(y / e**2) / np.sum(1.0 / e**2))
