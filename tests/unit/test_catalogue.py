@@ -212,7 +212,7 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
     np.testing.assert_array_equal(one.receptance, other.receptance)
     np.testing.assert_array_equal(one.modes_deviation, other.modes_deviation)
     (tmp_path / "nose.npz").write_bytes(b"PK nothing")
-    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz is no file of arrays"):
+    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz: this is not a whole NPZ file"):
         Catalogue(read)
     (tmp_path / "nose.npz").unlink()
     with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz"):

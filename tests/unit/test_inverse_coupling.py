@@ -195,6 +195,34 @@ def test_what_is_taken_as_known_and_is_wrong(rng):
     assert any("no k + i w c suits all lines" in note for note in found.notes)
 
 
+def test_lines_without_a_solution_are_masked_and_named():
+    """A response across the joint: on lines that no finite joint explains the free assembly has none either."""
+    true = make_assembly(**COUPLED)
+    pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
+    whole = [measured(true, *pair, sd=1e-4) for pair in pairs]
+    values, deviations = whole[1].receptance.copy(), np.full(LINES.size, 1e-4)
+    values[[40, 200]] = 1e150, 1e-160
+    deviations[300] = 1e-300
+    odd = MeasuredFRF(
+        assembly=true,
+        frequency_hz=LINES,
+        receptance=values,
+        response=NOSE,
+        excitation=TIP,
+        standard_deviation=deviations,
+    )
+    found = invert_coupling([whole[0], odd, whole[2]])
+    masked = ~np.isfinite(found.term("k_y")[0])
+    assert masked[300]
+    assert not np.delete(masked, [40, 200, 300]).any()
+    assert not found.usable[masked].any()
+    listed = ", ".join(f"{line:g}" for line in LINES[masked])
+    note = f"{masked.sum()} of 400 lines are masked, their equations have no finite and unique solution: {listed} Hz"
+    assert note in found.notes
+    others = np.delete(np.arange(LINES.size), [40, 200, 300])
+    assert max(off[others].max() for off in errors_of(found, true).values()) < 1e-6
+
+
 def test_nothing_to_hear():
     rigid = make_assembly(k_y=1e14, k_theta=1e10)
     low = np.linspace(10.0, 100.0, 50)

@@ -51,6 +51,28 @@ def test_an_frf_matrix_of_another_program(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.covariance[:, 2, 2].real, 1e-4 * np.abs(part.matrix[:, 0, 1]) ** 2)
 
 
+def test_a_damaged_file_is_an_error_that_names_it(tmp_path: Path) -> None:
+    """Truncated files and files with wrong bytes: a ValueError with the file's name, or what was written."""
+    path = tmp_path / "damaged.npz"
+    write_spindle(path, table())
+    whole, rng = path.read_bytes(), np.random.default_rng(7)
+    messages = []
+    for number in range(900):
+        damaged = bytearray(whole)
+        if number % 3:
+            for place in rng.integers(0, len(whole), size=rng.integers(1, 5)):
+                damaged[place] = rng.integers(0, 256)
+        else:
+            del damaged[rng.integers(0, len(whole)) :]
+        path.write_bytes(bytes(damaged))
+        try:
+            np.testing.assert_array_equal(read_spindle(path).frequency_hz, LINES)
+        except ValueError as error:
+            messages.append(str(error))
+    assert len(messages) > 800
+    assert all("damaged.npz" in message for message in messages)
+
+
 def test_mistakes_name_the_file(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"expected an ending \.npz"):
         write_spindle(tmp_path / "s.csv", table())

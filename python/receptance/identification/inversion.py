@@ -119,15 +119,16 @@ def invert_coupling(
     equations = _equations(observed, joint, wanted, lines, rows, threads)
     x, ambiguous = solve_lines(equations)
     # Beyond the joint that stands for a rigid one there is nothing to tell.
-    good = (np.abs(x) < _STIFF.k_y).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
-    x = np.where(good[:, None], x, 0.0)
     with np.errstate(all="ignore"):
+        good = (np.abs(x) < _STIFF.k_y).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
+        x = np.where(good[:, None], x, 0.0)
         rank = np.where(good, equations.rank(x), 0)
     if rank.max(initial=0) < len(wanted):
         raise ValueError(not_apart(wanted, int(rank.max(initial=0)), observed))
-    good &= rank == len(wanted)
     with np.errstate(all="ignore"):
+        good &= rank == len(wanted)
         reaction, scale = equations.reaction(x), equations.scale(x)
+        good &= np.isfinite(reaction / scale[..., None]).all(axis=(1, 2))
         condition = np.linalg.norm(np.where(good[:, None, None], reaction / scale[..., None], 0.0), ord=2, axis=(1, 2))
         noise = equations.noise(x)
     typical, usable, rms = _typical(equations, x, good, share)
@@ -150,7 +151,7 @@ def invert_coupling(
         typical=typical,
         rms=rms,
         labels=tuple(o.label or f"observation {i}" for i, o in enumerate(observed)),
-        notes=tuple(notes_on(wanted, usable, ambiguous & good, dropped, share, observed, joint, rms)),
+        notes=tuple(notes_on(wanted, usable, ambiguous & good, dropped, share, observed, joint, rms, lines[~good])),
     )
     for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
         getattr(found, name).setflags(write=False)

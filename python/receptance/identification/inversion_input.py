@@ -24,12 +24,15 @@ __all__ = [
     "check_tolerances",
     "common_lines",
     "joint_of",
+    "masked_lines",
     "not_apart",
     "notes_on",
 ]
 
 _UNSUITED = 3.0
 """Standard deviations, as rms, beyond which one joint does not suit all lines."""
+_SHOWN = 5
+"""Masked lines that are listed by their frequency."""
 _DEFAULT_TERMS = (("k_theta",), ("k_y", "k_theta"), ("k_y", "k_theta", "k_ytheta"))
 
 
@@ -134,6 +137,14 @@ def not_apart(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF, ..
     )
 
 
+def masked_lines(masked: NDArray[Any], count: int) -> str:
+    """Return the note on the lines, of so many, whose equations have no finite and unique solution."""
+    shown = ", ".join(f"{line:g}" for line in masked.real[:_SHOWN])
+    more = f" and {masked.size - _SHOWN} more" if masked.size > _SHOWN else ""
+    reason = "their equations have no finite and unique solution"
+    return f"{masked.size} of {count} lines are masked, {reason}: {shown} Hz{more}"
+
+
 def notes_on(
     terms: tuple[str, ...],
     usable: NDArray[np.bool_],
@@ -143,11 +154,14 @@ def notes_on(
     observed: tuple[MeasuredFRF, ...],
     joint: str,
     rms: float,
+    masked: NDArray[Any],
 ) -> list[str]:
-    """Return what a person should know of a solution."""
+    """Return the notes on a solution; `masked` are the lines without one."""
     notes = [note for one in observed for note in one.notes]
     if dropped:
         notes.append(f"{dropped} lines are left out that not all measurements have")
+    if masked.size:
+        notes.append(masked_lines(masked, len(usable)))
     known = [name for name in TERMS if name not in terms]
     if known:
         held = ", ".join(f"{name} = {getattr(joint_of(observed[0].assembly, joint), name):g}" for name in known)

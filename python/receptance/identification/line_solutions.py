@@ -117,8 +117,7 @@ class Equations:
         weighted = slope / (h * self.deviation)[..., None]
         size = np.linalg.norm(weighted, axis=1, keepdims=True)
         size = np.where(size > 0.0, size, 1.0)
-        found: NDArray[np.complex128] = np.linalg.pinv(weighted / size, rcond=1e-13) / size.transpose(0, 2, 1)
-        return found / self.deviation[:, None, :]
+        return _pseudo_inverse(weighted / size, 1e-13) / size.transpose(0, 2, 1) / self.deviation[:, None, :]
 
     def noise(self, x: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the standard deviation of the real and of the imaginary part of the terms, `(n, m)`."""
@@ -133,12 +132,14 @@ class Equations:
         return np.stack([both if t == "k_ytheta" else np.abs(k[:, *TERMS[t]]) for t in self.terms], axis=1)
 
     def rank(self, x: NDArray[np.complex128]) -> NDArray[np.intp]:
-        """Return how many terms the pairs can tell apart, on each line."""
+        """Return how many terms the pairs can tell apart, on each line; none where the model has no value."""
         h, slope = self.evaluate(x)
         relative = slope / h[..., None] * self.scale(x)[:, None, :]
         size = np.linalg.norm(relative, axis=1, keepdims=True)
-        singular = np.linalg.svd(relative / np.where(size > 0.0, size, 1.0), compute_uv=False)
-        result: NDArray[np.intp] = np.sum(singular > 1e-9, axis=1)
+        relative = relative / np.where(size > 0.0, size, 1.0)
+        finite = np.isfinite(relative).all(axis=(1, 2))
+        result: NDArray[np.intp] = np.zeros(len(relative), dtype=np.intp)
+        result[finite] = np.sum(np.linalg.svd(relative[finite], compute_uv=False) > 1e-9, axis=1)
         return result
 
 
@@ -191,7 +192,7 @@ def linear_solution(eq: Equations) -> NDArray[np.complex128]:
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     size = np.where(size > 0.0, size, 1.0)
     right = ((eq.measured - eq.rigid) * weight)[..., None]
-    x = (np.linalg.pinv(rows / size, rcond=1e-14) @ right)[..., 0] / size[:, 0]
+    x = (_pseudo_inverse(rows / size, 1e-14) @ right)[..., 0] / size[:, 0]
     k = _inverse(np.stack([x[:, [0, 2]], x[:, [2, 1]]], axis=1)) - eq.surroundings[:, 0]
     return np.stack([k[:, *TERMS[term]] for term in eq.terms], axis=1)
 
@@ -353,6 +354,17 @@ def _distance(
     off = np.sum(np.abs(found.real - middle) / scale, axis=-1)
     off = off / (1.0 + off)
     return np.where(good & np.isfinite(off), off, 2.0)
+
+
+def _pseudo_inverse(matrix: NDArray[np.complex128], rcond: float) -> NDArray[np.complex128]:
+    """Return the pseudo-inverses `(n, m, p)` of `(n, p, m)`, not a number where a matrix is not finite.
+
+    LAPACK stops at the first matrix that is not finite, and one degenerate line must not take the others with it.
+    """
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    result = np.full(matrix.transpose(0, 2, 1).shape, np.nan, dtype=np.complex128)
+    result[finite] = np.linalg.pinv(matrix[finite], rcond=rcond)
+    return result
 
 
 def _inverse(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:

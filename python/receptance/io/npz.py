@@ -20,7 +20,7 @@ from receptance.io.time_series import TimeSeries
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["npz_bytes", "read_npz"]
+__all__ = ["npz_arrays", "npz_bytes", "read_npz"]
 
 _KINDS = "biufcU"
 _DEFLATED_AT_MOST = 1100
@@ -44,6 +44,17 @@ def read_npz(data: bytes, options: ReadOptions) -> list[FRF | TimeSeries | Coher
     FileFormatError
         A file that is damaged or holds Python objects, or arrays that do not make a measurement.
     """
+    return things_of(_texts_as_str(npz_arrays(data)), options, separator=".")
+
+
+def npz_arrays(data: bytes) -> dict[str, NDArray[Any]]:
+    """Return the arrays in an NPZ file by name.
+
+    Raises
+    ------
+    FileFormatError
+        A file that is damaged or holds Python objects.
+    """
     arrays: dict[str, NDArray[Any]] = {}
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -54,7 +65,7 @@ def read_npz(data: bytes, options: ReadOptions) -> list[FRF | TimeSeries | Coher
         raise
     except _BROKEN as error:
         raise FileFormatError(f"this is not a whole NPZ file: {error}") from None
-    return things_of(_texts_as_str(arrays), options, separator=".")
+    return arrays
 
 
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:

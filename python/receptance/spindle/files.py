@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io as memory
 import os
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from receptance._files import write_whole
 from receptance.frf import FRF
+from receptance.io.npz import npz_arrays
 from receptance.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["read_spindle", "write_spindle"]
 
 _FORMAT = "receptance spindle 1"
-_NAMES = ("frequency_hz", "matrix", "covariance", "decay_rate")
+_NEEDED = ("frequency_hz", "matrix", "decay_rate")
 
 
 def write_spindle(path: str | os.PathLike[str], spindle: MeasuredPart | SpindleReceptance) -> None:
@@ -96,12 +96,16 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
     try:
         own = _own(source)
         if own is not None:
-            covariance = own.get("covariance")
+            missing = [array for array in _NEEDED if array not in own]
+            if missing:
+                raise ValueError(f"the array {missing[0]!r} of the spindle is missing; write the file again")
+            if own["decay_rate"].shape:
+                raise ValueError(f"decay_rate has shape {own['decay_rate'].shape}, expected one number")
             return MeasuredPart(
                 frequency_hz=own["frequency_hz"],
                 matrix=own["matrix"],
                 decay_rate=float(own["decay_rate"]),
-                covariance=covariance,
+                covariance=own.get("covariance"),
                 name=name,
             )
         from receptance.io import read
@@ -110,22 +114,18 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
         if not isinstance(found, FRF):
             raise ValueError(f"holds a {type(found).__name__}, expected an FRF matrix over y and theta")
         return _of(found, name)
-    except (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError) as error:
         said = str(error)
         raise ValueError(said if source.name in said else f"{source}: {said}") from error
 
 
 def _own(source: Path) -> dict[str, NDArray[Any]] | None:
-    """Return the arrays of a file of ours; None where it is none."""
+    """Return the arrays of a file that `write_spindle` wrote; None for any other file."""
     if source.suffix.lower() != ".npz":
         return None
-    with source.open("rb") as file:
-        if not zipfile.is_zipfile(file):
-            raise ValueError(f"{source} is no file of arrays")
-    with np.load(source, allow_pickle=False) as found:
-        if "format" not in found.files or str(found["format"]) != _FORMAT:
-            return None
-        return {name: found[name] for name in _NAMES if name in found.files}
+    arrays = npz_arrays(source.read_bytes())
+    written = arrays.get("format")
+    return arrays if written is not None and written.dtype.kind == "U" and str(written) == _FORMAT else None
 
 
 def _of(frf: FRF, name: str) -> MeasuredPart:

@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.identification.inversion_input import check_observations, common_lines
+from receptance.identification.inversion_input import check_observations, common_lines, masked_lines
 from receptance.identification.line_solutions import TERMS, Equations
 from receptance.identification.observations import MeasuredFRF
 from receptance.spindle.blanks import Blanks, check_bands, check_blanks
@@ -131,7 +131,9 @@ def _result(
 ) -> SpindleReceptance:
     with np.errstate(all="ignore"):
         reaction, scale = equations.reaction(x), equations.scale(x)
-        relative = np.where(good[:, None, None], reaction / scale[..., None], 0.0)
+        relative = reaction / scale[..., None]
+        good = good & np.isfinite(relative).all(axis=(1, 2))
+        relative = np.where(good[:, None, None], relative, 0.0)
         condition = np.where(good, np.linalg.norm(relative, ord=2, axis=(1, 2)), np.inf)
         moved = np.where(good[:, None, None], reaction * equations.deviation[:, None, :], np.nan)
         covariance = moved @ np.conj(moved).transpose(0, 2, 1)
@@ -142,6 +144,8 @@ def _result(
     notes = [note for one in observed for note in one.notes]
     if dropped:
         notes.append(f"{dropped} lines are left out that not all measurements have")
+    if not good.all():
+        notes.append(masked_lines(lines[~good], good.size))
     if not usable.all():
         notes.append(
             f"{int(usable.sum())} of {usable.size} lines are usable: on the others the standard deviation of some term "
