@@ -14,7 +14,7 @@ from rich.text import Text
 
 from receptance.cli._tables import table
 from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def sweep(
     # The rest of a store stays where it is.
     chosen = found.isel(candidate=best).load()
     targets.write(_document(read, found, best, chosen), lambda: _figure(found))
-    console = output()
+    console = targets.console()
     valid = int(found["valid"].sum())
     names = list(candidates.addresses)
     console.print(Text(f"{read.title}: {found.sizes['candidate']:,} candidates of {', '.join(names)}"), soft_wrap=True)
