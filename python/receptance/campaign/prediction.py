@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from receptance.campaign.observations import Measurement
     from receptance.campaign.tolerances import Effects
 
-__all__ = ["CampaignPrediction", "applied", "predict_campaign", "prediction_lines"]
+__all__ = ["CampaignPrediction", "applied", "predict_campaign", "prediction_lines", "recorded"]
 
 _LINES = 2000
 _MOST_LINES = 1_000_000
@@ -234,7 +234,7 @@ def _held_out_frf(
         assembly, seen.frequency_hz, response, excitation, measured.effects, at, seen.force
     )
     if identified is not None and any(unknown.address in FACTORS for unknown in identified.fit.task.parameters.wanted):
-        found = _recorded(seen, identified, measured.effects)
+        found = recorded(seen, identified, measured.effects)
     peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
     deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
     return PredictedFRF(
@@ -252,7 +252,7 @@ def _held_out_frf(
     )
 
 
-def _recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
+def recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
     """Return the predicted FRF as the chain would record it that the fit has found: with its gain, delay and window."""
     fit, fresh = identified.fit, list[str]()
     placed = fit.task.parameters.at(place_of(seen, 0), tolerances_of(effects), fresh)
