@@ -34,7 +34,7 @@ COMMANDS = {
 NO_ANSWER = {
     "er32": ("invert", "next", "stability", "catalogue"),
     "free-free": ("stability", "catalogue"),
-    "hammer": ("invert", "next", "stability", "catalogue"),
+    "hammer": ("next", "stability", "catalogue"),
     "machine": ("invert", "next"),
     "taper": ("invert", "next", "stability", "catalogue"),
 }
