@@ -121,8 +121,10 @@ def predict(
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
         missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
-        no = worst > at_most or missed > 0
+        unknown = sum(name in found.not_predicted for name in read.held_out)
+        no = worst > at_most or missed > 0 or unknown > 0
         lost = f", {missed} measured peaks have no prediction" if missed else ""
+        lost += f", {unknown} measurements could not be predicted" if unknown else ""
         console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
         if no:
             raise typer.Exit(ANSWER_IS_NO)
