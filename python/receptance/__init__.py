@@ -1,5 +1,7 @@
 """Joint parameters of spindle-holder-tool assemblies from measured vibration."""
 
+from typing import TYPE_CHECKING, Any
+
 from receptance.assembly import Assembly
 from receptance.beams import Part, Section, Segment
 from receptance.collet import ColletJoint
@@ -27,6 +29,24 @@ from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
 from receptance.terminals import MeasuredPart
+
+if TYPE_CHECKING:
+    import receptance.campaign
+    import receptance.catalogue
+    import receptance.diagnosis
+    import receptance.examples
+    import receptance.io
+    import receptance.measurement
+    import receptance.modal
+    import receptance.plot
+    import receptance.report
+    import receptance.spindle
+    import receptance.stability
+    import receptance.studies
+    import receptance.sweep
+    import receptance.taper  # noqa: F401
+
+    __version__: str
 
 __all__ = [
     "CARBIDE",
@@ -61,3 +81,37 @@ __all__ = [
     "find_bands",
     "identify",
 ]
+
+_SUBPACKAGES = (
+    "campaign",
+    "catalogue",
+    "diagnosis",
+    "examples",
+    "io",
+    "measurement",
+    "modal",
+    "plot",
+    "report",
+    "spindle",
+    "stability",
+    "studies",
+    "sweep",
+    "taper",
+)
+
+if not TYPE_CHECKING:  # a type checker is to find misspelt names
+
+    def __getattr__(name: str) -> Any:
+        # Loaded at first use: `import receptance` loads NumPy and SciPy only.
+        if name in _SUBPACKAGES:
+            import importlib
+
+            return importlib.import_module(f"receptance.{name}")
+        if name == "__version__":
+            from importlib import metadata
+
+            return metadata.version("receptance")
+        raise AttributeError(f"module 'receptance' has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *_SUBPACKAGES, "__version__"})

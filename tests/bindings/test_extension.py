@@ -92,6 +92,18 @@ def test_import_loads_numpy_and_scipy_only() -> None:
     assert found <= {"receptance", "numpy", "scipy"}, found
 
 
+def test_packages_are_there_after_import_receptance() -> None:
+    """Each is loaded when it is first used, and not before."""
+    folder = Path(receptance.__file__).parent
+    packages = {path.parent.name for path in folder.glob("*/__init__.py")} - {"cli"}
+    script = f"import receptance; print(*[getattr(receptance, name).__name__ for name in {sorted(packages)}])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    assert set(done.stdout.split()) == {f"receptance.{name}" for name in packages}
+    assert packages <= set(dir(receptance))
+    with pytest.raises(AttributeError, match="has no attribute 'campaigns'"):
+        receptance.campaigns  # type: ignore[attr-defined]  # noqa: B018
+
+
 def test_import_is_silent_and_sets_no_handler() -> None:
     script = "import logging, receptance; print(len(logging.getLogger().handlers))"
     done = subprocess.run(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import os
 import shlex
 import shutil
 import subprocess
@@ -53,8 +54,16 @@ def _output(command: str, folder: Path) -> str:
     program = shutil.which("receptance", path=sysconfig.get_path("scripts"))
     assert program is not None, f"there is no command `receptance` beside {sys.executable}: install the package"
     _, *arguments = shlex.split(command)
+    # The documents show what a pipe gets that has no width of its own.
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
     done = subprocess.run(
-        [program, *arguments], cwd=folder, capture_output=True, text=True, timeout=SECONDS_AT_MOST, check=False
+        [program, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=SECONDS_AT_MOST,
+        check=False,
     )
     assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done.stdout

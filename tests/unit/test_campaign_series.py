@@ -195,3 +195,29 @@ def test_a_level_beyond_those_measured_is_refused(folder: Path, tmp_path: Path) 
     read = campaign.load(changed(folder, tmp_path, ('hold_out = ["15 kN"]', 'hold_out = ["25 kN"]')))
     with pytest.raises(campaign.CampaignError, match="from 0 to 22000"):
         read.predict()
+
+
+def test_transfer_skips_the_levels_that_nothing_lies_beyond(folder: Path, tmp_path: Path) -> None:
+    """Each level from its neighbours; the outermost two have a neighbour on one side only, and a note says so."""
+    written = tmp_path / "t.json"
+    done = CliRunner().invoke(app, ["transfer", str(folder), "--json", str(written)])
+    assert done.exit_code == 0, done.output
+    found = json.loads(written.read_text())
+    frfs = {one["label"] for split in found["splits"] for one in split["frfs"]}
+    assert frfs == {f"axial {force} kN" for force in LEVELS[1:-1]}
+    reasons = [reason for split in found["splits"] for reason in split["not_predicted"]]
+    assert len(reasons) == 2
+    for force in (LEVELS[0], LEVELS[-1]):
+        (reason,) = (one for one in reasons if one.startswith(f"axial {force} kN cannot be predicted"))
+        assert reason in " ".join(done.output.split())
+
+
+def test_a_held_out_level_beyond_the_others_is_skipped(folder: Path, tmp_path: Path) -> None:
+    own = changed(folder, tmp_path, ('hold_out = ["15 kN"]', 'hold_out = ["15 kN", "25 kN"]'))
+    done = CliRunner().invoke(app, ["predict", str(own), "--json", str(tmp_path / "p.json")])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "p.json").read_text())
+    assert [one["name"] for one in found["frfs"]] == ["axial 15 kN"]
+    assert list(found["not_predicted"]) == ["axial 25 kN"]
+    assert "not predicted: axial 25 kN cannot be predicted: taper.k_y is known for" in " ".join(done.output.split())
+    assert CliRunner().invoke(app, ["predict", str(own), "--at-most", "100"]).exit_code == 3

@@ -241,7 +241,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     monkeypatch.chdir(tmp_path)
     Path("figures").mkdir()
     Path("frfs").mkdir()
-    arguments = ["--out", "m.csv", "--plot", "o.png", "--figures", "figures", "--frfs", "frfs"]
+    arguments = ["--out", "m.csv", "--json", "c.json", "--plot", "o.png", "--figures", "figures", "--frfs", "frfs"]
     assert call(monkeypatch, "catalogue", ".", *arguments) == 0
     said = capsys.readouterr().out
     assert "The most flexible mode of each tool" in said
@@ -251,7 +251,15 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     first = rows[0]
     low, middle, high = (float(first[f"frequency{end} [Hz]"]) for end in (" lower", "", " upper"))
     assert low < middle < high
-    assert sum(row["most flexible"] == "yes" for row in rows) == 3
+    best = [row for row in rows if row["most flexible"] == "yes"]
+    assert len(best) == 3
+    document = json.loads(Path("c.json").read_text())
+    for tool, row in zip(document["tools"], best, strict=True):
+        assert tool["name"] == row["name"]
+        assert tool["modes"] == sum(one["name"] == tool["name"] for one in rows)
+        stiffness = tool["most_flexible"]["dynamic_stiffness"]
+        assert stiffness["value"] == pytest.approx(1e6 * float(row["dynamic stiffness [N/um]"]), rel=1e-5)
+        assert stiffness["interval"][1] == pytest.approx(1e6 * float(row["dynamic stiffness upper [N/um]"]), rel=1e-5)
     assert {path.name for path in Path("figures").iterdir()} == {"T1.png", "T2.png", "T3.png"}
     assert Path("o.png").read_bytes().startswith(b"\x89PNG")
     assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
@@ -287,5 +295,6 @@ def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, c
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
-    assert call(monkeypatch, "catalogue", ".", "--out", "tools.csv") == 2
-    assert "which is read" in capsys.readouterr().err
+    for option in ("--out", "--json"):
+        assert call(monkeypatch, "catalogue", ".", option, "tools.csv") == 2
+        assert "which is read" in capsys.readouterr().err

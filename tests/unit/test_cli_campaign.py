@@ -75,6 +75,43 @@ def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch
     assert found["settings"]["objective"] == "log"
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("identify", "campaign.toml"),
+        ("predict", "campaign.toml"),
+        ("sweep", ".", "--sample", "3"),
+        ("study", "clamped-rods"),
+    ],
+)
+def test_json_to_standard_output(
+    arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Standard output holds the JSON and nothing else, as it is written to a file; the text is on standard error."""
+    write(Path())
+    assert call(monkeypatch, *arguments, "--json", "-", "--plot", "p.png") == 0
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert "Figure: p.png" in said.err
+    assert left() == {"campaign.toml", "p.png"}
+    assert call(monkeypatch, *arguments, "--json", "f.json") == 0
+    assert found == json.loads(Path("f.json").read_text())
+    assert "Results: f.json" in capsys.readouterr().out
+    assert call(monkeypatch, *arguments, "--json", "-", "--plot", "-") == 2
+    assert left() == {"campaign.toml", "p.png", "f.json"}
+
+
+def test_every_command_with_results_has_json_and_plot(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = ("identify", "predict", "transfer", "diagnose", "invert", "next", "sweep", "stability", "catalogue", "demo")
+    for step in steps:
+        assert call(monkeypatch, step, "--help") == 0
+        said = capsys.readouterr().out
+        assert "--json" in said, step
+        assert "--plot" in said, step
+
+
 def test_profiles_are_a_second_figure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     write(Path(), TEXT + '\n[settings]\ntolerances = "fit"\nstarts = 2\n')
     assert call(monkeypatch, "identify", "campaign.toml", "--plot", "i.png") == 0

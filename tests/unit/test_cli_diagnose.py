@@ -59,7 +59,7 @@ def test_it_names_a_gain_and_writes_the_extended_campaign(
 ) -> None:
     simulated(1.06)
     asked = ("--cause", "calibration_gain", "--cause", "sensor_mass", "--cause", "time_delay")
-    files = ("--json", "v.json", "--report", "v.html", "--extended", "extended.toml")
+    files = ("--json", "v.json", "--report", "v.html", "--extended", "extended.toml", "--plot", "v.png")
     assert call(monkeypatch, "diagnose", "rods", *asked, *files) == 0
     said = capsys.readouterr().out
     assert "calibration_gain" in said
@@ -67,6 +67,7 @@ def test_it_names_a_gain_and_writes_the_extended_campaign(
     found = json.loads(Path("v.json").read_text())
     assert found["verdict"] == "named"
     assert Path("v.html").read_text().startswith("<!DOCTYPE html>")
+    assert Path("v.png").read_bytes().startswith(b"\x89PNG")
     assert call(monkeypatch, "identify", "extended.toml", "--json", "i.json") == 0
     gain = json.loads(Path("i.json").read_text())["parameters"]["calibration_gain.log_gain"]
     assert gain["value"] == pytest.approx(found["extended"]["calibration_gain.log_gain"], rel=1e-3)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from campaign_text import TEXT, write
+from campaign_text import TEXT, changed, load, write
 from receptance.cli import main
 
 
@@ -59,6 +59,47 @@ def test_draws_of_named_ranges(campaign: str, monkeypatch: pytest.MonkeyPatch) -
     assert all(0.059 <= one["values"]["tool.segment[0].length"] <= 0.061 for one in document["best"])
 
 
+def test_unknowns_that_are_not_varied_are_identified(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The best of a few values of k_theta is the identified one, because k_y is at its identified value."""
+    short = load(Path(), TEXT).assemblies["short"].replace({"joint.k_y": 4e8, "joint.k_theta": 6e4})
+    first, second = short.natural_frequencies(2e4)[:2]
+    write(Path(), changed(('["2500 Hz", "10000 Hz"]', f'["{first:.4f} Hz", "{second:.4f} Hz"]')))
+    assert call(monkeypatch, "identify", campaign, "--json", "i.json") == 0
+    parameters = json.loads(Path("i.json").read_text())["parameters"]
+    k_y, k_theta = (parameters[name]["value"] for name in ("joint.k_y", "joint.k_theta"))
+    vary = f"joint.k_theta = {0.9 * k_theta!r} N m/rad to {1.1 * k_theta!r} N m/rad"
+    capsys.readouterr()
+    assert call(monkeypatch, "sweep", campaign, "--vary", vary, "--points", "5", "--json", "s.json") == 0
+    found = json.loads(Path("s.json").read_text())
+    assert found["best"][0]["values"]["joint.k_theta"] == pytest.approx(k_theta)
+    assert found["held"] == pytest.approx({"joint.k_y": k_y})
+    assert found["expected_misfit"] == 2.0
+    assert found["agrees"] is True
+    said = capsys.readouterr().out
+    assert f"Not varied: joint.k_y = {k_y:.5g} N/m, identified." in said
+    assert "The best candidate agrees with the data" in said
+    # No number of steps helps where the other stiffness is wrong, and the answer says so.
+    wrong = ("--at", f"joint.k_y = {2.0 * k_y!r} N/m")
+    assert call(monkeypatch, "sweep", campaign, "--vary", vary, "--points", "50", *wrong, "--json", "w.json") == 0
+    found = json.loads(Path("w.json").read_text())
+    assert found["held"] == {"joint.k_y": 2.0 * k_y}
+    assert found["agrees"] is False
+    assert "No candidate agrees with the data: the least misfit is" in capsys.readouterr().out
+    # A step that misses the narrow optimum is told from a model that is wrong.
+    assert call(monkeypatch, "sweep", campaign, "--vary", vary, "--points", "2") == 0
+    assert "The fit of the unknowns does, with" in capsys.readouterr().out
+
+
+def test_agreement_needs_standard_deviations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, TEXT.replace('standard_deviation = "2 Hz"\n', ""))
+    assert call(monkeypatch, "sweep", str(tmp_path), "--points", "3") == 0
+    assert "Whether a candidate agrees with the data cannot be said" in " ".join(capsys.readouterr().out.split())
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -67,6 +108,13 @@ def test_draws_of_named_ranges(campaign: str, monkeypatch: pytest.MonkeyPatch) -
         (["--vary", "joint.k_y = 1e8 N/m to 1e7 N/m"], "expected the lower end first"),
         (["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m"] * 2, "--vary joint.k_y is there twice"),
         (["--points", "5", "--sample", "10"], "expected one of them"),
+        (["--at", "joint.k_y"], "expected 'ADDRESS = VALUE'"),
+        (["--at", "joint.k_y = 1e7 N"], '--at joint.k_y: the value is "1e7 N", a force'),
+        (["--at", "drawbar.k_y = 1e7 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
+        (
+            ["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m", "--at", "joint.k_y = 2e7 N/m"],
+            "is varied and has a value with --at",
+        ),
         (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
         (["--points", "4000"], "use --sample"),
         (["--store", "none/s.zarr"], "there is no folder none"),

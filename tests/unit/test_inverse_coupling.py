@@ -254,13 +254,32 @@ def test_mistakes_are_answered():
     with pytest.raises(ValueError, match="expected some of k_y, k_theta, k_ytheta"):
         invert_coupling(tip, terms=("k_x",))
     with pytest.raises(ValueError, match="there is no line that all of"):
-        invert_coupling([tip, measured(true, NOSE, lines=LINES + 1.0)])
+        invert_coupling([tip, measured(true, NOSE, lines=LINES + LINES[-1])])
     with pytest.raises(ValueError, match="expected the same joint"):
         invert_coupling([tip, measured(make_assembly(0.08, k_y=1e9), TIP)], terms=("k_theta",))
     with pytest.raises(TypeError, match="expected a MeasuredFRF"):
         invert_coupling([3])
     with pytest.raises(ValueError, match="'k_y' was not solved for, only k_theta"):
         invert_coupling(tip).term("k_y")
+
+
+@pytest.mark.parametrize("factor", [0.97, 1.03])
+def test_records_of_different_lengths_are_resampled(factor):
+    """Their lines stand at other frequencies: those with the widest steps are kept, without what nothing covers."""
+    true = make_assembly()
+    other = np.linspace(LINES[0], LINES[-1], int(LINES.size / factor))
+    # A few lines were not usable, and nothing is interpolated across the gap.
+    other = np.delete(other, np.flatnonzero((other > 1000.0) & (other < 1100.0)))
+    found = invert_coupling([measured(true, TIP), measured(true, NOSE, lines=other)])
+    lines = found.frequency_hz.real
+    assert set(lines) <= set(LINES if factor < 1.0 else other)
+    assert lines.size > 0.9 * LINES.size
+    assert not ((lines > 1010.0) & (lines < 1090.0)).any()
+    start = found.start()
+    joint = true.elements["joint"]
+    assert start["joint.k_y"] == pytest.approx(joint.k_y, rel=1e-3)
+    assert start["joint.k_theta"] == pytest.approx(joint.k_theta, rel=1e-3)
+    assert any(f"resampled to the {lines.size} lines of" in note for note in found.notes)
 
 
 def test_lines_in_common_and_the_result_itself():

@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+import receptance
+
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
 # Where the name to install is not the name to import.
@@ -38,7 +40,7 @@ def _requirements(extra: str | None = None) -> set[str]:
 
 def test_there_is_one_version() -> None:
     version = _toml("Cargo.toml")["workspace"]["package"]["version"]
-    assert importlib.metadata.version("receptance") == version
+    assert importlib.metadata.version("receptance") == receptance.__version__ == version
     for crate in ("core", "python"):
         assert _toml(f"rust/{crate}/Cargo.toml")["package"]["version"] == {"workspace": True}
     assert "version" in _toml("pyproject.toml")["project"]["dynamic"]

@@ -53,6 +53,17 @@ def test_tips_of_several_blanks_are_enough(lengths: tuple[float, ...]) -> None:
     assert np.isnan(found.rms) == (len(lengths) == 3)
 
 
+def test_records_of_different_lengths_are_brought_to_common_lines() -> None:
+    lengths = (0.08, 0.12, 0.17, 0.2)
+    grids = (LINES, np.linspace(LINES[0], LINES[-1], int(1.02 * LINES.size)))
+    observed = [measure(make_blank(n), 0.0, 0.0, sd=1e-3, lines=grids[i % 2]) for i, n in enumerate(lengths)]
+    found = identify_spindle(observed, limit=0.1)
+    assert np.array_equal(found.frequency_hz, LINES)
+    true = seen_at_the_plane(make_spindle(), LINES)
+    assert found.usable.mean() > 0.5
+    assert np.median((np.abs(found.matrix - true) / np.abs(true))[found.usable]) < 1e-3
+
+
 def test_the_windowed_lines_are_those_of_the_spindle() -> None:
     lines = FEW - 3j
     blank = make_blank()

@@ -171,6 +171,15 @@ def test_trends(study: ER32Study) -> None:
         assert low < trend.change_percent < high
         assert trend.exceeds
         assert trend.change_percent == pytest.approx(100.0 * (printed[-1] / printed[0] - 1.0), abs=4.0)
+        found = [getattr(j, trend.quantity) for j in study.identified if j.diameter_mm == trend.diameter_mm]
+        whole = trend.end_values
+        assert (whole.start, whole.end) == study.trends.torque_range_nm
+        assert whole.percent == pytest.approx(100.0 * (found[-1] / found[0] - 1.0))
+        assert None not in whole.interval
+        assert any(f"{whole.percent:+.1f} %) at {trend.diameter_mm:g} mm" in text for _, text in findings(study))
+    (thickest,) = (t for t in study.trends.torque if t.quantity == "k_y" and t.diameter_mm == 16.0)
+    assert thickest.change_percent == pytest.approx(6.4, abs=0.05)
+    assert thickest.end_values.percent == pytest.approx(7.6, abs=0.05)
     for law in study.trends.diameter:
         assert law.exponent > 0.0
         assert law.exceeds

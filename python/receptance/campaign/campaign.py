@@ -212,7 +212,7 @@ class Campaign:
         Raises
         ------
         CampaignError
-            Nothing is held out and every assembly was measured; or as in `identify`.
+            Nothing is held out and every assembly was measured; nothing of it can be predicted; or as in `identify`.
         """
         from receptance.campaign.prediction import predict_campaign
 

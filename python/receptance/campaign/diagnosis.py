@@ -14,6 +14,8 @@ from receptance.campaign.problems import CampaignError
 from receptance.errors import ReceptanceError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.observations import Measurement
     from receptance.diagnosis import Cause, Metric, Verdict
@@ -59,6 +61,12 @@ class CampaignDiagnosis:
             }
         )
         return found
+
+    def plot(self) -> Figure:
+        """Draw what was measured and modelled, before and after, and the evidence of the candidates."""
+        from receptance.plot.diagnosis import draw_diagnosis
+
+        return draw_diagnosis(self.verdict, self.campaign.title)
 
     def extended_text(self, folder: str | Path) -> str:
         """Return the extended model as the text of a campaign file that is to stand in a folder.

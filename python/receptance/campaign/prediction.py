@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from receptance.campaign.observations import Measurement
     from receptance.campaign.tolerances import Effects
 
-__all__ = ["CampaignPrediction", "applied", "predict_campaign", "prediction_lines"]
+__all__ = ["CampaignPrediction", "applied", "predict_campaign", "prediction_lines", "recorded", "what_can_be_predicted"]
 
 _LINES = 2000
 _MOST_LINES = 1_000_000
@@ -56,6 +56,8 @@ class CampaignPrediction:
         Frequency responses, of held-out measurements first.
     level : float
         Level of the intervals.
+    not_predicted : dict of str to str
+        What could not be predicted, by name of the measurement or assembly, and why.
     notes : tuple of str
         What a person should know.
     versions : dict of str to str
@@ -67,6 +69,7 @@ class CampaignPrediction:
     frequencies: tuple[PredictedFrequencies, ...]
     frfs: tuple[PredictedFRF, ...]
     level: float
+    not_predicted: dict[str, str]
     notes: tuple[str, ...]
     versions: dict[str, str]
 
@@ -97,6 +100,7 @@ class CampaignPrediction:
                 "rms_percent": self.rms_percent,
                 "natural_frequencies": [one.as_dict(self.reach) for one in self.frequencies],
                 "frfs": [one.as_dict(self.reach) for one in self.frfs],
+                "not_predicted": self.not_predicted,
                 "identified": None if self.identified is None else self.identified.as_dict(),
                 "notes": self.notes,
                 "versions": self.versions,
@@ -124,6 +128,20 @@ def predict_campaign(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignPrediction:
     """Predict what a campaign holds out or did not measure; see `Campaign.predict`."""
+    found = what_can_be_predicted(campaign, identified, threads=threads, progress=progress)
+    if not found.frequencies and not found.frfs:
+        raise CampaignError.about(campaign.file, "; ".join(found.not_predicted.values()))
+    return found
+
+
+def what_can_be_predicted(
+    campaign: Campaign,
+    identified: CampaignIdentification | None,
+    *,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CampaignPrediction:
+    """Predict what a campaign holds out or did not measure, as far as it can be, and say why the rest cannot."""
     from receptance.studies._provenance import versions
 
     say = progress or (lambda _: None)
@@ -137,11 +155,16 @@ def predict_campaign(
     notes = list(campaign.notes if identified is None else identified.notes)
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
+    lost: dict[str, str] = {}
     for name, measured in held_out.items():
         say(f"predicting {name}")
         seen = measured.observation
         at = Where(seen.configuration, seen.conditions)
-        assembly = applied(identified, seen.assembly, name, notes, measured.effects, at)
+        try:
+            assembly = applied(identified, seen.assembly, name, notes, measured.effects, at)
+        except CampaignError as error:
+            lost[name] = error.problems[0].text
+            continue
         if isinstance(measured.observation, MeasuredFRF):
             frfs.append(_held_out_frf(name, measured, assembly, propagation, at, identified))
         else:
@@ -149,10 +172,15 @@ def predict_campaign(
     for name, assembly in unmeasured.items():
         say(f"predicting {name}")
         at = Where(name, {key: one.value for key, one in campaign.conditions.get(name, {}).items()})
-        assembly = applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
+        try:
+            assembly = applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
+        except CampaignError as error:
+            lost[name] = error.problems[0].text
+            continue
         found = _unmeasured(name, campaign, assembly, propagation, notes, at)
         frequencies += [found[0]] if found[0] is not None else []
         frfs.append(found[1])
+    notes += [f"not predicted: {reason}" for reason in lost.values()]
     wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
     if wide:
         notes.append(
@@ -165,6 +193,7 @@ def predict_campaign(
         frequencies=tuple(frequencies),
         frfs=tuple(frfs),
         level=campaign.table.prediction.level,
+        not_predicted=lost,
         notes=tuple(dict.fromkeys(notes)),
         versions=versions(),
     )
@@ -234,7 +263,7 @@ def _held_out_frf(
         assembly, seen.frequency_hz, response, excitation, measured.effects, at, seen.force
     )
     if identified is not None and any(unknown.address in FACTORS for unknown in identified.fit.task.parameters.wanted):
-        found = _recorded(seen, identified, measured.effects)
+        found = recorded(seen, identified, measured.effects)
     peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
     deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
     return PredictedFRF(
@@ -252,7 +281,7 @@ def _held_out_frf(
     )
 
 
-def _recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
+def recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
     """Return the predicted FRF as the chain would record it that the fit has found: with its gain, delay and window."""
     fit, fresh = identified.fit, list[str]()
     placed = fit.task.parameters.at(place_of(seen, 0), tolerances_of(effects), fresh)

@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance.campaign.identification import band_width_percent
 from receptance.campaign.plain import plain
+from receptance.campaign.prediction import what_can_be_predicted
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import tolerances_of
 from receptance.identification import (
@@ -168,8 +169,9 @@ def _predicted(campaign: Campaign, group: tuple[str, ...], threads: int | None) 
     )
     fit, modes, frfs = None, [], []
     if own.held_out:
-        prediction = own.predict(own.identify(threads=threads), threads=threads)
+        prediction = what_can_be_predicted(own, own.identify(threads=threads), threads=threads)
         fit = None if prediction.identified is None else prediction.identified.fit
+        reasons += prediction.not_predicted.values()
         freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
         reach = quantile(prediction.level, freedom)
         for listed in prediction.frequencies:

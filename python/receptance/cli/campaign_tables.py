@@ -26,8 +26,6 @@ __all__ = ["print_identification", "print_prediction"]
 _TIED = 0.9
 _ABOUT_DATA = "measurements."
 _NOTHING = 1e-3
-_WIDE = 116
-"""Characters in a line that the widest table needs; in less its last column is left out."""
 
 
 def print_identification(console: Console, found: CampaignIdentification) -> None:
@@ -46,8 +44,7 @@ def print_prediction(console: Console, found: CampaignPrediction) -> None:
     if found.identified is not None:
         for item in _parameters(found.identified):
             console.print(item)
-    wide = console.width >= _WIDE
-    for item in [*_compared_frequencies(found, wide), *_compared_frfs(found), *_unmeasured(found)]:
+    for item in [*_compared_frequencies(found), *_compared_frfs(found), *_unmeasured(found)]:
         console.print(item)
     if found.rms_percent is not None:
         console.print(Text(f"{_verdict(found)}\n"))
@@ -161,7 +158,7 @@ def _verdict(found: CampaignPrediction) -> str:
     )
 
 
-def _compared_frequencies(found: CampaignPrediction, wide: bool) -> Iterable[Group]:
+def _compared_frequencies(found: CampaignPrediction) -> Iterable[Group]:
     rows = []
     for one in found.frequencies:
         if one.measured_hz is None:
@@ -192,8 +189,7 @@ def _compared_frequencies(found: CampaignPrediction, wide: bool) -> Iterable[Gro
         "<mostly from",
     )
     if rows:
-        count = len(columns) if wide else len(columns) - 1
-        yield table("Natural frequencies held out", columns[:count], [row[:count] for row in rows])
+        yield table("Natural frequencies held out", columns, rows)
 
 
 def _compared_frfs(found: CampaignPrediction) -> Iterable[Group]:

@@ -82,7 +82,7 @@ def identify(
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.identify(progress=say))
     targets.write(found.as_dict(), found.plot, found.plot_profiles if found.profiles else None)
-    console = output()
+    console = targets.console()
     print_identification(console, found)
     targets.name(console)
     if strict and (found.fit.advice or not found.fit.converged):
@@ -115,14 +115,16 @@ def predict(
             raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
         found = with_progress(lambda say: read.predict(progress=say))
     targets.write(found.as_dict(), found.plot)
-    console = output()
+    console = targets.console()
     print_prediction(console, found)
     targets.name(console)
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
         missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
-        no = worst > at_most or missed > 0
+        unknown = sum(name in found.not_predicted for name in read.held_out)
+        no = worst > at_most or missed > 0 or unknown > 0
         lost = f", {missed} measured peaks have no prediction" if missed else ""
+        lost += f", {unknown} measurements could not be predicted" if unknown else ""
         console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
         if no:
             raise typer.Exit(ANSWER_IS_NO)
@@ -151,7 +153,7 @@ def transfer(
     if plot is not None and not found.found.modes and not found.found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.found.not_predicted)}")
     targets.write(found.as_dict(), found.plot)
-    console = output()
+    console = targets.console()
     print_transfer(console, found)
     targets.name(console)
 
@@ -159,6 +161,7 @@ def transfer(
 def diagnose(
     campaign: File,
     json_file: Json = None,
+    plot: Plot = None,
     causes: Annotated[
         list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be given several times.")
     ] = None,
@@ -178,7 +181,7 @@ def diagnose(
     ] = False,
 ) -> None:
     """Say whether the model is adequate for what was measured, and what it lacks if not."""
-    targets = Targets(json_file, None, report, extended)
+    targets = Targets(json_file, plot, report, extended)
     from receptance.campaign import CampaignError
     from receptance.campaign.metrics import named_metrics
 
@@ -194,8 +197,8 @@ def diagnose(
         return diagnosis_html(found.verdict, title=read.title)
 
     text, why_not = _extended(found, extended)
-    targets.write(found.as_dict(), report=page, extended=text)
-    console = output()
+    targets.write(found.as_dict(), found.plot, report=page, extended=text)
+    console = targets.console()
     console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
     console.print(Text(found.verdict.summary()), soft_wrap=True)
     said = set(found.verdict.notes)

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.text import Text
@@ -15,10 +15,11 @@ from rich.text import Text
 from receptance._files import check_target, write_whole
 from receptance.cli._tables import table
 from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import InputError, Plot, Targets, input_errors, output, with_progress
+from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.console import Console
 
     from receptance.campaign import Campaign
@@ -42,6 +43,7 @@ def catalogue(
     holders: Annotated[
         Path | None, typer.Option("--holders", metavar="FILE.csv", help="Holders; by default as the campaign says.")
     ] = None,
+    json_file: Json = None,
     plot: Plot = None,
     figures: Annotated[
         Path | None, typer.Option("--figures", metavar="FOLDER", help="Write a figure for each tool, NAME.png.")
@@ -58,9 +60,10 @@ def catalogue(
     ] = None,
 ) -> None:
     """Predict the tip of every tool of a catalogue in the machine of a campaign, with intervals of its modes."""
-    targets = Targets(None, plot)
-    for path in (out, depths):
+    targets = Targets(json_file, plot)
+    for option, path in (("--out", out), ("--depths", depths)):
         if path is not None:
+            targets.keep_off(path, f"written by {option}")
             with input_errors():
                 check_target(path)
     if out is not None and depths is not None and out.resolve() == depths.resolve():
@@ -74,16 +77,22 @@ def catalogue(
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
-        for option, path in (("--out", out), ("--depths", depths)):
-            _keep_off(read, option, path, tools, holders)
+        for path in _read(read, tools, holders):
+            targets.keep_off(path, "read")
+            for option, written in (("--out", out), ("--depths", depths)):
+                if written is not None and written.resolve() == path.resolve():
+                    raise InputError(f"{option} names {written}, which is read; give another file")
         asked = None if depths is None else _asked(read, cut)
         wanted = _Wanted(tools, holders, out, depths, asked, figures, frfs)
         found = with_progress(lambda say: _run(read, wanted, say))
-    if plot is not None:
+
+    def draw() -> Figure:
         from receptance.plot.catalogue import draw_catalogue
 
-        targets.write({}, lambda: draw_catalogue(found, read.title))
-    console = output()
+        return draw_catalogue(found, read.title)
+
+    targets.write(_document(read, found), draw)
+    console = targets.console()
     _print(console, found, time.perf_counter() - begun)
     if out is not None:
         console.print(f"Modes: {out}", soft_wrap=True)
@@ -117,14 +126,46 @@ def _asked(read: Campaign, name: str | None) -> ToolCut:
     return ToolCut(read, name or next(iter(read.cuts)))
 
 
-def _keep_off(read: Campaign, option: str, written: Path | None, *given: Path | None) -> None:
-    """Nothing that is read may be written over."""
+def _read(read: Campaign, *given: Path | None) -> list[Path]:
+    """Return the files that are read."""
     table = read.table.catalogue
     files = (table.tools, table.holders) if table is not None else ()
     folder = read.file.parent
-    for path in (read.file, *(one for one in given if one), *(folder / name for name in files if name)):
-        if written is not None and written.resolve() == path.resolve():
-            raise InputError(f"{option} names {written}, which is read; give another file")
+    return [read.file, *(one for one in given if one), *(folder / name for name in files if name)]
+
+
+def _document(read: Campaign, found: list[Reduced]) -> dict[str, Any]:
+    """Return the most flexible mode of each tool as what JSON holds."""
+    from receptance.campaign.plain import plain
+    from receptance.studies._provenance import versions
+
+    names = ("frequency_hz", "damping_ratio", "dynamic_stiffness")
+    tools = [
+        {
+            "name": one.name,
+            "holder": one.holder,
+            "modes": one.modes,
+            "most_flexible": None
+            if one.values is None or one.interval is None
+            else {
+                name: {"value": value, "interval": ends}
+                for name, value, ends in zip(names, one.values, one.interval, strict=True)
+            },
+            "notes": one.notes,
+        }
+        for one in found
+    ]
+    document: dict[str, Any] = plain(
+        {
+            "campaign": read.title,
+            "file": read.file.name,
+            "level": read.table.prediction.level,
+            "tools": tools,
+            "notes": read.notes,
+            "versions": versions(),
+        }
+    )
+    return document
 
 
 def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> list[Reduced]:

@@ -89,6 +89,7 @@ def _torque(study: ClampingStudy) -> Group:
         rows.append(
             (
                 f"{one.diameter_mm:g}",
+                f"{one.trend.end_values.percent:+.1f}",
                 f"{one.trend.change_percent:+.1f}",
                 ends(one.trend.interval, "+.1f"),
                 "yes" if one.trend.exceeds else "no",
@@ -101,7 +102,8 @@ def _torque(study: ClampingStudy) -> Group:
         )
     columns = (
         "d\n[mm]",
-        f"{low:g} to {high:g}\nN m [%]",
+        "end values\n[%]",
+        "fitted\nline [%]",
         "by the\nresolution",
         "more than\nthat",
         "exponent",
@@ -110,7 +112,7 @@ def _torque(study: ClampingStudy) -> Group:
         "more than\nscatter",
         "if clamped\nanew",
     )
-    return table("Growth of k_y over torque", columns, rows)
+    return table(f"Growth of k_y from {low:g} to {high:g} N m", columns, rows)
 
 
 def _diameter(study: ClampingStudy) -> Group:

@@ -169,12 +169,13 @@ def _trends(study: ER32Study) -> list[Group]:
             f"{t.change_percent:+.1f}",
             ends(t.interval, "+.1f"),
             "yes" if t.exceeds else "no",
+            f"{t.end_values.percent:+.1f}",
             *(_step(step) for step in t.steps),
         )
         for t in study.trends.torque
     ]
     steps = [f"{step.start:g} to {step.end:g}\n[%] " for step in study.trends.torque[0].steps]
-    columns = ("<", "d\n[mm]", f"{low:g} to {high:g}\nN m [%]", "interval", "exceeds it", *steps)
+    columns = ("<", "d\n[mm]", "fitted\nline [%]", "interval", "exceeds it", "end values\n[%]", *steps)
     diameter = [
         (
             law.quantity,
@@ -189,7 +190,12 @@ def _trends(study: ER32Study) -> list[Group]:
     steps = [f"{step.start:g} to\n{step.end:g} [%] " for step in study.trends.diameter[0].steps]
     laws = ("<", "exponent", "from the\nresolution", "95 %, from\nthe scatter", "exceeds\nboth", *steps)
     return [
-        table("Over torque; intervals from the resolution alone; a step marked ~ is within it", columns, torque),
+        table(
+            f"From {low:g} to {high:g} N m: line fitted to the values at all torques, change between the end values; "
+            "intervals from the resolution alone; a step marked ~ is within it",
+            columns,
+            torque,
+        ),
         table("Over diameter [mm], as a power law", laws, diameter),
     ]
 

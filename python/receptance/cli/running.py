@@ -21,9 +21,18 @@ if TYPE_CHECKING:
 __all__ = ["InputError", "Json", "Plot", "Seed", "Targets", "input_errors", "output", "with_progress"]
 
 _PIPE_WIDTH = 132
+_LEAST_WIDTH = 40
+"""Columns that every table fits; a narrower terminal wraps the lines itself."""
 _Result = TypeVar("_Result")
 
-Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write all results as JSON.")]
+Json = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Write all results as JSON; - writes them to standard output, and the text to standard error.",
+    ),
+]
 Plot = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Save the figure; the ending says which format (png, pdf, svg)."),
@@ -31,6 +40,7 @@ Plot = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")]
 
 
+_STANDARD_OUTPUT = Path("-")
 PROFILES = "profiles"
 """What the name of the figure of profiles ends in."""
 
@@ -61,7 +71,8 @@ class Targets:
     def __init__(
         self, json_file: Path | None, plot: Path | None, report: Path | None = None, extended: Path | None = None
     ) -> None:
-        self.json_file, self.plot = json_file, plot
+        self.json_to_output = json_file == _STANDARD_OUTPUT
+        self.json_file, self.plot = None if self.json_to_output else json_file, plot
         self.report, self.extended = report, extended
         given: dict[Path, str] = {}
         for option, path in self._asked:
@@ -107,8 +118,11 @@ class Targets:
         if extended is None:
             self.extended = None
         contents: dict[Path, bytes] = {}
+        document = ""
+        if self.json_file is not None or self.json_to_output:
+            document = json.dumps(results, indent=2, allow_nan=False) + "\n"
         if self.json_file is not None:
-            contents[self.json_file] = (json.dumps(results, indent=2, allow_nan=False) + "\n").encode()
+            contents[self.json_file] = document.encode()
         if self.report is not None and report is not None:
             contents[self.report] = report().encode()
         if self.extended is not None and extended is not None:
@@ -122,6 +136,12 @@ class Targets:
                 contents[self.beside] = as_image(profiles(), self.kind)
         with input_errors():
             write_whole(contents)
+        if self.json_to_output:
+            output().out(document, end="", highlight=False)
+
+    def console(self) -> Console:
+        """Return where the text for people goes: standard output, unless the JSON goes there."""
+        return output(stderr=self.json_to_output)
 
     def name(self, console: Console) -> None:
         """Say what was written."""
@@ -162,11 +182,15 @@ class _Output(Console):
         raise SystemExit(0)
 
 
-def output() -> Console:
-    """Return the standard output; in a pipe wide enough for the tables and without colour."""
-    console = _Output(highlight=False, markup=False, emoji=False)
+def output(*, stderr: bool = False) -> Console:
+    """Return the standard output, or the error output; in a pipe as wide as COLUMNS says, and without colour."""
+    console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr)
     if not console.is_terminal:
-        console = _Output(highlight=False, markup=False, emoji=False, width=_PIPE_WIDTH, no_color=True)
+        asked = os.environ.get("COLUMNS", "")
+        width = int(asked) if asked.isdecimal() and int(asked) > 0 else _PIPE_WIDTH
+        console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr, width=width, no_color=True)
+    if console.width < _LEAST_WIDTH:
+        console.width = _LEAST_WIDTH
     return console
 
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from receptance.cli._tables import table
 from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import Json, Plot, Targets, input_errors, output, with_progress
+from receptance.cli.running import Json, Plot, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def stability(
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.stability(cuts=cut or (), progress=say))
     targets.write(found.as_dict(), found.plot)
-    console = output()
+    console = targets.console()
     print_stability(console, found)
     targets.name(console)
 

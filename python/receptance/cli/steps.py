@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, output, with_progress
+from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 __all__ = ["invert", "next_step"]
@@ -42,7 +42,7 @@ def invert(
         hint = f"choose one with --joint: {', '.join(named)}" if len(named) > 1 else "it changes between assemblies"
         raise InputError(f"--plot draws one joint, and here are {', '.join(found.joints)}; {hint}")
     targets.write(found.as_dict(), found.plot)
-    console = output()
+    console = targets.console()
     print_inversion(console, found)
     targets.name(console)
 
@@ -70,6 +70,6 @@ def next_step(
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.next_measurement(targets=target or (), progress=say))
     targets.write(found.as_dict(), found.plot)
-    console = output()
+    console = targets.console()
     print_next(console, found)
     targets.name(console)

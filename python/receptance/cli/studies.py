@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,7 +56,7 @@ def _tell(
         return drawn
 
     targets.write(document, draw)
-    console = output()
+    console = targets.console()
     show(console, result)
     targets.name(console)
 

@@ -12,16 +12,19 @@ import numpy as np
 import typer
 from rich.text import Text
 
-from receptance.cli._tables import table
+from receptance.cli._tables import print_sentences, table
 from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import xarray as xr
     from matplotlib.figure import Figure
 
     from receptance.campaign import Campaign
+    from receptance.campaign.sweeping import Compared
     from receptance.sweep import Candidates
 
 __all__ = ["sweep"]
@@ -52,6 +55,15 @@ def sweep(
     sample: Annotated[
         int | None, typer.Option("--sample", metavar="COUNT", min=1, help="Draw so many instead of a grid.")
     ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="'ADDRESS = VALUE'",
+            help="A parameter that stays at this value; may be given several times. Other unknowns that are not varied "
+            "stay at their identified values.",
+        ),
+    ] = None,
     store: Annotated[
         Path | None,
         typer.Option("--store", metavar="FOLDER", help="Zarr store of all results; an interrupted run goes on in it."),
@@ -62,6 +74,7 @@ def sweep(
 ) -> None:
     """Try many values of a campaign's parameters and tell which agree with what was measured."""
     targets = Targets(json_file, plot)
+    from receptance.campaign.sweeping import compared_with
     from receptance.sweep import Misfit
     from receptance.sweep import sweep as run
 
@@ -70,8 +83,10 @@ def sweep(
         read = load_campaign(campaign, targets)
         if not read.to_identify:
             raise InputError("this campaign has no measurement that candidates could be compared with")
-        candidates = _candidates(read, vary or [], points, sample, seed)
-        misfit = Misfit([measured.observation for measured in read.to_identify.values()])
+        given = _given(at or [])
+        candidates = _candidates(read, vary or [], points, sample, seed, given)
+        compared = with_progress(lambda say: compared_with(read, candidates.addresses, given, say))
+        misfit = Misfit(compared.observations)
         try:
             found = with_progress(
                 lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told)))
@@ -86,8 +101,9 @@ def sweep(
     best = _best(found)
     # The rest of a store stays where it is.
     chosen = found.isel(candidate=best).load()
-    targets.write(_document(read, found, best, chosen), lambda: _figure(found))
-    console = output()
+    document = _document(read, found, best, chosen) | _agreement(compared, chosen)
+    targets.write(document, lambda: _figure(found))
+    console = targets.console()
     valid = int(found["valid"].sum())
     names = list(candidates.addresses)
     console.print(Text(f"{read.title}: {found.sizes['candidate']:,} candidates of {', '.join(names)}"), soft_wrap=True)
@@ -96,20 +112,99 @@ def sweep(
     columns = [[f"{value:.6g}" for value in chosen["misfit"].values]]
     columns += [[f"{value:.5g}" for value in chosen[name].values] for name in names]
     console.print(table("The best, values in SI units", ("misfit", *names), list(zip(*columns, strict=True))))
+    print_sentences(console, _sentences(read, compared, names, document, given))
     if store is not None:
         console.print(f"Store: {store}", soft_wrap=True)
     targets.name(console)
 
 
-def _candidates(read: Campaign, vary: list[str], points: int | None, sample: int | None, seed: int) -> Candidates:
+def _agreement(compared: Compared, chosen: xr.Dataset) -> dict[str, Any]:
+    """Return what is held, and how the least misfit compares with what noise explains."""
+    from receptance.campaign.sweeping import expected_misfit
+
+    found = expected_misfit(compared.observations)
+    least = float(chosen["misfit"].values[0]) if chosen.sizes["candidate"] else float("inf")
+    expected, limit = (None, None) if found is None else found
+    fit = None if compared.fit is None else float(sum(np.sum(np.square(one)) for one in compared.fit.residuals))
+    return {
+        "held": compared.held,
+        "expected_misfit": expected,
+        "limit": limit,
+        "misfit_of_fit": fit if compared.fit is not None and compared.fit.known_scatter else None,
+        "agrees": None if limit is None else least <= limit,
+    }
+
+
+def _sentences(
+    read: Campaign, compared: Compared, names: list[str], document: dict[str, Any], given: dict[str, float]
+) -> Iterator[str]:
+    """Yield where the other parameters are, and whether any candidate agrees with the data."""
+    from receptance.identification.laws import Law
+
+    if compared.held:
+        values = (f"{name} = {value:.5g} {_unit(name)}".rstrip() for name, value in compared.held.items())
+        fitted = "" if compared.fit is None else ", identified" + (" where --at gives no value" if given else "")
+        yield f"Not varied: {', '.join(values)}{fitted}."
+    changing = [u.address for u in read.unknowns if isinstance(u, Law) and u.address in names]
+    if changing:
+        yield f"note: a candidate has one value of {', '.join(changing)} for all assemblies, the campaign has a law"
+    if document["agrees"] is None:
+        yield (
+            "Whether a candidate agrees with the data cannot be said: not all measurements have a standard deviation "
+            "(`standard_deviation`, or coherence and `averages`)."
+        )
+        return
+    expected, best = document["expected_misfit"], document["best"]
+    if not best:
+        yield "No candidate agrees with the data: none is a model."
+        return
+    ratio = f"{best[0]['misfit'] / expected:.3g} times what noise explains (at most {document['limit'] / expected:.3g})"
+    if document["agrees"]:
+        yield f"The best candidate agrees with the data: its misfit is {ratio}."
+        return
+    yield f"No candidate agrees with the data: the least misfit is {ratio}."
+    if document["misfit_of_fit"] is None:
+        yield "Finer steps, other ranges or other parameters may; `receptance identify` finds the best values."
+        return
+    times = f"{document['misfit_of_fit'] / expected:.3g} times"
+    if document["misfit_of_fit"] <= document["limit"]:
+        yield f"The fit of the unknowns does, with {times}: finer steps or other ranges are needed."
+    elif given:
+        yield f"The fit of the other unknowns to the values of --at does not either, with {times}."
+    else:
+        yield f"The fit of the unknowns does not either, with {times}; `receptance diagnose` looks for the cause."
+
+
+def _given(at: list[str]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for text in at:
+        address, equals, value = (part.strip() for part in text.partition("="))
+        if not equals:
+            raise InputError(f"--at is {text!r}, expected 'ADDRESS = VALUE', such as 'joint.k_y = 1e8 N/m'")
+        if address in found:
+            raise InputError(f"--at {address} is there twice, expected one value for each parameter")
+        found[address] = _quantity(address, value, f"--at {address}: the value")
+    return found
+
+
+def _candidates(
+    read: Campaign, vary: list[str], points: int | None, sample: int | None, seed: int, given: dict[str, float]
+) -> Candidates:
     from scipy import stats
 
+    from receptance.identification.factors import FACTORS
     from receptance.sweep import Grid, Sampled
 
     if points is not None and sample is not None:
         raise InputError("--points are those of a grid and --sample draws; expected one of them")
     points = points or _POINTS
-    ranges = _ranges(vary) if vary else {u.address: (u.lower, u.upper) for u in read.unknowns}
+    ranges = _ranges(vary)
+    if not vary:
+        chosen = (u for u in read.unknowns if u.address not in given and u.address not in FACTORS)
+        ranges = {u.address: (u.lower, u.upper) for u in chosen}
+    for address in ranges:
+        if address in given:
+            raise InputError(f"{address} is varied and has a value with --at, expected one of them")
     if not ranges:
         raise InputError(
             "nothing is unknown in this campaign; say what to vary, --vary 'joint.k_y = 1e7 N/m to 1e9 N/m'"
@@ -142,8 +237,6 @@ def _ranges(vary: list[str]) -> dict[str, tuple[float, float]]:
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:
-    from receptance.campaign.addresses import value_at
-
     address, equals, rest = text.partition("=")
     low, to, high = rest.partition(" to ")
     address = address.strip()
@@ -151,18 +244,34 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
         raise InputError(
             f"--vary is {text!r}, expected 'ADDRESS = LOW to HIGH', such as 'joint.k_y = 1e7 N/m to 1e9 N/m'"
         )
-    ends = []
-    for word, end in (("lower", low), ("upper", high)):
-        try:
-            number: Any = end.strip()
-            ends.append(value_at(address, float(number) if _is_plain(number) else number))
-        except ValueError as error:
-            raise InputError(f"--vary {address}: the {word} end {error}") from error
+    ends = [
+        _quantity(address, end.strip(), f"--vary {address}: the {word} end")
+        for word, end in (("lower", low), ("upper", high))
+    ]
     if not ends[0] < ends[1]:
         raise InputError(
             f"--vary {address}: the range is {low.strip()} to {high.strip()}, expected the lower end first"
         )
     return address, (ends[0], ends[1])
+
+
+def _quantity(address: str, text: str, what: str) -> float:
+    """Return a value in SI units; a plain number is one of a quantity without unit."""
+    from receptance.campaign.addresses import value_at
+
+    try:
+        return value_at(address, float(text) if _is_plain(text) else text)
+    except ValueError as error:
+        raise InputError(f"{what} {error}") from error
+
+
+def _unit(address: str) -> str:
+    from receptance.campaign.addresses import kind_of
+
+    try:
+        return kind_of(address).unit
+    except ValueError:
+        return ""  # an exponent of a law, or the value of one configuration
 
 
 def _is_plain(text: str) -> bool:

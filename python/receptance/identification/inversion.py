@@ -64,7 +64,8 @@ def invert_coupling(
     Parameters
     ----------
     observations : MeasuredFRF or sequence of MeasuredFRF
-        What was measured, with standard deviations. Lines that not all of them have are left out.
+        What was measured, with standard deviations. Lines that not all of them have are left out; where no line is
+        in all of them, all are resampled to the lines of the one with the widest steps.
     joint : str, optional
         Name of the joint. Its terms that are not solved for have the values that it has in the assembly.
     terms : sequence of str, optional
@@ -115,7 +116,7 @@ def invert_coupling(
     errors = check_tolerances(tolerances)
     share = _checks.positive("invert_coupling", "limit", limit)
     check_joint(observed, joint, wanted)
-    lines, rows, dropped = common_lines(observed)
+    observed, lines, rows, dropped = common_lines(observed)
     equations = _equations(observed, joint, wanted, lines, rows, threads)
     x, ambiguous = solve_lines(equations)
     # Beyond the joint that stands for a rigid one there is nothing to tell.

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.frf.resampling import between, too_sharp
 from receptance.identification.laws import Tolerance
 from receptance.identification.line_solutions import TERMS, names_of
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, altered
 from receptance.joints import PointJoint
 
 if TYPE_CHECKING:
@@ -29,6 +30,14 @@ __all__ = [
     "notes_on",
 ]
 
+_SAME = 1e-9
+"""Of a frequency: lines that are nearer to each other are one line."""
+_GAP = 1.5
+"""Of the median step between lines: a longer one is a gap, in which nothing is interpolated."""
+_FEWEST = 4
+"""Lines that a spline needs."""
+_FEW = 0.5
+"""Share of the lines below which those in common are few, and by which resampling has to give more."""
 _UNSUITED = 3.0
 """Standard deviations, as rms, beyond which one joint does not suit all lines."""
 _SHOWN = 5
@@ -100,18 +109,85 @@ def check_joint(observed: tuple[MeasuredFRF, ...], joint: str, terms: tuple[str,
 
 def common_lines(
     observed: tuple[MeasuredFRF, ...],
-) -> tuple[NDArray[Any], list[NDArray[np.intp]], int]:
-    """Return the lines that all have, where they are in each, and how many others there are."""
-    lines = observed[0].frequency_hz
-    for one in observed[1:]:
-        lines = lines[_found(lines, one.frequency_hz)[1]]
+) -> tuple[tuple[MeasuredFRF, ...], NDArray[Any], list[NDArray[np.intp]], int]:
+    """Return the observations, the lines that all have, where they are in each, and how many others there are.
+
+    Where few of their lines are the same, because the records had different lengths, they are resampled first.
+    """
+    lines = _shared(observed)
+    if lines.size < _FEW * min(one.frequency_hz.size for one in observed):
+        other = _resampled(observed)
+        if other and other[0].frequency_hz.size * _FEW > lines.size:
+            observed, lines = other, other[0].frequency_hz
     if not lines.size:
         raise ValueError(
-            f"there is no line that all of {', '.join(map(repr, observed))} have; the equations of a line belong "
-            "together, so resample the FRFs to common lines"
+            f"there is no line that all of {', '.join(map(repr, observed))} have, and no band that all of them cover "
+            "with the same exponential window; the equations of a line belong together"
         )
     rows = [_found(lines, one.frequency_hz)[0] for one in observed]
-    return lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
+    return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
+
+
+def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[Any]:
+    lines: NDArray[Any] = observed[0].frequency_hz
+    for one in observed[1:]:
+        lines = lines[_found(lines, one.frequency_hz)[1]]
+    return lines
+
+
+def _resampled(observed: tuple[MeasuredFRF, ...]) -> tuple[MeasuredFRF, ...]:
+    """Return observations on the lines of the one with the widest steps that all of them cover; none without such."""
+    widest = max(observed, key=_step)
+    lines = widest.frequency_hz
+    kept = np.ones(lines.size, dtype=np.bool_)
+    for one in observed:
+        kept &= _between_neighbours(lines, one)
+    return tuple(_on_lines(one, lines[kept], widest) for one in observed) if kept.any() else ()
+
+
+def _step(one: MeasuredFRF) -> float:
+    return float(np.median(np.diff(one.frequency_hz.real))) if one.frequency_hz.size > 1 else np.inf
+
+
+def _between_neighbours(lines: NDArray[Any], one: MeasuredFRF) -> NDArray[np.bool_]:
+    """Return which lines lie among those of an observation, and not where some of these were left out."""
+    own = one.frequency_hz
+    nearest, same = _found(lines, own)
+    if own.size < _FEWEST:
+        return same
+    after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
+    inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
+    dense = own.real[after] - own.real[after - 1] <= _GAP * _step(one)
+    window = np.abs(lines.imag - own.imag[nearest]) <= _SAME * np.abs(lines)
+    found: NDArray[np.bool_] = same | (inside & dense & window)
+    return found
+
+
+def _on_lines(one: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
+    if one is widest:
+        rows = np.isin(one.frequency_hz, lines)
+        fields: dict[str, Any] = {
+            name: value[rows]
+            for name, value in vars(one).items()
+            if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape
+        }
+        return altered(one, **fields)
+    owner = repr(one)
+    own = one.frequency_hz.real
+    # Lines on the edge of the band may lie outside by rounding.
+    place = between(own, np.clip(lines.real, own[0], own[-1]), owner)
+    values, bend = place.smooth(one.receptance)
+    spread = one.standard_deviation
+    fields = {
+        name: place.straight(value)
+        for name, value in vars(one).items()
+        if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape and not np.iscomplexobj(value)
+    }
+    fields |= {"frequency_hz": lines, "receptance": values}
+    notes = [*one.notes, f"{one.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}"]
+    sharp = too_sharp(place, values, bend, None if spread is None else place.straight(spread**2))
+    notes += [f"{one.label or owner}: {sharp}"] if sharp else []
+    return altered(one, **fields, notes=tuple(notes))
 
 
 def _found(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
@@ -120,7 +196,7 @@ def _found(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp],
     after = np.minimum(after, others.size - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(others[after] - lines) < np.abs(others[before] - lines), after, before)
-    return nearest, np.abs(others[nearest] - lines) <= 1e-9 * np.abs(lines)
+    return nearest, np.abs(others[nearest] - lines) <= _SAME * np.abs(lines)
 
 
 def not_apart(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF, ...]) -> str:

@@ -139,7 +139,7 @@ def groups_of(splits: Splits | Iterable[Sequence[str]], names: tuple[str, ...]) 
 
 def _refuse_free(wanted: Sequence[Unknown]) -> None:
     for unknown in wanted:
-        if isinstance(unknown, Law) and unknown.free:
+        if isinstance(unknown, Law) and unknown.free and not unknown.along:
             raise ValueError(
                 f"{unknown.address} is free in each configuration, so nothing is known of it where it was not "
                 "measured; give it one value, powers or an individual part to transfer it"

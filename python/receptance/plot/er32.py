@@ -111,7 +111,7 @@ def _ends(joints: Sequence[IdentifiedJoint], quantity: str) -> list[tuple[float 
 
 def _draw_torque(axes: Axes, study: ER32Study) -> None:
     low, high = study.trends.torque_range_nm
-    set_up(axes, f"Change of stiffness from {low:g} to {high:g} N m", "tool diameter (mm)", "change (%)")
+    set_up(axes, f"Change of stiffness from {low:g} to {high:g} N m, fitted line", "tool diameter (mm)", "change (%)")
     diameters = sorted({trend.diameter_mm for trend in study.trends.torque})
     for shift, quantity, colour in zip((-0.19, 0.19), QUANTITIES, COLOURS, strict=False):
         trends = [trend for trend in study.trends.torque if trend.quantity == quantity]

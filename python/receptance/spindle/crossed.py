@@ -128,7 +128,7 @@ def identify_crossed_spindle(
     """
     share = _checks.positive("identify_crossed_spindle", "limit", limit)
     axes, observed = _listed(observations)
-    lines, rows, _ = common_lines(observed)
+    observed, lines, rows, _ = common_lines(observed)
     blanks = Blanks.of(observed, lines, threads)
     equations = blanks.equations(observed, rows)
     noise = np.abs(equations.measured) * equations.deviation

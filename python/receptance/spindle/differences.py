@@ -80,7 +80,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
         raise ValueError("rotations are made of one blank's responses, and these are of several")
     places = sorted({point for one in observed for point in (one.response, one.excitation)}, key=lambda p: p.position)
     weights = _weights(places)
-    lines, rows, _ = common_lines(observed)
+    observed, lines, rows, _ = common_lines(observed)
     pairs = _pairs(observed, rows, places)
     # How much of H_ij, i and j places, is in y/F, theta/F and theta/M.
     y = np.eye(len(places))[0]

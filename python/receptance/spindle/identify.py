@@ -95,7 +95,7 @@ def identify_spindle(
             "each; hit and measure at two places of the blank (both drive points and the one from the other)"
         )
     check_bands(observed)
-    lines, rows, dropped = common_lines(observed)
+    observed, lines, rows, dropped = common_lines(observed)
     equations = Blanks.of(observed, lines, threads).equations(observed, rows)
     x, ambiguous = solved(equations)
     with np.errstate(all="ignore"):

@@ -143,7 +143,8 @@ def _on_tool(verdict: TorqueVerdict, low: float, high: float) -> str:
     first, last = ("open" if end is None else f"{end:+.1f}" for end in ends)
     change, least, most = verdict.law.change_percent(low, high)
     return (
-        f"{verdict.diameter_mm:g} mm: {verdict.trend.change_percent:+.1f} %, {first} to {last} % by the resolution "
+        f"{verdict.diameter_mm:g} mm: {verdict.trend.change_percent:+.1f} % by a fitted line "
+        f"({verdict.trend.end_values.percent:+.1f} % between the end values), {first} to {last} % by the resolution "
         f"alone: {'more than noise' if verdict.trend.exceeds else 'within the resolution'}. As a power law with the "
         f"scatter of its states, torque^{verdict.law.exponent:.2f}: {change:+.1f} % ({least:+.1f} to {most:+.1f} %), "
         f"log evidence {verdict.law.log_evidence:+.1f} against a constant: {_told(verdict.law)}. If clamped anew each "

@@ -66,6 +66,7 @@ def as_dict(study: ClampingStudy) -> dict[str, Any]:
             {
                 "diameter_mm": one.diameter_mm,
                 "change_percent": one.trend.change_percent,
+                "change_of_end_values_percent": one.trend.end_values.percent,
                 "interval_of_resolution": list(one.trend.interval),
                 "more_than_resolution": one.trend.exceeds,
                 "law": _law(one.law, low, high),

@@ -166,8 +166,13 @@ def _on_trends(study: ER32Study) -> Iterator[str]:
         for exceeds, words in ((True, "beyond what the resolution leaves open"), (False, "within the resolution")):
             group = [t for t in trends if t.exceeds is exceeds]
             if group:
-                tools = ", ".join(f"{t.change_percent:+.1f} % at {t.diameter_mm:g} mm" for t in group)
-                yield f"{quantity} from {low:g} to {high:g} N m changes {words}: {tools}."
+                tools = ", ".join(
+                    f"{t.change_percent:+.1f} % ({t.end_values.percent:+.1f} %) at {t.diameter_mm:g} mm" for t in group
+                )
+                yield (
+                    f"{quantity} from {low:g} to {high:g} N m, by a line fitted to the values at all torques (by the "
+                    f"two end values), changes {words}: {tools}."
+                )
         steps = [step for trend in trends for step in trend.steps]
         up = sum(step.exceeds and step.percent > 0.0 for step in steps)
         down = sum(step.exceeds and step.percent < 0.0 for step in steps)
@@ -284,7 +289,7 @@ def _on_causes(study: ER32Study) -> str:
     return (
         f"{text} Of all single causes only these improve table 2 as a whole: {names}; the whole range of torque "
         "changes k_theta by "
-        f"at most {torque:.1f} %. No cause is named."
+        f"at most {torque:.1f} % (fitted line). No cause is named."
     )
 
 

@@ -114,7 +114,12 @@ def _trends(study: ER32Study) -> dict[str, Any]:
     return {
         "torque_range_nm": list(study.trends.torque_range_nm),
         "torque": [
-            dataclasses.asdict(trend) | {"exceeds": trend.exceeds, "steps": [_step(step) for step in trend.steps]}
+            dataclasses.asdict(trend)
+            | {
+                "exceeds": trend.exceeds,
+                "steps": [_step(step) for step in trend.steps],
+                "end_values": _step(trend.end_values),
+            }
             for trend in study.trends.torque
         ],
         "diameter": [

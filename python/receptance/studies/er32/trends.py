@@ -34,13 +34,18 @@ class Step:
 
 @dataclass(frozen=True)
 class TorqueTrend:
-    """Change of a stiffness over the whole range of torque, from a straight line through its logarithm."""
+    """Change of a stiffness over the whole range of torque.
+
+    `change_percent` and `interval` are those of a straight line fitted to the logarithm of the stiffness at all
+    torques; `end_values` is the change from the lowest to the highest torque without the values between.
+    """
 
     quantity: Quantity
     diameter_mm: float
     change_percent: float
     interval: Interval
     steps: tuple[Step, ...]
+    end_values: Step
 
     @property
     def exceeds(self) -> bool:
@@ -104,7 +109,9 @@ def _torque_trend(quantity: Quantity, diameter: float, states: Sequence[Identifi
     weights = centred / np.sum(centred**2) * np.ptp(torque)
     value, interval = _combine(quantity, states, weights.tolist())
     percent, ends = _as_percent(value, interval)
-    return TorqueTrend(quantity, diameter, percent, ends, _steps(quantity, states, torque.tolist()))
+    steps = _steps(quantity, states, torque.tolist())
+    (whole,) = _steps(quantity, [states[0], states[-1]], [float(torque[0]), float(torque[-1])])
+    return TorqueTrend(quantity, diameter, percent, ends, steps, whole)
 
 
 def _diameter_law(quantity: Quantity, torque_nm: float, states: Sequence[IdentifiedJoint]) -> DiameterLaw:

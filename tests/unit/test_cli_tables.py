@@ -1,0 +1,154 @@
+"""Printed tables: no command cuts a number, however narrow the terminal, and a pipe is as wide as COLUMNS says."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from command_line import call
+from receptance import campaign, examples
+from receptance.campaign import Campaign
+
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+_WIDE = 1000
+_STEPS = ("identify", "predict", "transfer", "diagnose", "invert", "next_measurement", "stability")
+
+COMMANDS = {
+    "identify": (),
+    "predict": (),
+    "transfer": (),
+    "diagnose": ("--cause", "calibration_gain"),
+    "invert": (),
+    "next": (),
+    "sweep": ("--sample", "20"),
+    "stability": (),
+    "catalogue": (),
+}
+NO_ANSWER = {
+    "er32": ("invert", "next", "stability", "catalogue"),
+    "free-free": ("stability", "catalogue"),
+    "hammer": ("next", "stability", "catalogue"),
+    "machine": ("invert", "next"),
+    "taper": ("invert", "next", "stability", "catalogue"),
+}
+"""What an example does not ask for, so that the command says that there is nothing to do."""
+SLOW = {("er32", "diagnose"), ("hammer", "diagnose"), *(("taper", command) for command in COMMANDS)}
+# `demo` prints what `study er32` prints.
+STUDIES = {"er32": False, "clamped-rods": False, "table3": True, "clamping": True, "bt50": True, "machines": True}
+
+
+def _cases() -> list[Any]:
+    cases = [
+        pytest.param(
+            (command, example, *options),
+            2 if command in NO_ANSWER[example] else 0,
+            marks=[pytest.mark.slow] if (example, command) in SLOW else [],
+            id=f"{command} {example}",
+        )
+        for example in examples.EXAMPLES
+        for command, options in COMMANDS.items()
+    ]
+    cases += [
+        pytest.param(("study", name), 0, marks=[pytest.mark.slow] if slow else [], id=f"study {name}")
+        for name, slow in STUDIES.items()
+    ]
+    return cases
+
+
+def _once(work: Callable[..., Any]) -> Callable[..., Any]:
+    """Return work that is done once: widths are compared, the numbers are the same."""
+    results: list[Any] = []
+
+    @functools.wraps(work)
+    def wrapped(*arguments: Any, **options: Any) -> Any:
+        if not results:
+            results.append(work(*arguments, **options))
+        return results[0]
+
+    return wrapped
+
+
+@pytest.fixture
+def calculated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    for step in _STEPS:
+        monkeypatch.setattr(Campaign, step, _once(getattr(Campaign, step)))
+    for name in STUDIES:
+        study = importlib.import_module(f"receptance.studies.{name.replace('-', '_')}")
+        monkeypatch.setattr(study, "run", _once(study.run))
+    monkeypatch.setattr("receptance.campaign.load", _once(campaign.load))
+    catalogue = importlib.import_module("receptance.cli.catalogue")
+    monkeypatch.setattr(catalogue, "_run", _once(catalogue._run))
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return a function that writes an example where it is not there yet."""
+    top = tmp_path_factory.mktemp("examples")
+
+    @functools.cache
+    def folder(name: str) -> Path:
+        examples.write(name, top / name)
+        return top / name
+
+    return folder
+
+
+def _numbers(text: str) -> Counter[str]:
+    # The time that the work took is another one every time.
+    return Counter(_NUMBER.findall(re.sub(r"in [\d.]+ s$", "", text, flags=re.MULTILINE)))
+
+
+@pytest.mark.usefixtures("calculated_once")
+@pytest.mark.parametrize(("arguments", "code"), _cases())
+def test_no_number_is_cut(
+    arguments: tuple[str, ...],
+    code: int,
+    folders: Callable[[str], Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Every number that is printed on a line as long as it likes is there, whole, at any width."""
+    monkeypatch.chdir(tmp_path)
+    if arguments[0] in COMMANDS:
+        arguments = (arguments[0], str(folders(arguments[1])), *arguments[2:])
+    monkeypatch.setenv("COLUMNS", str(_WIDE))
+    assert call(monkeypatch, *arguments) == code, capsys.readouterr().err
+    said = capsys.readouterr()
+    if code:
+        assert said.err.startswith("receptance: ")
+        return
+    wide = _numbers(said.out)
+    assert wide
+    for columns in ("40", "80", "100", "120", None):
+        if columns is None:
+            monkeypatch.delenv("COLUMNS")
+        else:
+            monkeypatch.setenv("COLUMNS", columns)
+        assert call(monkeypatch, *arguments) == 0
+        text = capsys.readouterr().out
+        lost = wide - _numbers(text)
+        assert not lost, f"at {columns} columns these numbers are cut: {dict(lost)}"
+        assert "\u2026" not in text
+        tables = [line for line in text.splitlines() if "\u2500" in line]
+        assert max(map(len, tables), default=0) <= int(columns or 132)
+
+
+def test_a_pipe_is_as_wide_as_columns_says(
+    folders: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert call(monkeypatch, "identify", str(folders("er32"))) == 0
+    narrow = capsys.readouterr().out
+    assert 60 < max(map(len, narrow.splitlines())) <= 80
+    for unset in ("", "0", "wide"):
+        monkeypatch.setenv("COLUMNS", unset)
+        assert call(monkeypatch, "identify", str(folders("er32"))) == 0
+        assert 80 < max(map(len, capsys.readouterr().out.splitlines())) <= 132
