@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +20,9 @@ from receptance import (
     Part,
     PointJoint,
     PointMass,
+    Section,
     Segment,
+    SpreadJoint,
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
@@ -261,3 +266,218 @@ def test_every_cause_is_nothing_at_its_null(name: str) -> None:
         change = np.abs(after[: before.size - 1] - before[:-1])
         assert np.median(change) < 0.02
         assert change.max() < 2.0
+
+
+DECAYING = LINES - 1j * 60.0
+"""Lines of a window that decays fast: no resonance is so sharp that a trace of something shows there."""
+PLACES = (
+    Coordinate("tool", 0.0),
+    Coordinate("tool", 0.02),
+    Coordinate("holder", 0.03),
+    Coordinate("holder", 0.1),
+    Coordinate("holder", "end"),
+)
+
+
+def stepped(overhang: float, *, tool: tuple[Segment, ...] = (), joint: Any = None, cut: float = 0.0) -> Assembly:
+    """A tool in a holder of two sections, with masses on both; `cut` is taken off the holder's beginning."""
+    blank = tool or (Segment(length=overhang, outer_diameter=0.012, material=CARBIDE),)
+    sections = [
+        Segment(length=0.05 - cut, outer_diameter=0.045, material=STEEL),
+        Segment(length=0.08, outer_diameter=0.06, material=STEEL),
+    ]
+    point = joint or PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
+    masses = [
+        PointMass(mass=0.02, part="holder", position=0.06 - cut, name="screw"),
+        PointMass(mass=0.002, part="tool", position=0.015, name="ring"),
+    ]
+    return Assembly([Part(blank, name="tool"), point, Part(sections, name="holder")], masses)
+
+
+def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut: float = 0.0) -> MeasuredFRF:
+    """What is seen of a truth whose holder begins so much later, said to be of the plain assembly of 50 mm."""
+
+    def there(place: Coordinate) -> Coordinate:
+        fixed = place.part != "holder" or place.position == "end"
+        return place if fixed else replace(place, position=place.position - cut)
+
+    return MeasuredFRF(
+        assembly=stepped(0.05),
+        frequency_hz=DECAYING,
+        receptance=truth.receptance(DECAYING, response=there(response), excitation=there(excitation)),
+        response=response,
+        excitation=excitation,
+        standard_deviation=0.01,
+        label=f"{response} {excitation}",
+        configuration="short",
+    )
+
+
+STARTED = [replace(one, start=value) for one, value in zip(JOINT, (6e8, 1e5, 300.0, 1.0), strict=True)]
+
+
+def off(model: Model, values: Mapping[str, float]) -> np.ndarray:
+    """Residuals in standard deviations, without priors."""
+    problem = model.task().problem()
+    names = problem.variables.names
+    start = dict(zip(names, problem.variables.to_values(problem.variables.start), strict=True))
+    assert set(values) <= set(start), (set(values), set(start))
+    x = problem.variables.from_values(np.array([{**start, **values}[name] for name in names]))
+    return problem.residual(x)[: 2 * DECAYING.size * len(model.observations)]
+
+
+@pytest.mark.parametrize("name", sorted(set(CATALOGUE) - ELSEWHERE - {"joint_spread"}))
+@pytest.mark.parametrize("witnessed", [True, False])
+def test_a_cause_of_no_size_moves_no_place(name: str, witnessed: bool) -> None:
+    """Responses, hits and masses on tool and holder stay where they are, whatever lengths a cause changes.
+
+    A spread joint begins with a tenth of a millimetre, which the next test compares exactly.
+    """
+    pairs = [(one, PLACES[0]) for one in PLACES] + [(one, one) for one in PLACES[1:]]
+    model = Model(tuple(of_places(stepped(0.05), *pair) for pair in pairs), tuple(STARTED))
+    model = model.witnessed() if witnessed else model
+    try:
+        variants = CATALOGUE[name].variants(model)
+    except UndecidableError:
+        assert name == "joint_overhang_law"  # one overhang
+        return
+    for variant in variants:
+        if not variant.fresh:
+            assert np.abs(off(variant.model, {})).max() < 0.3, variant.name
+
+
+LAYER = SpreadJoint(
+    length=0.02,
+    shank=Section(outer_diameter=0.012, material=CARBIDE),
+    sleeve=Section(outer_diameter=0.045, inner_diameter=0.012, material=STEEL),
+    k_y=6e8,
+    k_theta=1e5,
+    c_y=300.0,
+    c_theta=1.0,
+    name="joint",
+)
+
+
+def fluted(length: float) -> tuple[Segment, ...]:
+    return (
+        Segment(length=length, outer_diameter=0.011, material=CARBIDE),
+        Segment(length=0.05 - length, outer_diameter=0.012, material=CARBIDE),
+    )
+
+
+@pytest.mark.parametrize(
+    ("cause", "variant", "values", "truth", "cut"),
+    [
+        (
+            "joint_spread",
+            "2 points",
+            {"length": 0.0},
+            {"joint": replace(LAYER, length=1e-4, points=2), "cut": 1e-4},
+            1e-4,
+        ),
+        ("joint_spread", "layer", {"length": 0.0199}, {"joint": LAYER, "cut": 0.02}, 0.02),
+        ("overhang_error", "all", {"length": 1e-3}, {"overhang": 0.051}, 0.0),
+        (
+            "fluted_part",
+            "from the tip",
+            {"length": 0.01 - 1e-5, "log_diameter": np.log(11 / 12)},
+            {"tool": fluted(0.01)},
+            0.0,
+        ),
+        (
+            "fluted_part",
+            "from the tip, ending beyond 20 mm",
+            {"length beyond 20 mm": 0.01 - 1e-5, "log_diameter": np.log(11 / 12)},
+            {"tool": fluted(0.03)},
+            0.0,
+        ),
+    ],
+)
+def test_places_stay_where_they_are_as_a_length_changes(
+    cause: str, variant: str, values: dict[str, float], truth: dict[str, Any], cut: float
+) -> None:
+    """The model with the cause is the assembly that one would write down with it, seen at the same places."""
+    pairs = [(one, PLACES[0]) for one in PLACES] + [(one, one) for one in PLACES[1:]]
+    seen = stepped(truth.pop("overhang", 0.05), **truth)
+    model = Model(tuple(of_places(seen, *pair, cut=cut) for pair in pairs), tuple(STARTED))
+    chosen = next(one for one in CATALOGUE[cause].variants(model) if one.name == variant)
+    wanted = {f"{cause}.{name}": value for name, value in values.items()}
+    assert any(values.values()) == (np.abs(off(chosen.model, {})).max() > 1.0)
+    assert np.abs(off(chosen.model, wanted)).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("part", "position", "moved"), [("tool", 0.02, 3e-3), ("tool", 0.02, -3e-3), ("holder", 0.05, 4e-3)]
+)
+def test_hits_move_and_nothing_else_does(part: str, position: float, moved: float) -> None:
+    """Neither the response at the same place nor a real step between two sections goes with the hammer."""
+    place = Coordinate(part, position)
+    seen = [
+        replace_excitation(of_places(stepped(0.05), response, Coordinate(part, position + moved)), place)
+        for response in (PLACES[0], place)
+    ]
+    model = Model(tuple(seen), tuple(STARTED))
+    side = "farther from the tip" if moved > 0.0 else "nearer to the tip"
+    name = f"on {part} at {1e3 * position:g} mm, {side}"
+    chosen = next(one for one in CATALOGUE["hammer_offset"].variants(model) if one.name == name)
+    small = 5e-6 if moved > 0.0 else -5e-6
+    assert np.abs(off(chosen.model, {})).max() > 1.0
+    assert np.abs(off(chosen.model, {"hammer_offset.distance": moved - small})).max() < 1e-4
+
+
+def replace_excitation(one: MeasuredFRF, place: Coordinate) -> MeasuredFRF:
+    return altered(one, excitation=place)
+
+
+def test_hits_move_along_flutes() -> None:
+    """Hits at the tip that were beside it, of a tool whose flutes were not modelled: two lengths at once."""
+    hit = Coordinate("tool", 2e-3)
+    seen = replace_excitation(of_places(stepped(0.05, tool=fluted(0.01)), PLACES[0], hit), PLACES[0])
+    model = Model((seen,), tuple(STARTED))
+    for cause, variant in (("fluted_part", "from the tip"), ("hammer_offset", "on tool at 0 mm")):
+        model = next(one.model for one in CATALOGUE[cause].variants(model) if one.name == variant)
+    values = {
+        "fluted_part.length": 0.01 - 1e-5,
+        "fluted_part.log_diameter": np.log(11 / 12),
+        "hammer_offset.distance": 2e-3 - 5e-6,
+    }
+    assert np.abs(off(model, values)).max() < 1e-4
+
+
+def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
+    rng = np.random.default_rng(3)
+    far = Coordinate("holder", 0.1)
+
+    def seen(overhang: float, response: Coordinate) -> MeasuredFRF:
+        truth = stepped(overhang, joint=replace(LAYER, k_theta=1e4), cut=0.02)
+        there = response if response.part == "tool" else replace(response, position=0.08)
+        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        return MeasuredFRF(
+            assembly=stepped(overhang),
+            frequency_hz=LINES,
+            receptance=truth.receptance(LINES, response=there, excitation=PLACES[0]) * np.exp(noise),
+            response=response,
+            standard_deviation=0.0105,
+            label=f"{overhang} {response.part}",
+            configuration=f"{overhang}",
+        )
+
+    observations = [seen(x, place) for x in (0.05, 0.07, 0.09) for place in (PLACES[0], far)]
+    few = ["joint_spread", "sensor_mass", "overhang_error", "hammer_offset"]
+    verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=few, most=1)
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["joint_spread"])
+    _, low, high = verdict.causes[0].parameters["joint_spread.length"]
+    assert low < 0.02 < high
+    # A tool with another overhang, of which nothing is known on the holder.
+    found, _ = verdict.predict_natural_frequencies(stepped(0.06), 6000.0)
+    truth = stepped(0.06, joint=replace(LAYER, k_theta=1e4), cut=0.02)
+    np.testing.assert_allclose(found, truth.natural_frequencies(6000.0), rtol=2e-3)
+
+
+def test_what_is_measured_within_the_contact_rules_a_spread_joint_out() -> None:
+    nose = Coordinate("holder", 0.0)
+    observations = [of_places(stepped(0.05), PLACES[0], PLACES[0]), of_places(stepped(0.05), nose, nose)]
+    with pytest.raises(UndecidableError, match="holder at 0 mm"):
+        CATALOGUE["joint_spread"].variants(Model(tuple(observations), tuple(STARTED)))
+    verdict = diagnose(observations, STARTED, causes=["joint_spread", "calibration_gain"], most=1)
+    assert "holder at 0 mm" in verdict.undecidable["joint_spread"]

@@ -7,18 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from receptance import _checks
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
 from receptance.identification.laws import Move
 from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown
 
-__all__ = ["Cause", "Group", "Parameter", "UndecidableError", "Variant", "changed"]
+__all__ = ["Cause", "Group", "IndescribableError", "Parameter", "UndecidableError", "Variant", "changed"]
 
 Group = Literal["structure", "measurement"]
-
-
-class UndecidableError(Exception):
-    """The data cannot speak about a cause; the message says what is missing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,17 +201,22 @@ def changed(cause: Cause, name: str, model: Model) -> Model:
     """Return other observations as a variant of a cause changes them; unknowns and tolerances go with them.
 
     A law across configurations, which one configuration alone cannot have, changes no assembly.
+
+    Raises
+    ------
+    IndescribableError
+        The observations have a place or an assembly with which the change cannot be described.
     """
     try:
         variants = cause.variants(model)
+    except IndescribableError:
+        raise
     except UndecidableError:
         return model
     chosen = [variant for variant in variants if variant.name == name]
-    if (
-        not chosen
-        and not any(v.local for v in variants)
-        and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1
-    ):
+    if not chosen and any(v.local for v in variants):
+        raise IndescribableError(f"{cause.id} {name}: the assembly has no such place")
+    if not chosen and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1:
         # Where it acts was named by what was measured there; the structure is the same.
         chosen = variants[:1]
     return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model

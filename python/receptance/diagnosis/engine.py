@@ -125,6 +125,7 @@ def diagnose(
     own = _metrics(metrics)
     _checks.thread_count(threads)
     model, left_out = usable(Model(observed, wanted, errors))
+    model = model.witnessed()
     selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
     verdict = _verdict(selection, seed, most, left_out)
     if not held_out:
