@@ -128,7 +128,8 @@ class Variant:
     """One way in which a cause can act: its name, and the model that has it.
 
     `fresh` says that the data have changed so much that the fit begins anew; `limited` has those parameters of the
-    cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says.
+    cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says;
+    `meaning` and `remedy` take the place of the cause's own where this way of acting knows more.
     """
 
     name: str
@@ -136,11 +137,18 @@ class Variant:
     fresh: bool = False
     limited: tuple[Parameter, ...] = ()
     local: bool = False
+    meaning: str = ""
+    remedy: str = ""
 
     def of(self, cause: Cause) -> Cause:
-        """Return the cause with the plausible ranges of this way of acting."""
+        """Return the cause as it is in this way of acting: plausible ranges, meaning and remedy."""
         own = {one.name: one for one in self.limited}
-        return replace(cause, parameters=tuple(own.get(one.name, one) for one in cause.parameters)) if own else cause
+        return replace(
+            cause,
+            parameters=tuple(own.get(one.name, one) for one in cause.parameters),
+            meaning=self.meaning or cause.meaning,
+            remedy=self.remedy or cause.remedy,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

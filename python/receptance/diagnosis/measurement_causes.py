@@ -13,6 +13,7 @@ from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.records import visible_end
+from receptance.frf.forms import FORMS
 from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
@@ -24,6 +25,7 @@ _ROPES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Where on the holder a suspension is tried, as shares of its length."""
 _BEGUN = 1e-4
 """Steps that are nearer than this, in m, are the beginnings of fits of other lengths, and are no bounds."""
+_TIMES = {1: "once", 2: "twice"}
 _SAME_PLACE = 1e-9
 """Places in m that are nearer than this are one."""
 _SPLIT = 5e-6
@@ -169,15 +171,38 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _receptances(model)
-    names = {1: "mobility", 2: "accelerance", -1: "integrated once too often", -2: "integrated twice too often"}
-    for order, name in names.items():
+    said = dict.fromkeys(one.form for one in model.observations if isinstance(one, MeasuredFRF))
+    for order in (1, 2, -1, -2):
 
         def change(one: Observation, order: int = order) -> Observation:
             if not isinstance(one, MeasuredFRF):
                 return one
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
-        yield Variant(name, model.map(change), fresh=True)
+        are = [_quantity_of(FORMS.index(form) + order) for form in said]
+        how = "differentiated" if order > 0 else "integrated"
+        form = (
+            f'in Python `frf.with_(form="{are[0]}")` before the FRF is used, '
+            if len(are) == 1 and are[0] in FORMS
+            else ""
+        )
+        yield Variant(
+            f"{how} {_TIMES[abs(order)]} more than stated",
+            model.map(change),
+            fresh=True,
+            meaning=f"the files say {' and '.join(said)}, and the data are {' and '.join(are)}",
+            remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
+            "that is there already is added to it)",
+        )
+
+
+def _quantity_of(order: int) -> str:
+    """Return what an FRF is whose motion is so many derivatives of a displacement."""
+    if 0 <= order < len(FORMS):
+        return FORMS[order]
+    if order < 0:
+        return f"{FORMS[0]} whose displacement is integrated {_TIMES[-order]}"
+    return f"{FORMS[-1]} whose acceleration is differentiated {_TIMES[order - len(FORMS) + 1]}"
 
 
 def _coarse(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
