@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
+    Material,
     MeasuredFrequencies,
     MeasuredFRF,
     Part,
@@ -30,6 +33,7 @@ from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
+from receptance.report import diagnosis_html
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
@@ -196,6 +200,81 @@ def test_implausible_sizes_are_vetoed_aloud() -> None:
     verdict = diagnose(observed(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], most=1)
     assert verdict.verdict == "unexplained"
     assert any("vetoed" in note for note in verdict.notes)
+    # In plain words, in all that is written: what it does, its size, and what would be plausible.
+    assert [one.id for one in verdict.vetoed] == ["sensor_mass"]
+    said = f"sensor_mass takes the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
+    size = f"mass {1e3 * verdict.vetoed[0].parameters['sensor_mass.mass'][0]:.3g} g, where 0 g to 30 g is plausible"
+    assert f"vetoed: {said}" in verdict.summary()
+    assert size in verdict.summary()
+    (told,) = verdict.to_dict()["vetoed"]
+    assert told["vetoed"] == size
+    page = html.unescape(diagnosis_html(verdict))
+    assert said in page
+    assert size in page
+
+
+def test_the_documentation_lists_every_cause() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
+    assert [name for name in CATALOGUE if f"`{name}`" not in text] == []
+
+
+GRADE = Material(youngs_modulus=610e9, density=14300.0, poisson_ratio=0.22)
+MATERIALS = ("tool_material", "tool_modulus", "tool_density", "fluted_part")
+
+
+def of_material(stated: Material, true: Material) -> list[MeasuredFRF]:
+    """Tools of one material in models that say another one; 1 % of noise, seed 5."""
+    rng = np.random.default_rng(5)
+
+    def with_tool(overhang: float, material: Material) -> Assembly:
+        plain = assembled(overhang)
+        tool = Part([Segment(length=overhang, outer_diameter=0.012, material=material)], name="tool")
+        return Assembly([tool, plain.elements["joint"], plain.elements["holder"]])
+
+    return [
+        MeasuredFRF(
+            assembly=with_tool(x, stated),
+            frequency_hz=LINES,
+            receptance=with_tool(x, true).receptance(LINES)
+            * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
+            standard_deviation=0.0105,
+            label=f"{x}",
+        )
+        for x in (0.05, 0.07, 0.09)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("stated", "true", "name"),
+    [(STEEL, GRADE, "cemented carbide"), (CARBIDE, STEEL, "steel")],
+    ids=["carbide", "steel"],
+)
+def test_another_material_is_named(stated: Material, true: Material, name: str) -> None:
+    verdict = diagnose(of_material(stated, true), JOINT, tolerances=TOLERANCES, causes=MATERIALS)
+    assert verdict.verdict == "named"
+    (cause,) = verdict.causes
+    assert (cause.id, cause.variant) == ("tool_material", name)
+    assert f"the tool is of {name}" in cause.meaning
+    for size, field in (("log_modulus", "youngs_modulus"), ("log_density", "density")):
+        _, low, high = cause.parameters[f"tool_material.{size}"]
+        assert low < np.log(getattr(true, field) / getattr(stated, field)) < high
+    assert {"tool_modulus", "tool_density"} <= set(cause.look_alikes)
+
+
+def test_what_no_material_has_is_vetoed_and_a_heavier_grade_is_no_other_material() -> None:
+    heavier = replace(CARBIDE, density=1.06 * CARBIDE.density)
+    verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["tool_density"])
+    odd = replace(STEEL, youngs_modulus=1.5 * STEEL.youngs_modulus, density=1.5 * STEEL.density)
+    verdict = diagnose(of_material(STEEL, odd), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)
+    assert verdict.verdict == "unexplained"
+    assert "tool_material" in [one.id for one in verdict.vetoed]
+
+
+def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
+    verdict = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=["tool_material", "sensor_mass"], most=1)
+    assert verdict.verdict == "adequate"
+    assert [one.id for one in verdict.candidates] == ["sensor_mass"]
 
 
 @pytest.mark.parametrize("threads", [1, 2])

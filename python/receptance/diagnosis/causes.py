@@ -129,6 +129,7 @@ class Variant:
 
     `fresh` says that the data have changed so much that the fit begins anew; `limited` has those parameters of the
     cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says;
+    `distant` that it changes so much that it is only tried where the model is not adequate without it;
     `meaning` and `remedy` take the place of the cause's own where this way of acting knows more.
     """
 
@@ -137,6 +138,7 @@ class Variant:
     fresh: bool = False
     limited: tuple[Parameter, ...] = ()
     local: bool = False
+    distant: bool = False
     meaning: str = ""
     remedy: str = ""
 

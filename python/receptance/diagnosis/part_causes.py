@@ -21,7 +21,7 @@ from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 
-__all__ = ["PART_CAUSES", "RESONATOR", "resonances", "with_resonator"]
+__all__ = ["PART_CAUSES", "RESONATOR", "everywhere", "resonances", "with_resonator"]
 
 _SPLIT = 1e-5
 """Distance in m from the tip, or from a place on the tool, at which a part is divided; the parameter moves the step."""
@@ -48,7 +48,7 @@ def _parts(model: Model, side: str) -> tuple[str, ...]:
     return found
 
 
-def _everywhere(model: Model, side: str, field: str) -> list[str]:
+def everywhere(model: Model, side: str, field: str) -> list[str]:
     """Return the addresses of a number of a material: in the parts, within the holder, beside a spread joint."""
     addresses = [f"{name}.segment[*].{field}" for name in _parts(model, side)]
     if side == "tool":
@@ -59,7 +59,7 @@ def _everywhere(model: Model, side: str, field: str) -> list[str]:
 
 
 def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
-    moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
+    moves = dict.fromkeys(everywhere(model, side, field), 1.0)
     if any(model.has(address) for address in moves):
         raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
     return model.plus(p.move(moves, relative=True))
@@ -236,7 +236,7 @@ def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     }
     highest, lowest = max(addresses.values()), min(addresses.values())
     sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]
-    moved = [address for side in sides for address in _everywhere(model, side, "poisson_ratio")]
+    moved = [address for side in sides for address in everywhere(model, side, "poisson_ratio")]
     ratio = p["poisson_ratio"].move(dict.fromkeys(moved, 1.0))
     lower, upper = max(ratio.lower, -0.98 - lowest), min(ratio.upper, 0.499 - highest)
     if lower >= 0.0 or upper <= 0.0:
