@@ -19,7 +19,6 @@ from receptance._addresses import (
     named,
     names_in,
     names_of,
-    place_on,
     replace_in,
     replace_in_segment,
     segment_fields,
@@ -278,10 +277,13 @@ class Assembly:
             elements[name] = replace_in(elements[name], fields)
         for name, attachment in self._attachments.items():
             # What sits on a step between segments stays on it, as its derivative assumes.
-            place, x = place_on(self._elements, name, attachment.part, attachment.position)
+            place, along = places_of(self._elements, name, attachment)
             old, new = edges_of(self._elements[place]), edges_of(elements[place])
-            if len(attachment.offsets) == 1 and attachment.position != "end" and x in old and old != new:
-                elements[name] = replace(elements[name], position=new[old.index(x)])
+            if attachment.position == "end" or old == new or not all(x in old for x in along):
+                continue
+            shifts = [new[old.index(x)] - x for x in along]
+            if max(shifts) - min(shifts) <= 1e-9 * old[-1]:
+                elements[name] = replace(elements[name], position=along[0] + shifts[0] - attachment.offsets[0])
         full = {name: named(element, name) for name, element in elements.items()}
         points = [full[name] for name in self._attachments]
         return Assembly([full[name] for name in self._elements], points, motion=self.motion)

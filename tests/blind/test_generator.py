@@ -184,7 +184,7 @@ def test_every_effect_changes_what_is_measured_and_more_when_larger(id):
             for one in (absent, truth.numbers[record.configuration, record.level, record.plane])
         )
         changes.append(float(np.sqrt(np.mean(np.abs(np.log(after / before)) ** 2))))
-    if id not in ("wrong_quantity", "joint_spread"):
+    if id not in ("wrong_quantity", "joint_spread", "tool_material"):
         assert changes[1] > 1.3 * changes[0], changes
     assert changes[1] > 3e-3, changes
 

@@ -82,6 +82,7 @@ def written(folder: Path, more: str = "", **changes: float) -> campaign.Campaign
 def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> CampaignDiagnosis:
     """A diagnosis that ended at causes where they are small, without the work of one."""
     model, _ = campaign_model(read, read.to_identify)
+    model = model.witnessed()
     base = _at_start(model)
     for cause, variant in steps:
         model = next(v.model for v in CATALOGUE[cause].variants(model) if v.name == variant)
@@ -138,6 +139,21 @@ def test_every_cause_can_be_written(tmp_path: Path, step: tuple[str, str]) -> No
     assert set(again.measurements) == {"short", "long", "longest"}
     if CATALOGUE[step[0]].group == "measurement":
         assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
+
+
+def test_a_spread_joint_beside_places_on_the_holder(tmp_path: Path) -> None:
+    """Responses and masses behind the contact are written where they are on the holder that has become shorter."""
+    read = written(tmp_path, 'response = { part = "holder", position = "100 mm" }')
+    chain = 'chain = ["tool", "joint", "holder"]'
+    text = read.file.read_text().replace(chain, f'{chain}\nattachments = ["screw"]')
+    screw = '[attachments.screw]\nkind = "mass"\npart = "holder"\nposition = "60 mm"\nmass = "20 g"\n'
+    found = as_if_found(load(tmp_path, text.replace("[unknowns]", f"{screw}\n[unknowns]")), ("joint_spread", "layer"))
+    again = campaign.load(found.write_extended(tmp_path / "extended.toml"))
+    assembly = again.assemblies["other"]
+    assert [one.length for one in assembly.elements["holder"].segments] == pytest.approx([0.0399, 0.02, 0.04, 0.03])
+    assert assembly.attachments["screw"].position == pytest.approx(0.0599)
+    seen = again.measurements["longest"].observation
+    assert (seen.response.part, seen.response.position) == ("holder", pytest.approx(0.0999))
 
 
 def cut_off(folder: Path) -> campaign.Campaign:

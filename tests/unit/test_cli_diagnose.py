@@ -11,6 +11,7 @@ import pytest
 from campaign_text import TEXT, write
 from command_line import call
 from receptance import FRF, campaign, io
+from receptance.frf.forms import Form
 
 LINES = np.linspace(300.0, 6000.0, 300)
 HEAD = TEXT.partition("[measurements.short]")[0]
@@ -40,8 +41,8 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def simulated(factor: float) -> None:
-    """Three overhangs with one per cent of noise, and a gain that nobody knows of."""
+def simulated(factor: float, *, derivatives: int = 0, said: Form = "receptance") -> None:
+    """Three overhangs with one per cent of noise, and a gain that nobody knows of, or another quantity than said."""
     rng = np.random.default_rng(8)
     folder = Path("rods")
     folder.mkdir()
@@ -49,7 +50,8 @@ def simulated(factor: float) -> None:
     for name, assembly in plain.assemblies.items():
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
         values = factor * assembly.replace(JOINT).receptance(LINES) * np.exp(noise)
-        io.write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=values))
+        values = values * (2j * np.pi * LINES) ** derivatives
+        io.write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=values, form=said))
     roles = {"short": "identify", "long": "identify", "longest": "hold out"}
     write(folder, HEAD + "".join(MEASURED.format(name=name, role=role) for name, role in roles.items()) + UNKNOWNS)
 
@@ -87,6 +89,39 @@ kind = "turning"
 k = "2000 MPa"
 x = { assembly = "short" }
 """
+
+
+@pytest.mark.parametrize(
+    ("said", "derivatives", "data", "line"),
+    [
+        ("mobility", 2, "accelerance", "integrate = 1"),
+        ("accelerance", 0, "receptance", "integrate = -2"),
+        ("receptance", -1, "receptance whose displacement is integrated once", "integrate = -1"),
+    ],
+)
+def test_another_quantity_is_named_with_the_line_to_write(
+    said: Form,
+    derivatives: int,
+    data: str,
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What the files say, what the data are, and a line after which the model is adequate."""
+    simulated(1.0, derivatives=derivatives, said=said)
+    arguments = ["diagnose", "rods", "--cause", "wrong_quantity", "--cause", "calibration_gain", "--json", "found.json"]
+    assert call(monkeypatch, *arguments) == 0
+    out = capsys.readouterr().out
+    assert f"the files say {said}, and the data are {data}\n" in out
+    assert f"`{line}`" in out
+    (cause,) = json.loads(Path("found.json").read_text())["causes"]
+    assert cause["id"] == "wrong_quantity"
+    assert cause["meaning"] == f"the files say {said}, and the data are {data}"
+    assert f"`{line}`" in cause["remedy"]
+    file = Path("rods", "campaign.toml")
+    file.write_text(file.read_text().replace('kind = "frf"', f'kind = "frf"\n{line}'))
+    assert call(monkeypatch, *arguments) == 0
+    assert "verdict: adequate" in capsys.readouterr().out
 
 
 def test_the_stable_depth_is_a_metric(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

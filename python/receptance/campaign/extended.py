@@ -129,7 +129,7 @@ def _applied(
     explanation = diagnosis.verdict.explanation
     assert explanation is not None
     base = diagnosis.verdict.selection.base.model
-    model = Model((observation,), base.unknowns, tuple(tolerances_of(effects, name or None)))
+    model = replace(base, observations=(observation,), tolerances=tuple(tolerances_of(effects, name or None)))
     beside: list[str] = []
     for cause, variant in explanation.steps:
         before = set(model.observations[0].assembly.attachments)
@@ -190,6 +190,7 @@ def _write_assembly(
         data.setdefault("attachments", {})[name] = attachment_table(assembly.attachments[name])
     if added:
         table["attachments"] = [*table.get("attachments", []), *added]
+    _write_moved(data, one)
     identified = {own for address in unknown for own in covered(address, assembly)}
     for key in ("set", "tolerance"):
         kept = table.get(key, {})
@@ -220,12 +221,20 @@ def _write_assembly(
             del table[key]
 
 
+def _write_moved(data: dict[str, Any], one: _Extended) -> None:
+    """Write where attachments are whose part begins elsewhere now; a sensor is where the response is."""
+    for name, point in one.assembly.attachments.items():
+        if name in data.get("attachments", {}) and one.given.assembly.attachments.get(name, point) != point:
+            data["attachments"][name] = attachment_table(point)
+
+
 def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bool) -> None:
     table = data["measurements"][name]
     if seen:
         table["role"] = "identify"
     for attached in one.added(beside=True):
         _write_beside(data, name, attached, one)
+    _write_moved(data, one)
     given, found = one.given, one.found
     if not isinstance(given, MeasuredFRF) or not isinstance(found, MeasuredFRF):
         return

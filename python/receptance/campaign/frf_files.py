@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.deviations import parse_share
+from receptance.frf.forms import FORMS
 from receptance.identification import MeasuredFRF
 from receptance.identification.observations import altered
 
@@ -160,4 +161,6 @@ def integrated(one: MeasuredFRF, times: int) -> MeasuredFRF:
     """Return an FRF whose motion is integrated in addition, or differentiated where `times` is negative."""
     if not times:
         return one
-    return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** times)
+    said = FORMS.index(one.form) + times
+    form = FORMS[said] if 0 <= said < len(FORMS) else one.form
+    return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** times, form=form)

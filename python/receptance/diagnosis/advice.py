@@ -49,7 +49,7 @@ class Choice:
 
 
 MENU = (
-    Choice("weigh the blank", 1.0, Known({"tool_density.log_density": 5e-4})),
+    Choice("weigh the blank", 1.0, Known({"tool_density.log_density": 5e-4, "tool_material.log_density": 5e-4})),
     Choice("weigh the sensor and state its mass", 1.0, Known({"sensor_mass.mass": 2e-5})),
     Choice("weigh collet and nut", 1.0, Known({"collet_mass.mass": 2e-3})),
     Choice("weigh the holder", 1.0, Known({"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3})),

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.causes import changed
+from receptance.diagnosis.causes import IndescribableError, changed
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
@@ -58,7 +58,11 @@ def extension(
     model = replace(base, observations=(_stand_in(base, target),), tolerances=tuple(target.tolerances or ()))
     nulls: dict[str, float] = {}
     for cause, name in explanation.steps if explanation is not None else ():
-        model = changed(cause, name, model)
+        try:
+            model = changed(cause, name, model)
+        except IndescribableError:
+            if cause.group == "structure":
+                raise
         if explanation is not None and cause.group == "measurement":
             nulls |= {n: cause.parameter_of(n).null for n in explanation.sizes(cause)}
     return (replace(found, values={**found.values, **nulls}) if nulls else found), model

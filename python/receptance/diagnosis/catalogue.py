@@ -11,11 +11,15 @@ from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.part_causes import PART_CAUSES
 from receptance.diagnosis.spindle_causes import SPINDLE_CAUSES
 from receptance.diagnosis.support_causes import SUPPORT_CAUSES
+from receptance.diagnosis.tool_materials import tool_material
 
 __all__ = ["CATALOGUE", "listed"]
 
 CATALOGUE: Mapping[str, Cause] = MappingProxyType(
-    {cause.id: cause for cause in (*JOINT_CAUSES, *PART_CAUSES, *SUPPORT_CAUSES, *SPINDLE_CAUSES, *MEASUREMENT_CAUSES)}
+    {
+        cause.id: cause
+        for cause in (*JOINT_CAUSES, *PART_CAUSES, tool_material, *SUPPORT_CAUSES, *SPINDLE_CAUSES, *MEASUREMENT_CAUSES)
+    }
 )
 """The causes by id."""
 

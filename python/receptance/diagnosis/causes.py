@@ -7,18 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from receptance import _checks
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
 from receptance.identification.laws import Move
 from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown
 
-__all__ = ["Cause", "Group", "Parameter", "UndecidableError", "Variant", "changed"]
+__all__ = ["Cause", "Group", "IndescribableError", "Parameter", "UndecidableError", "Variant", "changed"]
 
 Group = Literal["structure", "measurement"]
-
-
-class UndecidableError(Exception):
-    """The data cannot speak about a cause; the message says what is missing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +128,9 @@ class Variant:
     """One way in which a cause can act: its name, and the model that has it.
 
     `fresh` says that the data have changed so much that the fit begins anew; `limited` has those parameters of the
-    cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says.
+    cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says;
+    `distant` that it changes so much that it is only tried where the model is not adequate without it;
+    `meaning` and `remedy` take the place of the cause's own where this way of acting knows more.
     """
 
     name: str
@@ -140,11 +138,19 @@ class Variant:
     fresh: bool = False
     limited: tuple[Parameter, ...] = ()
     local: bool = False
+    distant: bool = False
+    meaning: str = ""
+    remedy: str = ""
 
     def of(self, cause: Cause) -> Cause:
-        """Return the cause with the plausible ranges of this way of acting."""
+        """Return the cause as it is in this way of acting: plausible ranges, meaning and remedy."""
         own = {one.name: one for one in self.limited}
-        return replace(cause, parameters=tuple(own.get(one.name, one) for one in cause.parameters)) if own else cause
+        return replace(
+            cause,
+            parameters=tuple(own.get(one.name, one) for one in cause.parameters),
+            meaning=self.meaning or cause.meaning,
+            remedy=self.remedy or cause.remedy,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,17 +211,22 @@ def changed(cause: Cause, name: str, model: Model) -> Model:
     """Return other observations as a variant of a cause changes them; unknowns and tolerances go with them.
 
     A law across configurations, which one configuration alone cannot have, changes no assembly.
+
+    Raises
+    ------
+    IndescribableError
+        The observations have a place or an assembly with which the change cannot be described.
     """
     try:
         variants = cause.variants(model)
+    except IndescribableError:
+        raise
     except UndecidableError:
         return model
     chosen = [variant for variant in variants if variant.name == name]
-    if (
-        not chosen
-        and not any(v.local for v in variants)
-        and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1
-    ):
+    if not chosen and any(v.local for v in variants):
+        raise IndescribableError(f"{cause.id} {name}: the assembly has no such place")
+    if not chosen and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1:
         # Where it acts was named by what was measured there; the structure is the same.
         chosen = variants[:1]
     return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,13 +12,14 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import listed
 from receptance.diagnosis.causes import Cause
-from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import EXPLORING
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
+from receptance.diagnosis.showing import implausible
 from receptance.diagnosis.usable import usable
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.identification.laws import Tolerance
@@ -30,6 +31,8 @@ from receptance.identification.unknowns import Unknown
 
 __all__ = ["diagnose"]
 
+_TOLD = 3
+"""So many vetoed causes are told."""
 _ALIKE = 0.9
 """Cosine from which two causes are said to look alike."""
 
@@ -126,6 +129,7 @@ def diagnose(
     own = _metrics(metrics)
     _checks.thread_count(threads)
     model, left_out = usable(Model(observed, wanted, errors))
+    model = model.witnessed()
     selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
     verdict = _verdict(selection, seed, most, left_out)
     if not held_out:
@@ -194,10 +198,28 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
         notes=tuple(notes),
         settings=_settings(selection, seed, most),
         selection=selection,
+        vetoed=tuple(
+            _candidate(selection, one, cause, variant, identified(one)) for one, (cause, variant) in _vetoed(selection)
+        ),
         rivals=tuple(rivals.values()),
         rival=None if judgement.rival is None else rivals[judgement.rival],
         explanation=best,
     )
+
+
+def _vetoed(selection: Selection) -> Iterator[tuple[Explanation, tuple[Cause, str]]]:
+    """Yield causes that do as well as the best plausible explanation, or better, with sizes that are not plausible.
+
+    Each cause once, in its best explanation, and only the best few.
+    """
+    believed = max((one.evidence for one in selection.explanations if not one.implausible), default=0.0)
+    least = max(selection.threshold, believed - MARGIN, 0.0)
+    told: set[str] = set()
+    for one in selection.explanations:
+        for cause, variant in one.steps if one.evidence > least else ():
+            if cause.id not in told and len(told) < _TOLD and set(one.sizes(cause)) & set(one.implausible):
+                told.add(cause.id)
+                yield one, (cause, variant)
 
 
 def _candidate(selection: Selection, one: Explanation, cause: Cause, variant: str, found: Identification) -> Candidate:
@@ -211,6 +233,7 @@ def _candidate(selection: Selection, one: Explanation, cause: Cause, variant: st
         evidence=one.evidence,
         misfit=one.adequacy.misfit,
         plausible=not set(one.implausible) & set(own),
+        vetoed=implausible(cause, own),
         converged=one.fit.converged,
         together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
         look_alikes=_look_alikes(selection.found, cause.id, variant),

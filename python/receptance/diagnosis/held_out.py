@@ -11,7 +11,7 @@ import numpy as np
 
 from receptance.diagnosis.bias import slenderness_of
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of
-from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.causes import Cause, IndescribableError
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.foresight import Foresight, with_causes
@@ -165,14 +165,24 @@ def _fold(
     before, modes = measured_by(selection.base, base, metrics)
     after, modes_after = before, modes
     if best is not None:
-        after, modes_after = measured_by(best.fit, with_causes(base, best.steps), metrics)
+        after, modes_after = _believed(best, base, metrics)
     first = _names(observations)[0]
     rivals = {}
     for one in [single for single in selection.singles if single.evidence > 0.0][:_RIVALS]:
-        found, _ = measured_by(one.fit, with_causes(base, one.steps), scored=False)
+        found, _ = _believed(one, base, scored=False)
         rivals[one.steps[0][0].id] = found.get(first, math.nan)
     causes = () if best is None else tuple(sorted(best.ids))
     return _Fold(name, answer, causes, before, after, rivals, modes, modes_after)
+
+
+def _believed(
+    one: Explanation, base: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
+) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
+    """Return the metrics of an explanation; none where its causes cannot be described for what was held out."""
+    try:
+        return measured_by(one.fit, with_causes(base, one.steps), metrics, scored=scored)
+    except IndescribableError:
+        return {}, ()
 
 
 def measured_by(

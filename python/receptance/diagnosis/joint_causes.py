@@ -6,16 +6,18 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
-from receptance.assembly import Assembly, Attachment
+from receptance.assembly import Assembly
 from receptance.beams import Part, Section, Segment
-from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.coordinates import Coordinate
+from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, renamed
 from receptance.identification.laws import Move, Tolerance
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, altered
+from receptance.identification.task import Observation
 from receptance.identification.unknowns import covered
-from receptance.joints import PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import Material
 from receptance.spread import SpreadJoint
 
@@ -25,9 +27,12 @@ _SHORTEST = 1e-4
 """A spread joint this short is a point joint."""
 _VARIED = 1.05
 """A condition has been varied where its largest value is this many times its smallest."""
+_SAME_PLACE = 1e-9
+"""Places in m that are nearer than this are one."""
 _STUB = 1e-5
 """Length in m of the body that stands for a collet between two springs."""
 _LIGHT = Material(youngs_modulus=1e13, density=1e2, poisson_ratio=0.3, name="stands for a collet")
+_Placed = TypeVar("_Placed", bound=Coordinate | PointMass | GroundSpring)
 _STIFFNESSES = ("k_y", "k_theta")
 _DAMPINGS = ("c_y", "c_theta")
 
@@ -249,24 +254,66 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if any(model.has(f"{joint}.{field}") for field in ("k_ytheta", "c_ytheta")):
         raise UndecidableError("a spread joint has no coupling term of its own, and the model's joint has one")
     anatomy = next(one for one in model.anatomies if one.joint)
-    longest = min(
-        one.assembly.elements[anatomy.holder[0]].segments[0].length  # type: ignore[union-attr]
-        for one in model.observations
-        if joint in one.assembly.elements
-    )
+    inside = min(model.places(anatomy.holder[0]), default=math.inf) < _mouth(model, anatomy)
+    model = _with_fixed_places(model, anatomy)
+    longest = _mouth(model, anatomy)
     length = p["length"]
     upper = min(length.upper, 0.98 * longest)
     tolerances = tuple(replace(t, moves=_beside(t.moves, anatomy)) for t in model.tolerances)
     unknowns = tuple(replace(u, moves=_beside(u.moves, anatomy)) if isinstance(u, Move) else u for u in model.unknowns)
     for points in (None, 2, 4):
         title = "layer" if points is None else f"{points} points"
-        partly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=False))
+        partly = _spread_model(model, anatomy, points, whole=False)
         unknown = length.move({f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0})
         unknown = replace(unknown, upper=upper - _SHORTEST)
         yield Variant(title, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown))
-        wholly = model.rebuilt(partial(_spread_out, anatomy=anatomy, points=points, whole=True))
+        if inside:
+            continue
+        wholly = _spread_model(model, anatomy, points, whole=True)
         kept = replace(wholly, unknowns=_present(unknowns, wholly), tolerances=_present(tolerances, wholly))
         yield Variant(f"{title} over the whole insertion", kept)
+
+
+def _mouth(model: Model, anatomy: Anatomy) -> float:
+    """Return the length of the holder's first segment, the shortest one of all assemblies."""
+    owners = [one.assembly for one in model.observations if anatomy.joint in one.assembly.elements]
+    return min(own.elements[anatomy.holder[0]].segments[0].length for own in owners)  # type: ignore[union-attr]
+
+
+def _with_fixed_places(model: Model, anatomy: Anatomy) -> Model:
+    """Return the model with a step of the holder wherever something is observed, loaded or attached.
+
+    As the contact grows the holder's first segment becomes shorter. Steps behind it stay where they are on the real
+    holder, while a position within a segment is counted from the segment's moving start.
+    """
+    holder = anatomy.holder[0]
+    steps = model.steps(holder)
+    for place in model.places(holder):
+        if place <= 2.0 * _SHORTEST:
+            raise IndescribableError(
+                f"something is measured, hit or attached on {holder} at {1e3 * place:g} mm, which lies within the "
+                "contact of a spread joint, where the model has no place for it"
+            )
+        if all(abs(place - step) > _SAME_PLACE for step in steps):
+            try:
+                model, _ = model.split(holder, place)
+            except ValueError as error:
+                raise IndescribableError(f"a joint cannot be spread beside what is on the holder: {error}") from None
+    return model
+
+
+def _spread_model(model: Model, anatomy: Anatomy, points: int | None, *, whole: bool) -> Model:
+    """Return the model with a spread joint; coordinates on the holder stay where they are on the real one."""
+
+    def change(one: Observation) -> Observation:
+        if not isinstance(one, MeasuredFRF) or anatomy.joint not in one.assembly.elements:
+            return one
+        length = one.assembly.get(f"{anatomy.joint}.length")
+        sides = ("response", "excitation")
+        return altered(one, **{side: _shifted(getattr(one, side), anatomy, length) for side in sides})
+
+    build = partial(_spread_out, anatomy=anatomy, points=points, whole=whole)
+    return model.rebuilt(build).map(change)
 
 
 def _present(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
@@ -307,9 +354,9 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole:
     return Assembly(elements.values(), points_, motion=assembly.motion)
 
 
-def _shifted(point: Attachment, anatomy: Anatomy, length: float) -> Attachment:
-    """Return what is attached where it was, on a holder that begins so much farther from the tip."""
-    if point.part != anatomy.holder[0] or point.position == "end" or point.position < length:
+def _shifted(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:
+    """Return a place where it was, on a holder that begins so much farther from the tip."""
+    if point.part != anatomy.holder[0] or point.position == "end":
         return point
     return replace(point, position=point.position - length)
 

@@ -64,7 +64,7 @@ def conclude(selection: Selection) -> Judgement:
     for one in near:
         if one.implausible:
             sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
-            notes.append(f"{_called(one)} would explain the data, but nobody would believe {sizes}: vetoed")
+            notes.append(f"{_called(one)} would explain the data, but {sizes} is outside the plausible range: vetoed")
     left = [one for one in near if not one.implausible]
     rival = _preferred(selection, left or near)
     if rival is not None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, TypeGuard
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.records import visible_end
+from receptance.frf.forms import FORMS
 from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
@@ -21,8 +23,15 @@ __all__ = ["MEASUREMENT_CAUSES"]
 
 _ROPES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Where on the holder a suspension is tried, as shares of its length."""
-_SPLIT = 1e-5
-"""A hit at the very tip is moved by this much, in m, so that there is a step that can move on."""
+_BEGUN = 1e-4
+"""Steps that are nearer than this, in m, are the beginnings of fits of other lengths, and are no bounds."""
+_TIMES = {1: "once", 2: "twice"}
+_SAME_PLACE = 1e-9
+"""Places in m that are nearer than this are one."""
+_SPLIT = 5e-6
+"""A hit where something else is as well is moved by this much, in m, so that there is a step that can move on.
+
+It is less than the length of flutes before their fit, so that hits can be moved along flutes."""
 
 
 def _receptances(model: Model) -> None:
@@ -53,33 +62,58 @@ def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _receptances(model)
     places = dict.fromkeys(
         (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
-        for one in model.observations
+        for one in model.witnesses or model.observations
         if isinstance(one, MeasuredFRF) and one.excitation.direction == "y"
     )
-    if all(position == "end" for _, position in places):
-        raise UndecidableError("a hit at the far end of a part can only be moved by hand")
+    found = 0
     for part, position in places:
         if position != "end":
-            yield _hits_at(p, model, part, float(position))
+            for variant in _hits_at(p, model, part, float(position)):
+                found += 1
+                yield variant
+    if not found:
+        raise UndecidableError("a hit at the far end of a part can only be moved by hand")
 
 
-def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: float) -> Variant:
-    """Return the hits at one place moved along the part; hits elsewhere are where they were said to be."""
-    at = max(position, _SPLIT)
-    divided, index = model.split(part, at)
+def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: float) -> Iterator[Variant]:
+    """Yield the hits at one place moved along the part; all else is where it was said to be.
 
-    def change(one: Observation) -> Observation:
+    The hits are put on a step between two segments of one section, which the parameter moves. It may not pass a real
+    step, nor a place where something else is measured, hit or attached; where such a thing is at the place of the
+    hits, the step is laid beside it, on one side and on the other.
+    """
+
+    def hit(one: Observation) -> TypeGuard[MeasuredFRF]:
         if not isinstance(one, MeasuredFRF) or one.excitation.direction != "y":
-            return one
-        place = (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
-        if place != (part, position):
-            return one
-        return altered(one, excitation=replace(one.excitation, part=part, position=at))
+            return False
+        return (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position) == (part, position)
 
-    moves = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
-    offset = p["distance"].move(moves)
-    offset = replace(offset, lower=0.0) if at == _SPLIT else offset
-    return Variant(f"on {part} at {1e3 * position:g} mm", divided.map(change).plus(offset), local=True)
+    others = model.map(lambda one: altered(one, excitation=one.response) if hit(one) else one)
+    fixed = sorted({0.0, *others.places(part), *model.steps(part)})
+    beside = (-_SPLIT, _SPLIT) if any(abs(x - position) < _SAME_PLACE for x in fixed) else (0.0,)
+    for side in beside if position else (_SPLIT,):
+        at = position + side
+        try:
+            divided, index = model.split(part, at)
+        except ValueError:
+            continue  # not all assemblies with that part have the place
+
+        def change(one: Observation, at: float = at) -> Observation:
+            return altered(one, excitation=replace(one.excitation, part=part, position=at)) if hit(one) else one
+
+        below = max((x for x in fixed if x < at - _BEGUN), default=0.0)
+        above = min((x for x in fixed if x > at + _BEGUN), default=math.inf)
+        offset = p["distance"].move(
+            {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
+        )
+        lower = 0.0 if side > 0.0 else max(offset.lower, below - at + _SPLIT)
+        upper = 0.0 if side < 0.0 else min(offset.upper, above - at - _SPLIT)
+        if lower >= upper:
+            continue
+        title = f"on {part} at {1e3 * position:g} mm"
+        if side and position:
+            title += ", farther from the tip" if side > 0.0 else ", nearer to the tip"
+        yield Variant(title, divided.map(change).plus(replace(offset, lower=lower, upper=upper)), local=True)
 
 
 def _delay(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -137,15 +171,38 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _receptances(model)
-    names = {1: "mobility", 2: "accelerance", -1: "integrated once too often", -2: "integrated twice too often"}
-    for order, name in names.items():
+    said = dict.fromkeys(one.form for one in model.observations if isinstance(one, MeasuredFRF))
+    for order in (1, 2, -1, -2):
 
         def change(one: Observation, order: int = order) -> Observation:
             if not isinstance(one, MeasuredFRF):
                 return one
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
-        yield Variant(name, model.map(change), fresh=True)
+        are = [_quantity_of(FORMS.index(form) + order) for form in said]
+        how = "differentiated" if order > 0 else "integrated"
+        form = (
+            f'in Python `frf.with_(form="{are[0]}")` before the FRF is used, '
+            if len(are) == 1 and are[0] in FORMS
+            else ""
+        )
+        yield Variant(
+            f"{how} {_TIMES[abs(order)]} more than stated",
+            model.map(change),
+            fresh=True,
+            meaning=f"the files say {' and '.join(said)}, and the data are {' and '.join(are)}",
+            remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
+            "that is there already is added to it)",
+        )
+
+
+def _quantity_of(order: int) -> str:
+    """Return what an FRF is whose motion is so many derivatives of a displacement."""
+    if 0 <= order < len(FORMS):
+        return FORMS[order]
+    if order < 0:
+        return f"{FORMS[0]} whose displacement is integrated {_TIMES[-order]}"
+    return f"{FORMS[-1]} whose acceleration is differentiated {_TIMES[order - len(FORMS) + 1]}"
 
 
 def _coarse(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from receptance._addresses import edges_of, place_on
+from receptance._placing import places_of
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.identification.laws import Law, Move, Tolerance
@@ -19,9 +21,17 @@ from receptance.identification.unknowns import Unknown, covered
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.spread import SpreadJoint
 
-__all__ = ["Anatomy", "Model", "renamed", "with_points"]
+__all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "places_on", "renamed", "with_points"]
 
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
+
+
+class UndecidableError(Exception):
+    """The data cannot speak about a cause; the message says what is missing."""
+
+
+class IndescribableError(UndecidableError, ValueError):
+    """A cause cannot be described for an assembly or a place; the message says which."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,17 @@ class Model:
     observations: tuple[Observation, ...]
     unknowns: tuple[Unknown, ...]
     tolerances: tuple[Tolerance, ...] = ()
+    witnesses: tuple[Observation, ...] = ()
+    """Observations that are changed along with the others and never fitted: those whose places decided how the
+    diagnosed model divides its parts. Other observations with the same causes are then divided as that model is."""
+
+    def witnessed(self) -> Model:
+        """Return the model with witnesses: one observation for each set of places that it has."""
+        kept: dict[Any, Observation] = {}
+        for one in self.observations:
+            parts = [name for name, own in one.assembly.elements.items() if isinstance(own, Part)]
+            kept.setdefault(tuple((name, *sorted(places_on(one, name))) for name in parts), one)
+        return replace(self, witnesses=tuple(kept.values()))
 
     def task(self, threads: int | None = None) -> Task:
         """Return what is to be fitted; it is made once."""
@@ -124,7 +145,8 @@ class Model:
 
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""
-        return replace(self, observations=tuple(change(one) for one in self.observations))
+        observations, witnesses = (tuple(change(one) for one in own) for own in (self.observations, self.witnesses))
+        return replace(self, observations=observations, witnesses=witnesses)
 
     def of(self, observations: Sequence[Observation]) -> Model:
         """Return the model of some of its observations, without the unknowns and errors that only the others have."""
@@ -144,7 +166,7 @@ class Model:
     def rebuilt(self, build: Callable[[Assembly], Assembly]) -> Model:
         """Return the model with every assembly changed."""
         # Records of one configuration share their assembly, and go on sharing it.
-        different = {id(one.assembly): one.assembly for one in self.observations}
+        different = {id(one.assembly): one.assembly for one in (*self.observations, *self.witnesses)}
         built = {key: build(assembly) for key, assembly in different.items()}
         return self.map(lambda one: altered(one, assembly=built[id(one.assembly)]))
 
@@ -157,6 +179,31 @@ class Model:
 
         return self.rebuilt(build)
 
+    def owners(self, part: str) -> list[Observation]:
+        """Return the observations, witnesses included, whose assembly has a part."""
+        return [one for one in (*self.observations, *self.witnesses) if part in one.assembly.elements]
+
+    def places(self, part: str) -> list[float]:
+        """Return where on a part something is observed, loaded or attached, in m from its start; not its far end.
+
+        Raises
+        ------
+        IndescribableError
+            An observation has a place that no witness has: the diagnosed model is not divided there.
+        """
+        found = sorted({x for one in self.owners(part) for x in places_on(one, part)})
+        known = {x for one in self.witnesses if part in one.assembly.elements for x in places_on(one, part)}
+        if self.witnesses and (new := sorted(set(found) - known)):
+            raise IndescribableError(
+                f"something is measured, hit or attached on {part} at {1e3 * new[0]:g} mm, where nothing is in the "
+                "data that were diagnosed"
+            )
+        return found
+
+    def steps(self, part: str) -> list[float]:
+        """Return where segments of a part meet, in any of the assemblies, in m from its start."""
+        return sorted({edge for one in self.owners(part) for edge in edges_of(one.assembly.elements[part])[1:-1]})
+
     def split(self, part: str, position: float | Callable[[Part], float]) -> tuple[Model, int]:
         """Return the model with a step in a part, and which segment begins there; the place may depend on the part.
 
@@ -164,7 +211,7 @@ class Model:
         to both pieces, and its length is that of the second one.
         """
         place: Callable[[Any], float] = position if callable(position) else lambda own: position
-        owners = [one.assembly for one in self.observations if part in one.assembly.elements]
+        owners = [one.assembly for one in self.owners(part)]
         where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
         index = where[0][0] if where else 0
         if not where or any(own != index for own, _ in where):
@@ -191,6 +238,18 @@ class Model:
         unknowns = tuple(_renumbered(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
+
+
+def places_on(one: Observation, part: str) -> Iterator[float]:
+    """Yield where on a part of its assembly an observation has something, in m from the start; not the far end."""
+    elements = one.assembly.elements
+    end = edges_of(elements[part])[-1]
+    coordinates = (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
+    own = [place_on(elements, "coordinate", place.part, place.position) for place in coordinates]
+    for name, point in one.assembly.attachments.items():
+        carrier, points = places_of(elements, name, point)
+        own += [(carrier, x) for x in points]
+    yield from (x for carrier, x in own if carrier == part and x != end)
 
 
 def with_points(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:

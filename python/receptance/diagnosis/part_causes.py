@@ -6,23 +6,29 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from receptance._addresses import edges_of
 from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, renamed
+from receptance.diagnosis.model import Model, places_on, renamed
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 
-__all__ = ["PART_CAUSES", "RESONATOR", "resonances", "with_resonator"]
+__all__ = ["PART_CAUSES", "RESONATOR", "everywhere", "resonances", "with_resonator"]
 
 _SPLIT = 1e-5
-"""Where a part is divided at first, in m; the parameter says where it really is."""
+"""Distance in m from the tip, or from a place on the tool, at which a part is divided; the parameter moves the step."""
+_MOST_SHORTENED = 0.98
+"""Share of what is left behind the last place on a tool by which the tool may be shorter than stated."""
+_ROOM = 1e-3
+"""Between places that are nearer to each other than this, in m, no step is looked for."""
 _METAL = 2e11
 """Young's modulus in Pa from which the stiffness of a body is counted, in decades; nine of them are rigid."""
 _RIGID = 2e12
@@ -42,7 +48,7 @@ def _parts(model: Model, side: str) -> tuple[str, ...]:
     return found
 
 
-def _everywhere(model: Model, side: str, field: str) -> list[str]:
+def everywhere(model: Model, side: str, field: str) -> list[str]:
     """Return the addresses of a number of a material: in the parts, within the holder, beside a spread joint."""
     addresses = [f"{name}.segment[*].{field}" for name in _parts(model, side)]
     if side == "tool":
@@ -53,7 +59,7 @@ def _everywhere(model: Model, side: str, field: str) -> list[str]:
 
 
 def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
-    moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
+    moves = dict.fromkeys(everywhere(model, side, field), 1.0)
     if any(model.has(address) for address in moves):
         raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
     return model.plus(p.move(moves, relative=True))
@@ -81,20 +87,27 @@ def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
 
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     by_configuration: dict[str, list[str]] = {}
+    rooms: dict[str, float] = {}
     for index, (one, anatomy) in enumerate(zip(model.observations, model.anatomies, strict=True)):
         if anatomy.joint:
             part = anatomy.tool[-1]
             count = len(one.assembly.elements[part].segments)  # type: ignore[union-attr]
-            own = by_configuration.setdefault(place_of(one, index).configuration, [])
-            own.append(f"{part}.segment[{count - 1}].length")
+            name = place_of(one, index).configuration
+            by_configuration.setdefault(name, []).append(f"{part}.segment[{count - 1}].length")
+            # The tool cannot become shorter than where it was measured.
+            *before, end = edges_of(one.assembly.elements[part])
+            used = max(before[-1], *places_on(one, part))
+            rooms[name] = min(rooms.get(name, math.inf), _MOST_SHORTENED * (end - used))
     addresses = {address for own in by_configuration.values() for address in own}
     if not addresses:
         raise UndecidableError("the model has no joint between tool and holder")
     if any(model.has(address) for address in addresses):
         raise UndecidableError("the overhang is an unknown of the model already")
-    yield Variant("all", model.plus(p["length"].move(dict.fromkeys(sorted(addresses), 1.0))))
+    whole = p["length"].move(dict.fromkeys(sorted(addresses), 1.0))
+    yield Variant("all", model.plus(replace(whole, lower=max(whole.lower, -min(rooms.values())))))
     for name, own in by_configuration.items() if len(by_configuration) > 1 else ():
-        yield Variant(name, model.plus(p["length"].move(dict.fromkeys(own, 1.0), configurations=name)))
+        alone = p["length"].move(dict.fromkeys(own, 1.0), configurations=name)
+        yield Variant(name, model.plus(replace(alone, lower=max(alone.lower, -rooms[name]))))
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -109,12 +122,22 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant("first section", changed, limited=(_up_to_full(p["log_diameter"], parts),))
         return
     shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
-    divided, _ = model.split(tip, _SPLIT)
-    length = p["length"].move({f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0})
     upper = 0.95 * shortest
-    length = replace(length, lower=min(length.lower, 0.1 * upper), upper=upper, start=0.5 * upper)
-    diameter = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
-    yield Variant("from the tip", divided.plus(diameter, length))
+    # A step cannot pass a place where something is measured or attached: it lies between two of them.
+    places = [place for place in model.places(tip) if 0.0 < place < upper]
+    for low, high in pairwise([0.0, *places, upper]):
+        if high - low < _ROOM:
+            continue
+        divided, _ = model.split(tip, low + _SPLIT)
+        moves = {f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0}
+        beyond = f"beyond {1e3 * low:g} mm" if low else ""
+        length = p["length"].move(moves, part=beyond)
+        own = high - low - (2.0 * _SPLIT if high < upper else 0.0)
+        length = replace(length, lower=0.0 if low else min(length.lower, 0.1 * own), upper=own, start=0.5 * own)
+        diameter = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
+        yield Variant(
+            "from the tip" + (f", ending {beyond}" if low else ""), divided.plus(diameter, length), local=bool(places)
+        )
 
 
 def _up_to_full(diameter: Parameter, parts: Sequence[Any]) -> Parameter:
@@ -213,7 +236,7 @@ def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     }
     highest, lowest = max(addresses.values()), min(addresses.values())
     sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]
-    moved = [address for side in sides for address in _everywhere(model, side, "poisson_ratio")]
+    moved = [address for side in sides for address in everywhere(model, side, "poisson_ratio")]
     ratio = p["poisson_ratio"].move(dict.fromkeys(moved, 1.0))
     lower, upper = max(ratio.lower, -0.98 - lowest), min(ratio.upper, 0.499 - highest)
     if lower >= 0.0 or upper <= 0.0:

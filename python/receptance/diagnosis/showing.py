@@ -7,9 +7,12 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from receptance.diagnosis.causes import Cause
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
-__all__ = ["SENTENCE", "as_dict", "as_text", "gained", "improved", "sizes", "wanting"]
+__all__ = ["SENTENCE", "as_dict", "as_text", "gained", "implausible", "improved", "sizes", "vetoes", "wanting"]
 
 _SHOWN = 6
 SENTENCE = {
@@ -40,6 +43,7 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "gains": [asdict(one) for one in verdict.gains],
             "next_measurement": None if verdict.next_measurement is None else asdict(verdict.next_measurement),
             "candidates": [_candidate(one) for one in verdict.candidates],
+            "vetoed": [_candidate(one) for one in verdict.vetoed],
             "rivals": [_candidate(one) for one in verdict.rivals],
             "rival": None if verdict.rival is None else _candidate(verdict.rival),
             "threshold": verdict.threshold,
@@ -105,6 +109,34 @@ def sizes(verdict: Verdict, one: Candidate) -> str:
 
 
 _SMALLER = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
+
+
+def implausible(cause: Cause, values: Mapping[str, float]) -> str:
+    """Return which sizes of a cause are outside their plausible range, and the range; empty where none is."""
+    texts = []
+    for name, value in values.items():
+        parameter = cause.parameter_of(name)
+        if parameter.believable(value):
+            continue
+        title, unit = name.split(".", 1)[-1], parameter.unit
+        ends = parameter.plausible or (parameter.lower, parameter.upper)
+        if title.startswith("log_"):
+            title = title.removeprefix("log_")
+            found, low, high = (f"{_percent(number):+.3g} %" for number in (value, *ends))
+        else:
+            scale, unit = _readable(unit, max(map(abs, (value, *ends))))
+            found, low, high = (f"{scale * number:.3g} {unit}".strip() for number in (value, *ends))
+        texts.append(f"{title} {found}, where {low} to {high} is plausible")
+    return "; ".join(texts)
+
+
+def vetoes(verdict: Verdict) -> list[str]:
+    """Return the causes that were not reported because of their sizes, one sentence each."""
+    return [
+        f"{' + '.join((one.id, *one.together_with))} takes the misfit from {verdict.adequacy.misfit:.2f} to "
+        f"{one.misfit:.2f}, more than any plausible cause does, but only with a size that is not believed: {one.vetoed}"
+        for one in verdict.vetoed
+    ]
 
 
 def _readable(unit: str, largest: float) -> tuple[float, str]:
@@ -183,6 +215,8 @@ def as_text(verdict: Verdict) -> str:
             alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
             lines.append(f"  looks like: {alike}")
         lines.append(f"  what to do: {one.remedy}")
+    for one, text in zip(verdict.vetoed, vetoes(verdict), strict=True):
+        lines += ["", f"vetoed: {text}", f"  {one.meaning}; what to do: {one.remedy}"]
     if verdict.rival is not None:
         lines += ["", f"something that is no known cause: {verdict.rival.meaning} {verdict.rival.variant}"]
         lines.append(f"  size: {sizes(verdict, verdict.rival)}")

@@ -53,6 +53,8 @@ class Candidate:
         Other causes that act in the same fit.
     look_alikes : dict of str to float
         Causes that do the same to these data, and how nearly, up to 1.
+    vetoed : str
+        Which of its sizes are outside their plausible range, in words; empty where none is.
     held_out : float or None
         The first of the gains' metrics on data that no fit saw, if this cause were believed, whatever the verdict says.
     """
@@ -70,6 +72,7 @@ class Candidate:
     look_alikes: dict[str, float]
     meaning: str
     remedy: str
+    vetoed: str = ""
     held_out: float | None = None
 
 
@@ -139,6 +142,9 @@ class Verdict:
         Ids of those that cannot be told apart.
     adequacy, adequacy_after : Adequacy
         What base and best explanation leave.
+    vetoed : tuple of Candidate
+        Causes that explain the data as well as all plausible ones, or better, and are not reported because their
+        sizes are outside the plausible range: something else may be in their place.
     rivals : tuple of Candidate
         Changes that are no causes, fitted where a cause might have been reported, the best evidence first; see
         `receptance.diagnosis.rivals`.
@@ -180,6 +186,7 @@ class Verdict:
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    vetoed: tuple[Candidate, ...] = ()
     rivals: tuple[Candidate, ...] = ()
     rival: Candidate | None = None
     bias: Bias | None = None

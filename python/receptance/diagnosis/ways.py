@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.causes import Cause, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
@@ -24,13 +25,15 @@ def ways_of(model: Model, causes: Sequence[Cause], fit: Fit) -> tuple[list[tuple
     """Return the ways in which causes can act on a model with that fit, and why others cannot be decided."""
     found: list[tuple[Cause, Variant]] = []
     undecidable: dict[str, str] = {}
+    inadequate = not judge(fit).passed
     for cause in causes:
         try:
             own = cause.variants(model)
         except UndecidableError as error:
             undecidable[cause.id] = str(error)
             continue
-        found += [(variant.of(cause), variant) for variant in own if not variant.fresh or _far_off(fit)]
+        own = [one for one in own if not one.fresh or _far_off(fit)]
+        found += [(one.of(cause), one) for one in own if inadequate or not one.distant]
     return found, undecidable
 
 

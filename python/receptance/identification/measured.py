@@ -67,6 +67,7 @@ def observe(
         "standard_deviation": _spread(owner, entry, known, least, notes),
         "correlated_lines": entry.correlated_lines[known],
         "label": name,
+        "form": frf.form,
         "notes": (*entry.notes, *notes),
     }
 

@@ -14,6 +14,7 @@ from receptance import _checks
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.frf import arrays
+from receptance.frf.forms import check_form
 from receptance.identification import _checked
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
     from receptance.frf import FRF
+    from receptance.frf.forms import Form
     from receptance.identification.floor import Floor
 
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
@@ -65,6 +67,9 @@ class MeasuredFRF:
         Amplitude of a stepped sine in N, one number or `(n,)`: joints in micro-slip are at the level it brings about.
     ends : float, optional
         Time in s after the hit at which the record ended, where the structure still rang.
+    form : {"receptance", "mobility", "accelerance"}, optional
+        What the data were said to be before they were converted to `receptance`. It changes no number; a diagnosis
+        that finds another quantity names both.
 
     Attributes
     ----------
@@ -101,6 +106,7 @@ class MeasuredFRF:
     conditions: Mapping[str, float]
     force: NDArray[np.float64] | None
     ends: float | None
+    form: Form
 
     def __init__(
         self,
@@ -118,6 +124,7 @@ class MeasuredFRF:
         conditions: Mapping[str, float] | None = None,
         force: ArrayLike | None = None,
         ends: float | None = None,
+        form: Form = "receptance",
     ) -> None:
         owner = _checked.owner_of("MeasuredFRF", label, assembly)
         lines = _checks.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
@@ -181,6 +188,7 @@ class MeasuredFRF:
             conditions=_checked.conditions_of(owner, conditions),
             force=forces,
             ends=None if ends is None else _checks.positive(owner, "ends", ends),
+            form=check_form(owner, form),
         )
 
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFRF:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.showing import gained, sizes, wanting
+from receptance.diagnosis.showing import gained, sizes, vetoes, wanting
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
         sentence = "Hardly more numbers were measured than are fitted, so nothing can be said of the model"
     sentences.append(f"{sentence}.")
     sentences += _on_causes(verdict)
+    sentences += [f"{text}." for text in vetoes(verdict)]
     sentences += _on_modes(before, after)
     if verdict.gain is not None:
         sentences.append(f"On data that its fit never saw: {gained(verdict.gain)}.")

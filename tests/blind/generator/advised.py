@@ -10,7 +10,7 @@ from .case import JOINT, Case, Configuration, Stated, Truth, recorded
 from .records import like
 
 _SHOWN = {
-    "weigh the blank": ("tool_density",),
+    "weigh the blank": ("tool_density", "tool_material"),
     "weigh the sensor": ("sensor_mass",),
     "weigh collet": ("collet_mass",),
     "weigh the holder": ("holder_inertia",),
@@ -21,7 +21,7 @@ _SHOWN = {
     "free mass": ("calibration_gain", "time_delay", "wrong_quantity"),
     "softer": ("suspension",),
     "swing on the suspension": ("suspension",),
-    "blank alone": ("tool_modulus", "tool_density", "fluted_part"),
+    "blank alone": ("tool_material", "tool_modulus", "tool_density", "fluted_part"),
     "holder alone": ("holder_modulus", "holder_inertia", "flexible_body"),
     "plain blank": ("fluted_part",),
 }

@@ -336,7 +336,14 @@ def _choose(rng: np.random.Generator, kind: str) -> tuple[str, ...]:
         local = ["overhang_error", "calibration_gain", "time_delay", "sensor_mass", "exponential_window"]
         return (str(rng.choice(local)),)
     if kind == "pair":
-        clumsy = ("wrong_quantity", "coarse_resolution", "joint_spread", "xy_asymmetry", "flexible_body")
+        clumsy = (
+            "wrong_quantity",
+            "coarse_resolution",
+            "joint_spread",
+            "xy_asymmetry",
+            "flexible_body",
+            "tool_material",
+        )
         pool = [id for id in CATALOGUE if id not in clumsy]
         return tuple(map(str, rng.choice(pool, 2, replace=False)))
     return ()

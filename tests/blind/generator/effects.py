@@ -110,6 +110,12 @@ def _poisson(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Wher
         p[f"{kind}.poisson"] += s["poisson"]
 
 
+def _material(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Where) -> None:
+    p["tool.modulus"] *= np.exp(s["modulus"])
+    p["tool.density"] *= np.exp(s["density"])
+    p["tool.poisson"] += f["poisson"]
+
+
 def _times(*names: str) -> Act:
     def act(p: Numbers, s: Mapping[str, float], f: Mapping[str, float], w: Where) -> None:
         for name in names:
@@ -154,6 +160,7 @@ ACTS: dict[str, Act] = {
     "flexible_body": _plus(holder__stiffer="decades"),
     "missing_mode": _set,
     "shear_neglected": _poisson,
+    "tool_material": _material,
     "sensor_mass": _plus(sensor__mass="mass"),
     "hammer_offset": _plus(hit__offset="distance"),
     "time_delay": _plus(delay="delay"),
@@ -173,9 +180,9 @@ ACTS: dict[str, Act] = {
     "second_joint": _set,
 }
 
-CATALOGUE = tuple(ACTS)[:24]
-OUTSIDE = tuple(ACTS)[24:]
-MEASUREMENT = CATALOGUE[16:]
+CATALOGUE = tuple(ACTS)[:25]
+OUTSIDE = tuple(ACTS)[25:]
+MEASUREMENT = CATALOGUE[17:]
 """Catalogue's effects of the measurement; the others are of the structure."""
 
 
@@ -265,6 +272,17 @@ def _draw_shear(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> D
     return {"poisson": size}, {}, {f"{kind}.poisson": p[f"{kind}.poisson"] - size for kind in ("tool", "holder")}
 
 
+def _draw_material(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
+    # A carbide tool whose model says steel, or heavy alloy; there is no small size of it.
+    believed = [(210e9, 7850.0, 0.3), (360e9, 17600.0, 0.28)][int(rng.integers(2))]
+    sizes = {
+        name: float(np.log(p[f"tool.{name}"] / value))
+        for name, value in zip(("modulus", "density"), believed, strict=False)
+    }
+    names = ("tool.modulus", "tool.density", "tool.poisson")
+    return sizes, {"poisson": p["tool.poisson"] - believed[2]}, dict(zip(names, believed, strict=True))
+
+
 def _draw_rope(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
     fixed = {"rope.zeta": rng.uniform(0.01, 0.05), "rope.place": rng.uniform(0.2, 1.0)}
     return {"rope.k": 1.5 * (2.0 * np.pi * _between(u, 15.0, 110.0)) ** 2}, fixed, {}
@@ -330,6 +348,7 @@ _DRAWS: dict[str, _Draw] = {
     "flexible_body": _draw_flexible,
     "missing_mode": _draw_mode,
     "shear_neglected": _draw_shear,
+    "tool_material": _draw_material,
     "sensor_mass": _one_way(1e-4, 5e-3, "mass"),
     "hammer_offset": _one_way(2e-4, 6e-3, "distance"),
     "time_delay": lambda rng, u, p: ({"delay": _sign(rng) * _between(u, 3e-7, 2e-5)}, {}, {}),
