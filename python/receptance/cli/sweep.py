@@ -65,9 +65,10 @@ def sweep(
     from receptance.sweep import Misfit
     from receptance.sweep import sweep as run
 
-    with warnings.catch_warnings(), input_errors(ReceptanceError, ValueError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)
+    with warnings.catch_warnings(record=True) as told, input_errors(ReceptanceError, ValueError, OSError):
+        warnings.simplefilter("always", ReceptanceWarning)
         read = load_campaign(campaign, targets)
+        told.clear()  # what the campaign says of its measurements is for the commands that fit them
         if not read.to_identify:
             raise InputError("this campaign has no measurement that candidates could be compared with")
         candidates = _candidates(read, vary or [], points, sample, seed)
@@ -87,6 +88,8 @@ def sweep(
     # The rest of a store stays where it is.
     chosen = found.isel(candidate=best).load()
     targets.write(_document(read, found, best, chosen), lambda: _figure(found))
+    for one in told:
+        print(f"receptance: {one.message}", file=sys.stderr)
     console = output()
     valid = int(found["valid"].sum())
     names = list(candidates.addresses)
