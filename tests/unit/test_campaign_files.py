@@ -204,6 +204,42 @@ class TestHammer:
         assert any("H1 of 3 hits" in note for note in read.notes)
         assert "H1 of 2 hits" in " ".join(load(tmp_path, f"{text}\ndrop_hits = [2]", "hammer records").notes)
 
+    def test_how_far_the_force_may_drop(self, tmp_path: Path, hammer: Path) -> None:
+        shutil.copy(hammer / "short.npz", tmp_path)
+        text = (
+            'file = "short.npz"\nforce = "hammer"\nmotion = "tip"\ndecay_rate = "10 1/s"\n'
+            'bands = [["100 Hz", "9.5 kHz"]]\nforce_drop_db = '
+        )
+        highest = []
+        for drop in (6.0, 20.0, 40.0):
+            read = load(tmp_path, f"{text}{drop}", "hammer records")
+            seen = read.measurements["m"].observation
+            assert isinstance(seen, MeasuredFRF)
+            highest.append(seen.frequency_hz[-1].real)
+            if drop < 40.0:
+                notes = read.measurements["m"].notes
+                assert any(f"over {drop:g} dB down (force_drop_db)" in note for note in notes)
+                (told,) = [note for note in notes if "of the band from 100 to 9500 Hz" in note]
+                assert f"to {highest[-1]:g} Hz; the others are not usable" in told
+        assert highest[0] < 6e3 < highest[1] < 9e3 < highest[2]
+        assert "force_drop_db: is 0" in mistake(tmp_path, f"{text}0", "hammer records")
+
+    def test_a_single_hit_beside_weighed_data_is_told_what_gives_it_a_weight(
+        self, tmp_path: Path, hammer: Path
+    ) -> None:
+        series = _series(hammer / "short.npz")
+        one = TimeSeries(
+            values=series.values[:10240], channels=["hammer", "tip"], units=["N", "m/s^2"], sample_rate_hz=25600.0
+        )
+        write(tmp_path / "one.npz", one)
+        write(tmp_path / "f.npz", FRF(frequency_hz=LINES, values=values(), log_variance=4e-4))
+        text = 'file = "one.npz"\nforce = "hammer"\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]'
+        other = '\n[measurements.f]\nkind = "frf"\nassembly = "short"\nfile = "f.npz"'
+        said = mistake(tmp_path, text + other, "hammer records")
+        assert "measurements.m: has no standard deviation but others have one" in said
+        assert 'at least two hits, whose scatter is the variance, or `floor = "2 %"`' in said
+        load(tmp_path, text + '\nfloor = "2 %"' + other, "hammer records")
+
     @pytest.mark.parametrize(
         ("measurement", "words"),
         [

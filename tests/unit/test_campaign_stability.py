@@ -93,6 +93,8 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
         ('"200 N/mm^2"', '"-1 MPa"', 'cuts.slot.k_n: is "-1 MPa", expected zero or more'),
         ('"rigid"', '"stiff"', 'cuts.slot.y: is "stiff", expected a table, "as x" or "rigid"'),
         ('"tip.csv"', '"tipp.csv"', 'cuts.slot.x.file: is "tipp.csv", which is not there'),
+        ('"2 %" }', '"2 %", bands = [["1 kHz", "500 Hz"]] }', "cuts.slot.x.bands: has a band from 1000 to 500 Hz"),
+        ('"2 %" }', '"2 %", bands = [["5 kHz", "6 kHz"]] }', "a usable line, expected one within 200 to 2998 Hz"),
         ('file = "tip.csv", ', 'assembly = "long", ', 'cuts.slot.x.assembly: is "long", which is not an assembly'),
         ('file = "tip.csv", ', "", "cuts.slot.x: has neither an assembly, a measurement nor a file"),
         ('kind = "milling"', 'kind = "drilling"', 'cuts.slot: has the kind "drilling", expected one of'),
@@ -153,6 +155,41 @@ def test_the_tip_of_a_measurement_has_the_variance_of_its_file(tmp_path: Path) -
     assert tip is not None
     np.testing.assert_allclose(tip.log_variance, 4e-4)
     np.testing.assert_array_equal(tip.correlated_lines, alike)
+
+
+def drifting(lines: np.ndarray, noise: float) -> np.ndarray:
+    """Return the accelerance of a held tip with white noise of an accelerometer, in m/s^2/N."""
+    random = np.random.default_rng(20261122)  # seed
+    scatter = random.standard_normal((2, lines.size))
+    return -((2.0 * np.pi * lines) ** 2) * TIP.receptance(lines)[:, 0, 0] + noise * (scatter[0] + 1j * scatter[1])
+
+
+def test_noise_of_an_accelerometer_at_low_frequencies_is_told_and_bands_leave_it_out(tmp_path: Path) -> None:
+    lines = np.arange(5.0, 3000.0, 2.5)
+    rows = [f"{f:g},{a.real:.9e},{a.imag:.9e}" for f, a in zip(lines, drifting(lines, 0.05), strict=True)]
+    head = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N]"
+    (tmp_path / "tip.csv").write_text("\n".join([head, *rows]) + "\n")
+    slow = MEASURED.replace('"8000 rpm"', '"1000 rpm"')
+    (wrong,) = load(tmp_path, slow).stability().cuts
+    assert wrong.lobes.chatter_hz[np.argmin(wrong.lobes.depth)] < 50.0
+    (said,) = [note for note in wrong.notes if "1/f^2" in note]
+    assert said.startswith("measured, tip.csv: from 5 to ")
+    advised = said.partition("leave them out, ")[2]
+    assert advised.startswith("bands = [[")
+    (right,) = load(tmp_path, slow.replace('"2 %" }', f'"2 %", {advised} }}')).stability().cuts
+    assert not [note for note in right.notes if "1/f^2" in note]
+    expected = stability_lobes(
+        Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, TIP.receptance(LINES), speeds_rpm=np.arange(1e3, 26.1e3, 250.0)
+    )
+    assert right.lobes.depth.min() == pytest.approx(expected.depth.min(), rel=0.02)
+    assert wrong.lobes.depth.min() < 0.75 * expected.depth.min()
+
+
+def test_bands_belong_to_what_was_measured(tmp_path: Path) -> None:
+    tip = 'x = { assembly = "longest" }'
+    text = changed(*DAMPED) + PREDICTED.replace(tip, tip.replace(" }", ', bands = [["1 kHz", "2 kHz"]] }'), 1)
+    with pytest.raises(CampaignError, match=r"cuts\.rough\.x\.bands: belongs to a file or a measurement"):
+        load(tmp_path, text)
 
 
 def test_predicted_tips(tmp_path: Path) -> None:

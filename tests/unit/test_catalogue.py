@@ -198,6 +198,27 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     assert (one.deviation > alone.deviation).all()
 
 
+def test_drift_in_the_table_of_a_spindle_is_told(machine: Any, tmp_path: Path) -> None:
+    lines = np.arange(50.0, 4000.0, 5.0)
+    nose = _as_table(machine.built.assemblies["short"], lines)
+    read = load(
+        tmp_path,
+        text=TEXT.replace('machine = ["taper", "spindle"]\nattachments = ["front", "rear"]', 'machine = ["taper"]'),
+    )
+    fit = read.identify()
+    random = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    noise = abs(nose.matrix[0, 0, 0]) * (300.0 / lines) ** 2 * np.exp(2j * np.pi * random.random(lines.size))
+    matrix = nose.matrix + noise[:, None, None] * np.diag([1.0, 0.0])
+    drifting = MeasuredPart(frequency_hz=lines, matrix=matrix, name="nose")
+    for spindle, told in ((nose, False), (drifting, True)):
+        one = next(predict_catalogue(Catalogue(read, spindle=spindle), fit))
+        notes = [note for note in one.notes if "1/f^2" in note]
+        assert bool(notes) == told
+    assert notes[0].startswith("nose: from ")
+    assert 'under [prediction] lower = "' in notes[0]
+
+
 def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None:
     """From its file the same as from the object, and mistakes with the file's name."""
     lines = np.linspace(100.0, 4000.0, 1000)

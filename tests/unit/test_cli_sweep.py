@@ -146,3 +146,18 @@ def test_an_interruption_names_the_store(
     assert "the store tried.zarr keeps what is done; the same command goes on" in capsys.readouterr().err
     assert call(monkeypatch, *arguments) == 0
     assert "40 candidates" in capsys.readouterr().out
+
+
+def test_a_damaged_store_is_mended_and_told(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("sweep", campaign, "--sample", "40", "--store", "tried.zarr")
+    assert call(monkeypatch, *arguments) == 0
+    first = capsys.readouterr()
+    chunk = Path("tried.zarr/misfit/c/0")
+    chunk.write_bytes(chunk.read_bytes()[::-1])
+    assert call(monkeypatch, *arguments) == 0
+    second = capsys.readouterr()
+    assert "tried.zarr: the chunk misfit/c/0 is damaged" in second.err
+    assert not first.err
+    assert second.out == first.out

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from receptance import FRF, Coordinate, MeasuredFRF, ReceptanceWarning, identify
+from receptance import FRF, Assembly, Coordinate, GroundSpring, MeasuredFRF, ReceptanceWarning, identify
 from receptance.diagnosis import diagnose
 from receptance.frf import Unplaced
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
@@ -213,3 +213,35 @@ def test_something_else_than_an_frf():
         MeasuredFRF.from_frf(None, make(), response=0)
     with pytest.raises(TypeError, match="notes is 'one'"):
         MeasuredFRF(assembly=ASSEMBLY, frequency_hz=[1.0], receptance=[1.0], notes="one")
+
+
+def test_integrated_noise_at_low_frequencies_is_noted_and_a_floating_body_is_not():
+    lines = np.arange(2.0, 3000.0, 2.0)
+    random = np.random.default_rng(7)  # seed
+    scatter = random.standard_normal(lines.size) + 1j * random.standard_normal(lines.size)
+
+    def notes(assembly, noise, **changes):
+        """Return what is noted where the accelerometer has white noise, relative to the accelerance of a mass."""
+        accelerance = -((2.0 * np.pi * lines) ** 2) * assembly.receptance(lines) + noise * inertia * scatter
+        frf = FRF(frequency_hz=lines, values=accelerance, form="accelerance", responses=TIP, excitations=TIP, **changes)
+        return [one for one in MeasuredFRF.from_frf(assembly, frf).notes if "1/f^2" in one]
+
+    inertia = (2.0 * np.pi * 2.0) ** 2 * abs(ASSEMBLY.receptance([2.0])[0])
+    assert not notes(ASSEMBLY, 0.0)
+    assert not notes(ASSEMBLY, 0.02)
+    (said,) = notes(ASSEMBLY, 2.0)
+    assert "from 2 to " in said
+    # Held by a spring, so that the same noise is more than the motion up to some frequency alone.
+    ground = GroundSpring(k_y=1e9, k_theta=1e7, part="holder", position="end")
+    held = Assembly(list(ASSEMBLY.elements.values()), [ground])
+    assert not notes(held, 0.0)
+    (said,) = notes(held, 0.1)
+    start = float(said.partition("from about ")[2].partition(" Hz")[0])
+    stiffness = 1.0 / abs(held.receptance([2.0])[0])
+    # There the noise is as much as the motion of a spring at this frequency, and advised is three times as much.
+    crossing = np.sqrt(0.1 * np.sqrt(2.0) * inertia * stiffness) / (2.0 * np.pi)
+    assert 1.5 * crossing < start < 6.0 * crossing
+    # A variance that covers it is enough: a fit then gives such lines no weight.
+    magnitude = (2.0 * np.pi * lines) ** 2 * abs(held.receptance(lines))
+    assert not notes(held, 0.1, log_variance=(0.1 * inertia / np.maximum(magnitude, 0.14 * inertia)) ** 2)
+    assert notes(held, 0.1, log_variance=1e-4)

@@ -20,7 +20,7 @@ import receptance
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
 # Where the name to install is not the name to import.
-DISTRIBUTION_OF: dict[str, str] = {"tomli_w": "tomli-w"}
+DISTRIBUTION_OF: dict[str, str] = {"google_crc32c": "google-crc32c", "tomli_w": "tomli-w"}
 
 
 def _toml(path: str) -> dict[str, Any]:

@@ -135,7 +135,7 @@ def test_several_assemblies_are_a_dimension() -> None:
     assert one == pytest.approx(pair(0.12).replace({"joint.k_y": 2e8}).natural_frequencies(4000.0)[0], rel=1e-12)
 
 
-@pytest.mark.parametrize("method", ["random", "sobol"])
+@pytest.mark.parametrize("method", ["random", "sobol", "latin hypercube"])
 def test_a_candidate_is_drawn_from_its_number_alone(method: Any) -> None:
     print(f"seed {SEED}")
     seed = SEED
@@ -156,6 +156,15 @@ def test_a_candidate_is_drawn_from_its_number_alone(method: Any) -> None:
     assert abs(np.corrcoef(shares.T)[np.triu_indices(5, 1)]).max() < 0.1
     other = Sampled(distributions, count=4096, seed=seed + 1, method=method)
     assert not np.array_equal(other.values(0, 10), whole[:10])
+
+
+def test_a_latin_hypercube_has_one_candidate_in_each_interval_of_every_parameter() -> None:
+    distributions = {"joint.k_y": stats.loguniform(1e7, 1e9), "joint.k_theta": stats.norm(1e5, 1e3)}
+    drawn = Sampled(distributions, count=1000, seed=7, method="latin hypercube")
+    for one, column in zip(distributions.values(), drawn.values(0, 1000).T, strict=True):
+        assert np.array_equal(np.sort(np.floor(1000.0 * one.cdf(column))), np.arange(1000.0))
+    found = sweep(pair(), drawn, NaturalFrequencies(upper_hz=4000.0, modes=1), block=300)
+    np.testing.assert_array_equal(found["joint.k_y"].values, drawn.values(0, 1000)[:, 0])
 
 
 @pytest.mark.parametrize(

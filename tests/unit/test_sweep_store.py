@@ -5,11 +5,15 @@ from __future__ import annotations
 import errno
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +28,10 @@ from receptance.sweep import (
     Grid,
     Misfit,
     NaturalFrequencies,
+    Output,
     Sampled,
     SweepError,
+    Variable,
     as_grid,
     open_sweep,
     sweep,
@@ -189,11 +195,318 @@ def test_a_store_of_another_sweep_is_not_touched(tmp_path: Path) -> None:
 
 
 def test_two_runs_do_not_write_to_one_store(tmp_path: Path) -> None:
-    def second(_: Any) -> None:
-        with pytest.raises(SweepError, match="another run writes"):
-            sweep(pair(), drawn(20), measured(), store=tmp_path / "s", block=5)
+    (tmp_path / "real").mkdir()
+    (tmp_path / "folder").symlink_to("real")
+    (tmp_path / "link").symlink_to(tmp_path / "real" / "s")
 
-    sweep(pair(), drawn(20), measured(), store=tmp_path / "s", block=5, progress=second)
+    def second(_: Any) -> None:
+        for name in ("real/s", "folder/s", "link"):
+            with pytest.raises(SweepError, match="another run writes"):
+                sweep(pair(), drawn(20), measured(), store=tmp_path / name, block=5)
+
+    sweep(pair(), drawn(20), measured(), store=tmp_path / "link", block=5, progress=second)
+    assert (tmp_path / "link").is_symlink()
+    assert [path.name for path in (tmp_path / "real").iterdir()] == ["s"]
+
+
+DAMAGES: dict[str, Any] = {
+    "missing": lambda file: file.unlink(),
+    "damaged": lambda file: file.write_bytes(bytes([file.read_bytes()[0] ^ 1]) + file.read_bytes()[1:]),
+    "damaged: its checksum": lambda file: file.write_bytes(file.read_bytes()[:-9]),
+    "damaged: its checksum does not": lambda file: file.write_bytes(b""),
+}
+
+
+@pytest.mark.parametrize("words", DAMAGES)
+@pytest.mark.parametrize("name", ["misfit", "receptance", "joint.k_y"])
+def test_chunks_that_the_disk_damaged_are_told_and_evaluated_again(tmp_path: Path, name: str, words: str) -> None:
+    store, outputs = tmp_path / "s", [measured(), FrequencyResponse(frequency_hz=LINES)]
+    expected = sweep(pair(), drawn(20), outputs, store=store, block=5).load()
+    chunk = store / name / "c" / "2"
+    chunk = chunk / "0" if name == "receptance" else chunk
+    DAMAGES[words](chunk)
+    found = open_sweep(store)
+    np.testing.assert_array_equal(found["valid"].values, expected["valid"].values)
+    place = chunk.relative_to(store).as_posix()
+    with pytest.raises(SweepError, match=f"{store}: the chunk {place} is {words}.*run the same sweep again"):
+        found[name].load()
+    told: list[Any] = []
+    with pytest.warns(
+        ReceptanceWarning, match=f"{store}: the chunk {place} is {words}.*5 candidates are evaluated again"
+    ):
+        same(sweep(pair(), drawn(20), outputs, store=store, progress=told.append), expected)
+    assert told[0].resumed == 15
+    same(open_sweep(store), expected)
+
+
+def test_a_block_without_its_last_chunk_was_never_finished(tmp_path: Path) -> None:
+    expected = sweep(pair(), drawn(20), measured(), store=tmp_path / "s", block=5).load()
+    (tmp_path / "s" / "valid" / "c" / "3").unlink()
+    with pytest.warns(ReceptanceWarning, match="5 of 20 candidates are missing"):
+        found = open_sweep(tmp_path / "s").load()
+    assert not found["valid"][15:].any()
+    assert np.isnan(found["misfit"][15:]).all()
+    same(sweep(pair(), drawn(20), measured(), store=tmp_path / "s"), expected)
+
+
+@pytest.mark.parametrize("damage", [lambda text: "", lambda text: text[:-100], lambda text: text.replace("{", "[", 3)])
+def test_a_damaged_description_names_the_store_and_leaves_no_lock(tmp_path: Path, damage: Any) -> None:
+    store = tmp_path / "s"
+    sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=store)
+    (store / "frequency_hz" / "c" / "0").unlink()
+    with pytest.raises(SweepError, match=f"{store}: the chunk frequency_hz/c/0 is missing; remove the store"):
+        sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=store)
+    (store / "zarr.json").write_text(damage((store / "zarr.json").read_text()))
+    for _ in range(2):
+        with pytest.raises(SweepError, match=f"{store}"):
+            sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=store)
+        with pytest.raises(SweepError, match=f"{store}"):
+            open_sweep(store)
+    assert [path.name for path in tmp_path.iterdir()] == ["s"]
+
+
+def test_what_a_killed_creation_left_is_removed(tmp_path: Path) -> None:
+    script = """
+        import os, signal, sys
+        sys.path.insert(0, sys.argv[1])
+        import unit.test_sweep_store as own
+        import zarr
+        zarr.consolidate_metadata = lambda path: os.kill(os.getpid(), signal.SIGKILL)
+        own.sweep(own.pair(), own.drawn(600), own.measured(), store=sys.argv[2])
+    """
+    command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    assert any(path.name.endswith(".part") for path in tmp_path.iterdir())
+    sweep(pair(), drawn(20), measured(), store=tmp_path / "s")
+    assert [path.name for path in tmp_path.iterdir()] == ["s"]
+
+
+def test_a_store_opens_in_xarray_without_warnings(tmp_path: Path) -> None:
+    kept = sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=tmp_path / "s", block=7)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plain = xr.open_zarr(tmp_path / "s", chunks=None)
+    np.testing.assert_array_equal(plain["receptance"].values, kept["receptance"].values)
+    np.testing.assert_array_equal(plain["frequency_hz"].values, LINES)
+
+
+def test_a_disk_without_space_names_the_chunk(tmp_path: Path) -> None:
+    script = """
+        import resource, signal, sys
+        sys.path.insert(0, sys.argv[1])
+        import unit.test_sweep_store as own
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        output = own.FrequencyResponse(frequency_hz=own.LINES)
+        own.sweep(own.pair(), own.drawn(400), output, store=sys.argv[2], block=200)
+    """
+    store = tmp_path / "s"
+    # Python would cut its own files of bytecode as well.
+    command = [sys.executable, "-B", "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(store)]
+    ended = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert re.search(rf"OSError: .*{store}/receptance/c/[01]/0", ended.stderr), ended.stderr
+    assert not list(store.rglob("*.part"))
+    output = FrequencyResponse(frequency_hz=LINES)
+    same(sweep(pair(), drawn(400), output, store=store), sweep(pair(), drawn(400), output))
+
+
+SCALE, NAMES = 2.0, {"factor": 1.0}
+
+
+def scaled(h: Any) -> Any:
+    return SCALE * NAMES["factor"] * abs(h).max(axis=1)
+
+
+def peak(power: float) -> Callable[[Any], Any]:
+    return lambda h: scaled(h) ** power
+
+
+class Weighted:
+    def __init__(self, weights: Any) -> None:
+        self.weights = weights
+
+    def __call__(self, h: Any) -> Any:
+        return (abs(h) * self.weights).sum(axis=1)
+
+
+def weighted(h: Any, weights: Any = LINES) -> Any:
+    return (abs(h) * weights).sum(axis=1)
+
+
+def made(source: str) -> Callable[[Any], Any]:
+    """Return the function `reduce` of a text: as a script that was edited between two runs."""
+    found: dict[str, Any] = {"__name__": "__main__", "np": np}
+    exec(textwrap.dedent(source), found)
+    function: Callable[[Any], Any] = found["reduce"]
+    return function
+
+
+CHANGES = {
+    "a constant": ("reduce = lambda h: abs(h).max(axis=1)", "reduce = lambda h: 2 * abs(h).max(axis=1)"),
+    "an operation": ("reduce = lambda h: abs(h).max(axis=1)", "reduce = lambda h: abs(h).min(axis=1)"),
+    "a default": ("def reduce(h, n=3): return abs(h[:, n])", "def reduce(h, n=4): return abs(h[:, n])"),
+    "a keyword": ("def reduce(h, *, n=3): return abs(h[:, n])", "def reduce(h, *, n=4): return abs(h[:, n])"),
+    "a global": ("N = 3\ndef reduce(h): return abs(h[:, N])", "N = 4\ndef reduce(h): return abs(h[:, N])"),
+    "a helper": (
+        "def one(h): return abs(h[:, 3])\ndef reduce(h): return one(h)",
+        "def one(h): return abs(h[:, 4])\ndef reduce(h): return one(h)",
+    ),
+    "an inner function": (
+        "def reduce(h): return np.array([(lambda row: abs(row[3]))(row) for row in h])",
+        "def reduce(h): return np.array([(lambda row: abs(row[4]))(row) for row in h])",
+    ),
+    "an object's method": (
+        "class One:\n  def of(self, h): return abs(h[:, 3])\nreduce = One().of",
+        "class One:\n  def of(self, h): return abs(h[:, 4])\nreduce = One().of",
+    ),
+    "a class's value": (
+        "class One:\n  n = 3\n  def __call__(self, h): return abs(h[:, self.n])\nreduce = One()",
+        "class One:\n  n = 4\n  def __call__(self, h): return abs(h[:, self.n])\nreduce = One()",
+    ),
+    "a partial": (
+        "import functools\ndef of(n, h): return abs(h[:, n])\nreduce = functools.partial(of, 3)",
+        "import functools\ndef of(n, h): return abs(h[:, n])\nreduce = functools.partial(of, 4)",
+    ),
+    "a decorated function": (
+        "import functools\n@functools.lru_cache\ndef n(): return 3\ndef reduce(h): return abs(h[:, n()])",
+        "import functools\n@functools.lru_cache\ndef n(): return 4\ndef reduce(h): return abs(h[:, n()])",
+    ),
+    "a set": (
+        "N = {'a': {3, 5}}\ndef reduce(h): return abs(h[:, min(N['a'])])",
+        "N = {'a': {4, 5}}\ndef reduce(h): return abs(h[:, min(N['a'])])",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_changed_function_is_another_sweep(tmp_path: Path, what: str) -> None:
+    def run(source: str) -> xr.Dataset:
+        output = FrequencyResponse(frequency_hz=LINES, reduce=made(source), name="peak")
+        return sweep(pair(), drawn(6), output, store=tmp_path / "s")
+
+    before, after = CHANGES[what]
+    first = run(before).load()
+    same(run(before), first)
+    with pytest.raises(SweepError, match="another sweep: it differs in output peak"):
+        run(after)
+
+
+def test_what_a_function_closes_over_and_refers_to_is_part_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(reduce: Any, name: str) -> None:
+        sweep(pair(), drawn(6), FrequencyResponse(frequency_hz=LINES, reduce=reduce), store=tmp_path / name)
+
+    run(peak(2.0), "closure")
+    run(peak(2.0), "closure")
+    run(Weighted(LINES), "object")
+    run(Weighted(LINES.copy()), "object")
+    run(weighted, "default")
+    run(scaled, "global")
+    others = [
+        (peak(3.0), "closure"),
+        (Weighted(LINES + 1.0), "object"),
+        (np.vectorize(abs, signature="(n)->()"), "global"),
+    ]
+    for reduce, name in others:
+        with pytest.raises(SweepError, match="another sweep: it differs in output receptance"):
+            run(reduce, name)
+    monkeypatch.setattr(weighted, "__defaults__", (LINES[::-1],))
+    with pytest.raises(SweepError, match="another sweep"):
+        run(weighted, "default")
+    monkeypatch.setitem(NAMES, "factor", 1.5)
+    for reduce, name in ((scaled, "global"), (peak(2.0), "closure")):
+        with pytest.raises(SweepError, match="another sweep"):
+            run(reduce, name)
+
+
+def test_a_function_is_the_same_in_the_next_process(tmp_path: Path) -> None:
+    script = """
+        import sys
+        import numpy as np
+        sys.path.insert(0, sys.argv[1])
+        import unit.test_sweep_store as own
+        NAMES = {"large", "larger", "largest"}
+        def reduce(h):
+            assert "large" in NAMES
+            return own.scaled(h) + own.Weighted(own.LINES)(h) * np.pi + (1 if NAMES & {"a", "b", "c"} else 0)
+        output = own.FrequencyResponse(frequency_hz=own.LINES, reduce=reduce)
+        own.sweep(own.pair(), own.drawn(6), output, store=sys.argv[2])
+    """
+    command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
+    for seed in ("1", "2"):
+        subprocess.run(command, check=True, env={**os.environ, "PYTHONHASHSEED": seed})
+
+
+def test_a_function_that_cannot_be_compared_is_refused_before_the_work(tmp_path: Path) -> None:
+    lock = threading.Lock()
+
+    def reduce(h: Any) -> Any:
+        with lock:
+            return abs(h).max(axis=1)
+
+    output = FrequencyResponse(frequency_hz=LINES, reduce=reduce, name="peak")
+    assert sweep(pair(), drawn(6), output).sizes["candidate"] == 6
+    with pytest.raises(SweepError, match=r"output peak: <unlocked _thread.lock .* has no content .* without a store"):
+        sweep(pair(), drawn(6), output, store=tmp_path / "s")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_version_of_the_program_is_compared(tmp_path: Path) -> None:
+    kept = sweep(pair(), drawn(6), measured(), store=tmp_path / "s").load()
+    text = (tmp_path / "s" / "zarr.json").read_text()
+    own = kept.attrs["receptance"]
+    (tmp_path / "s" / "zarr.json").write_text(text.replace(f'"receptance": "{own}"', '"receptance": "0.0.1"'))
+    with pytest.raises(SweepError, match=f"begun with receptance 0.0.1, and this is {own}"):
+        sweep(pair(), drawn(6), measured(), store=tmp_path / "s")
+    assert open_sweep(tmp_path / "s").attrs["receptance"] == "0.0.1"
+
+
+class Twice(Output):
+    """An output of the user's own."""
+
+    factor = 2.0
+
+    def variables(self) -> tuple[Variable, ...]:
+        return (Variable("own", "float64", "m"),)
+
+    def assemblies(self) -> tuple[Assembly, ...]:
+        return ()
+
+    def prepare(self, assembly: Assembly | None, addresses: Any, threads: int | None) -> Any:
+        return lambda values: ({"own": self.factor * values[:, 0]}, np.ones(len(values), bool))
+
+    def describe(self) -> list[Any]:
+        return []
+
+
+def test_an_output_of_the_users_own_is_its_code_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sweep(pair(), drawn(6), Twice(), store=tmp_path / "s")
+    sweep(pair(), drawn(6), Twice(), store=tmp_path / "s")
+    monkeypatch.setattr(Twice, "factor", 3.0)
+    with pytest.raises(SweepError, match="another sweep: it differs in output own"):
+        sweep(pair(), drawn(6), Twice(), store=tmp_path / "s")
+
+
+class Bent:
+    """A distribution that differs from the uniform one between the quantiles that a store writes down."""
+
+    def __init__(self, bend: float) -> None:
+        self.bend = bend
+
+    def ppf(self, q: Any) -> Any:
+        shares = np.asarray(q, float)
+        return 1e7 * (1.0 + shares + self.bend * np.sin(np.pi * (shares - 0.01) / (0.98 / 8)))
+
+
+def test_distributions_that_differ_between_their_quantiles_are_others(tmp_path: Path) -> None:
+    for bend in (0.0, 0.01):
+        candidates = Sampled({"joint.k_y": Bent(bend)}, count=60, seed=1)
+        if not bend:
+            sweep(pair(), candidates, measured(), store=tmp_path / "s")
+            continue
+        with pytest.raises(SweepError, match=r"another sweep: its candidate 0 has joint\.k_y = "):
+            sweep(pair(), candidates, measured(), store=tmp_path / "s")
 
 
 def test_a_grid_is_what_as_grid_takes() -> None:

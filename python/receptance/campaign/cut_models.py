@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from receptance.campaign.deviations import Deviation, Spread
-from receptance.campaign.file_models import FileFields
+from receptance.campaign.file_models import Band, FileFields
 from receptance.campaign.models import Table
 from receptance.campaign.quantities import KINDS, Amount, shown
 
@@ -29,6 +29,9 @@ class TipTable(FileFields):
     """name of an assembly instead, whose tip is predicted"""
     measurement: str | None = None
     """name of a measured FRF of the campaign instead"""
+    bands: Annotated[list[Band], Field(min_length=1)] | None = None
+    """bands of frequency in which limits are looked for, of a file or a measurement, `[["300 Hz", "4 kHz"]]`; by
+    default all usable lines"""
 
 
 def _across(value: Any) -> Any:

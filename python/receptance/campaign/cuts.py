@@ -120,6 +120,11 @@ def _tip(
         workshop.problems.add(path, f"has {found}, expected one of the three")
         return None
     if table.assembly is not None:
+        if table.bands is not None:
+            workshop.problems.add(
+                (*path, "bands"), "belongs to a file or a measurement, expected `lower` and `upper` under [prediction]"
+            )
+            return None
         return (
             Tip(name=f"predicted, {table.assembly}", assembly=table.assembly) if table.assembly in assemblies else None
         )
@@ -127,6 +132,7 @@ def _tip(
         if table.measurement not in measurements:
             return None
         frf = workshop.make((*path, "measurement"), _measured, measurements[table.measurement], workshop, path)
+        frf = _within(path, table, frf, workshop)
         return None if frf is None else Tip(name=f"measured, {table.measurement}", frf=frf)
     if workshop.problems.at(path):
         return None
@@ -135,7 +141,17 @@ def _tip(
         return None
     for note in frf.notes:
         workshop.note(path, note)
-    return Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
+    frf = _within(path, table, frf, workshop)
+    return None if frf is None else Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
+
+
+def _within(path: Path, table: TipTable, frf: FRF | None, workshop: Workshop) -> FRF | None:
+    """Return the FRF with the lines of the bands alone usable, or None after a mistake is added."""
+    from receptance.campaign import frf_files
+
+    if frf is None or table.bands is None:
+        return frf
+    return workshop.make((*path, "bands"), frf_files.within, frf, table.bands)
 
 
 def _measured(measured: Measurement, workshop: Workshop, path: Path) -> FRF:

@@ -9,8 +9,10 @@ from pydantic import Field
 from receptance.campaign.models import Table
 from receptance.campaign.quantities import KINDS, Amount, OneOf
 
-__all__ = ["EntryTable", "FileFields"]
+__all__ = ["Band", "EntryTable", "FileFields", "FrequencyOrZero"]
 
+FrequencyOrZero = Annotated[float, Amount(KINDS["a frequency or zero"])]
+Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
 _Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
 
 

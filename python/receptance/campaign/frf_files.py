@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
 
-__all__ = ["deviation_share", "integrated", "observe", "placed", "read", "weighed"]
+__all__ = ["deviation_share", "integrated", "observe", "placed", "read", "weighed", "within"]
 
 _SHARE = 'a standard deviation of the FRF in percent, such as "2 %"'
 
@@ -120,6 +120,40 @@ def placed(frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excita
     return frf.with_(label=name, responses=response, excitations=excitation)
 
 
+def within(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
+    """Return the FRF with its usable lines inside the bands alone as usable ones, and a note where these end earlier.
+
+    Raises
+    ------
+    ValueError
+        The lower end is not first, or a band has no usable line.
+    """
+    lines = frf.frequency_hz
+    usable = np.ones(lines.size, dtype=np.bool_) if frf.usable is None else frf.usable
+    chosen = np.zeros_like(usable)
+    notes = []
+    for low, high in bands:
+        if low >= high:
+            raise ValueError(f"has a band from {low:g} to {high:g} Hz, expected the lower end first")
+        asked = (lines >= low) & (lines <= high)
+        inside = usable & asked
+        if not inside.any():
+            first, last = lines[usable][[0, -1]] if usable.any() else lines[[0, -1]]
+            raise ValueError(
+                f"has a band from {low:g} to {high:g} Hz without a usable line, expected one within {first:g} to "
+                f"{last:g} Hz"
+            )
+        count, of = np.count_nonzero(inside), np.count_nonzero(asked)
+        if count < of:
+            first, last = lines[inside][[0, -1]]
+            notes.append(
+                f"of the band from {low:g} to {high:g} Hz {count} of {of} lines are used, from {first:g} to {last:g} "
+                "Hz; the others are not usable"
+            )
+        chosen |= inside
+    return frf.with_(usable=chosen, notes=(*frf.notes, *notes))
+
+
 def observe(
     frf: FRF,
     table: FRFTable | HammerTable,
@@ -139,20 +173,7 @@ def observe(
     if force is not None and table.ends is not None:
         raise ValueError("has a force, which belongs to a stepped sine, and ends, which belongs to the record of a hit")
     if table.bands is not None:
-        usable = np.ones(frf.frequency_hz.size, dtype=np.bool_) if frf.usable is None else frf.usable
-        chosen = np.zeros_like(usable)
-        for low, high in table.bands:
-            if low >= high:
-                raise ValueError(f"has a band from {low:g} to {high:g} Hz, expected the lower end first")
-            inside = usable & (frf.frequency_hz >= low) & (frf.frequency_hz <= high)
-            if not inside.any():
-                first, last = frf.frequency_hz[[0, -1]]
-                raise ValueError(
-                    f"has a band from {low:g} to {high:g} Hz without a usable line, expected one within {first:g} to "
-                    f"{last:g} Hz"
-                )
-            chosen |= inside
-        frf = frf.with_(usable=chosen)
+        frf = within(frf, table.bands)
     found = MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)
     return altered(integrated(found, table.integrate), ends=table.ends)
 

@@ -91,6 +91,7 @@ def estimate(records: list[TimeRecords], table: HammerTable, window: Window) -> 
         hits,
         estimator=table.estimator,
         decay_rate=table.decay_rate,
+        force_drop_db=table.force_drop_db,
         force_window_s=None if window == "none" else window,
     )
 

@@ -294,11 +294,19 @@ def _check_stability(table: CampaignTable, problems: Problems) -> None:
             problems.add(("cuts", name), text)
 
 
+_WEIGHTS = {
+    "frf": '`standard_deviation = "2 %"`, or coherence in the file and `averages`',
+    "hammer records": 'at least two hits, whose scatter is the variance, or `floor = "2 %"`',
+    "natural frequencies": '`standard_deviation = "1 Hz"`',
+}
+"""What gives a measurement of each kind its standard deviation."""
+
+
 def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, problems: Problems) -> None:
     """What is fitted together must be weighed against each other: all have a standard deviation, or none."""
     if table.settings.objective == "percentage":
         return
-    without = []
+    without: list[str] = []
     some = False
     for name, measured in measurements.items():
         if measured.held_out:
@@ -311,5 +319,5 @@ def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, p
         problems.add(
             ("measurements", name),
             "has no standard deviation but others have one, so they cannot be weighed against each other; expected "
-            "`standard_deviation` (or, of an FRF, coherence in the file and `averages`)",
+            + _WEIGHTS[table.measurements[name].kind],
         )

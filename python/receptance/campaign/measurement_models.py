@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag
 from receptance.campaign.candidate_models import CandidateTable
 from receptance.campaign.catalogue_models import CatalogueTable
 from receptance.campaign.cut_models import CutTable, StabilityTable
-from receptance.campaign.file_models import FileFields
+from receptance.campaign.file_models import Band, FileFields
 from receptance.campaign.joint_models import JointTable
 from receptance.campaign.models import (
     AssemblyTable,
@@ -39,13 +39,11 @@ __all__ = [
 ]
 
 Frequency = Annotated[float, Amount(KINDS["a frequency"])]
-FrequencyOrZero = Annotated[float, Amount(KINDS["a frequency or zero"])]
 Force = Annotated[float, Amount(KINDS["a force"])]
 Time = Annotated[float, Amount(KINDS["a time"])]
 TimeOrZero = Annotated[float, Amount(KINDS["a time or zero"])]
 Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
 Rate = Annotated[float, Amount(KINDS["a rate of decay"])]
-Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
 
 
 class _Measured(Table):
@@ -124,6 +122,9 @@ class HammerTable(_Response):
     """numbers of hits that are to be dropped by hand, counted from 1 as they are found"""
     estimator: Literal["H1", "H2", "Hv"] = "H1"
     """how the FRF is estimated"""
+    force_drop_db: Annotated[float, Field(gt=0.0)] = 20.0
+    """the usable band ends where the force's spectrum is this many dB below its largest value; with a larger number
+    lines with less force count as well, and their larger scatter is in the variance"""
     decay_rate: Rate = 0.0
     """of the exponential window that is put on both channels"""
     response_decay_rate: Rate = 0.0

@@ -150,7 +150,13 @@ class _Reader:
         if at is None:
             return None
         place: Path = path if table.bands is None else (*path, "bands")
-        return make(place, frf_files.observe, at, table, assembly, response, excitation, floor or 0.0)
+        seen: MeasuredFRF | None = make(
+            place, frf_files.observe, at, table, assembly, response, excitation, floor or 0.0
+        )
+        for note in () if seen is None else seen.notes:
+            if note not in found.notes:
+                self.workshop.note(path, note)
+        return seen
 
     def _from_file(self, table: FRFTable) -> FRF | None:
         from receptance.campaign import frf_files

@@ -10,6 +10,7 @@ import numpy as np
 from receptance.campaign.prediction import applied, prediction_lines
 from receptance.campaign.propagation import Where
 from receptance.complex_modes import damped_modes
+from receptance.frf.low_frequency import low_frequency_rise
 from receptance.stability import TipModes, receptance_draws, receptance_matrix
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Tips:
             if made is not None:
                 self._sources.append(_Predicted(*made, self.lines, draws, threads))
             elif tip.frf is not None:
-                self._sources.append(_Measured(tip.frf, tip.name, self.lines, draws, self.notes))
+                self._sources.append(_Measured(tip, tip.frf, self.lines, draws, self.notes))
         self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
         self.uncertain = any(source.uncertain for source in self._sources)
 
@@ -190,14 +191,19 @@ class _Predicted:
 class _Measured:
     """A tip that was measured."""
 
-    def __init__(self, frf: FRF, name: str, lines: NDArray[np.float64], draws: Draws, notes: list[str]) -> None:
+    def __init__(self, tip: Tip, frf: FRF, lines: NDArray[np.float64], draws: Draws, notes: list[str]) -> None:
         receptance = frf.masked().to("receptance")
         self._frf = receptance.with_(usable=np.isin(receptance.frequency_hz, lines)).masked()
         self._draws = draws
         self.uncertain = frf.log_variance is not None
         if not self.uncertain:
+            key = "`averages` or `standard_deviation`" if tip.file else "the measurement a standard deviation"
+            notes.append(f"{tip.name}: it has no variance, so it is taken as exact; give {key}")
+        rise = low_frequency_rise(self._frf.frequency_hz, self.values(), drive_point=True)
+        if rise is not None:
             notes.append(
-                f"{name}: it has no variance, so it is taken as exact; give `averages` or `standard_deviation`"
+                f"{tip.name}: {rise}. Limits that these lines decide are wrong then; leave them out, "
+                f'bands = [["{rise.clear_hz:g} Hz", "{self._frf.frequency_hz[-1]:g} Hz"]]'
             )
 
     def values(self) -> NDArray[np.complex128]:

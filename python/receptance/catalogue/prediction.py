@@ -17,6 +17,7 @@ from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.errors import ReceptanceError
+from receptance.frf.low_frequency import low_frequency_rise
 from receptance.identification.spread import quantile
 from receptance.modal_parts import ModalPart
 from receptance.terminals import MeasuredPart
@@ -176,6 +177,15 @@ class _Work:
         self.level = catalogue.campaign.table.prediction.level
         spindle = catalogue.spindle
         self.residuals: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = ()
+        if isinstance(spindle, MeasuredPart):
+            own = np.isin(spindle.frequency_hz, self.lines)
+            rise = low_frequency_rise(spindle.frequency_hz[own], spindle.matrix[own, 0, 0], drive_point=True)
+            if rise is not None:
+                self.notes = (
+                    f"{spindle.name or 'the spindle'}: {rise}. Leave these lines out, under [prediction] "
+                    f'lower = "{rise.clear_hz:g} Hz"',
+                )
         if isinstance(spindle, MeasuredPart) and spindle.covariance is not None:
             owner = spindle.name or "part"
             self.residuals = tuple(f"{owner}.{field}" for field in _RESIDUALS)
@@ -189,7 +199,7 @@ class _Work:
             raise CampaignError.about(self.catalogue.file, text) from error
 
     def _predict(self, own: Described) -> ToolPrediction:
-        notes: list[str] = []
+        notes = list(self.notes)
         assembly = applied(self.identified, own.assembly, own.row.name, notes, own.effects, own.at)
         moved = self.propagation.placed(assembly, own.effects, own.at)
         addresses = [*moved.addresses, *self.residuals]

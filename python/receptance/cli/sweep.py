@@ -78,9 +78,10 @@ def sweep(
     from receptance.sweep import Misfit
     from receptance.sweep import sweep as run
 
-    with warnings.catch_warnings(), input_errors(ReceptanceError, ValueError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)
+    with warnings.catch_warnings(record=True) as told, input_errors(ReceptanceError, ValueError, OSError):
+        warnings.simplefilter("always", ReceptanceWarning)
         read = load_campaign(campaign, targets)
+        told.clear()  # what the campaign says of its measurements is for the commands that fit them
         if not read.to_identify:
             raise InputError("this campaign has no measurement that candidates could be compared with")
         given = _given(at or [])
@@ -103,6 +104,8 @@ def sweep(
     chosen = found.isel(candidate=best).load()
     document = _document(read, found, best, chosen) | _agreement(compared, chosen)
     targets.write(document, lambda: _figure(found))
+    for one in told:
+        print(f"receptance: {one.message}", file=sys.stderr)
     console = targets.console()
     valid = int(found["valid"].sum())
     names = list(candidates.addresses)

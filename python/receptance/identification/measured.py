@@ -11,6 +11,7 @@ from receptance import _checks
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF, Unplaced
+from receptance.frf.low_frequency import low_frequency_rise
 from receptance.frf.variance import with_variance
 from receptance.identification.floor import Floor
 from receptance.identification.steadying import steadied, weakly_known
@@ -24,6 +25,8 @@ UNUSED_COHERENCE = "the coherence is not used"
 """How the note on a coherence begins that gives no standard deviations."""
 _FEW = 10.0
 """Degrees of freedom below which a line's standard deviation is itself mostly noise: 25 % and more."""
+_EXPLAINED = 4.0
+"""Times the variance that is stated, up to which scatter of the lowest lines is the noise that it states."""
 
 
 def observe(
@@ -59,12 +62,14 @@ def observe(
             known &= ~infinite
     if not known.any():
         raise ValueError(f"{owner}: no line is left for {name or 'an observation'}: at 0 Hz, or of infinite variance")
+    spread = _spread(owner, entry, known, least, notes)
+    notes += _of_low_frequency(entry.frequency_hz[known], entry.values[known, 0, 0], spread, places[0] == places[1])
     return {
         "frequency_hz": entry.complex_frequency_hz[known],
         "receptance": entry.values[known, 0, 0],
         "response": places[0],
         "excitation": places[1],
-        "standard_deviation": _spread(owner, entry, known, least, notes),
+        "standard_deviation": spread,
         "correlated_lines": entry.correlated_lines[known],
         "label": name,
         "form": frf.form,
@@ -83,6 +88,23 @@ def unused_coherence(averages: int | None) -> str:
         f"{UNUSED_COHERENCE}, because averages is {averages}: the coherence of a single record is 1 whatever was "
         "measured; give a standard deviation"
     )
+
+
+def _of_low_frequency(
+    lines: NDArray[np.float64], values: NDArray[np.complex128], spread: NDArray[np.float64] | None, drive_point: bool
+) -> list[str]:
+    """Return a note on lowest lines that are integrated noise or drift, unless the standard deviations cover it."""
+    rise = low_frequency_rise(lines, values, drive_point=drive_point)
+    if rise is None:
+        return []
+    if spread is not None and rise.noise_share > 0.0:
+        own = lines <= rise.highest_hz
+        power = np.abs(lines[own] ** 2 * values[own]) ** 2
+        # Both parts of the logarithm scatter by the standard deviation.
+        stated = float(np.sum(2.0 * spread[own] ** 2 * power) / np.sum(power))
+        if _EXPLAINED * stated > rise.noise_share:
+            return []
+    return [f"{rise}. A fit takes them as they are: leave them out, from about {rise.clear_hz:g} Hz on there is little"]
 
 
 def _entry(

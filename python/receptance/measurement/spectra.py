@@ -116,7 +116,7 @@ class Spectra:
         return {
             f"where the recorder's filter ends (sampling rate / {1 / _ALIAS_FREE:g})": self.frequency_hz
             > _ALIAS_FREE * self.hits.sample_rate_hz,
-            f"where the force's spectrum is over {limits.force_drop_db:g} dB down": ~force_band(
+            f"where the force's spectrum is over {limits.force_drop_db:g} dB down (force_drop_db)": ~force_band(
                 self.power, limits.force_drop_db
             ),
         }

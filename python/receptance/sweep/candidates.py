@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Candidates", "Distribution", "Grid", "Listed", "Sampled"]
 
+Method = Literal["random", "sobol", "latin hypercube"]
+
+_MOST_BYTES = 2 * 2**30
 _PER_STEP = 4
 """Numbers that one step of the Philox counter gives."""
 
@@ -151,8 +155,8 @@ class Listed(Candidates):
 class Sampled(Candidates):
     """Candidates drawn from distributions, independent of one another.
 
-    Candidate i is drawn from the seed and i alone, so that it is the same in whichever block, process or machine it is
-    drawn.
+    Candidate i follows from the seed and i alone (in a Latin hypercube from the count as well), so that it is the same
+    in whichever block, process or machine it is drawn.
 
     Parameters
     ----------
@@ -162,13 +166,15 @@ class Sampled(Candidates):
         How many.
     seed : int
         Of the draws.
-    method : {"random", "sobol"}, optional
-        Independent, or a scrambled Sobol sequence, which fills the ranges evenly; best with a power of two.
+    method : {"random", "sobol", "latin hypercube"}, optional
+        Independent draws, a scrambled Sobol sequence, which fills the ranges evenly and is best with a power of two, or
+        a Latin hypercube: each of `count` equally likely intervals of every parameter holds exactly one candidate. A
+        Latin hypercube is drawn as a whole and takes 8 bytes of memory for each candidate and parameter.
 
     Raises
     ------
     TypeError, ValueError
-        Nothing given, what is no distribution, a count below one.
+        Nothing given, what is no distribution, a count below one, a Latin hypercube of more than 2 GiB.
 
     Examples
     --------
@@ -183,7 +189,7 @@ class Sampled(Candidates):
     distributions: tuple[Distribution, ...]
     number: int
     seed: int
-    method: Literal["random", "sobol"]
+    method: Method
 
     def __init__(
         self,
@@ -191,7 +197,7 @@ class Sampled(Candidates):
         *,
         count: int,
         seed: int,
-        method: Literal["random", "sobol"] = "random",
+        method: Method = "random",
     ) -> None:
         given = _named("Sampled", distributions)
         for name, one in given.items():
@@ -202,8 +208,13 @@ class Sampled(Candidates):
         for name, value, least in (("count", count, 1), ("seed", seed, 0)):
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
                 raise ValueError(f"Sampled: {name} is {value!r}, expected a whole number of at least {least}")
-        if method not in ("random", "sobol"):
-            raise ValueError(f"Sampled: method is {method!r}, expected 'random' or 'sobol'")
+        if method not in get_args(Method):
+            raise ValueError(f"Sampled: method is {method!r}, expected one of {', '.join(map(repr, get_args(Method)))}")
+        if method == "latin hypercube" and 8 * count * len(given) > _MOST_BYTES:
+            raise ValueError(
+                f"Sampled: a Latin hypercube of {count:,} candidates of {len(given)} parameters takes "
+                f"{8e-9 * count * len(given):.1f} GB, expected at most {1e-9 * _MOST_BYTES:.1f}; use method='sobol'"
+            )
         object.__setattr__(self, "addresses", tuple(given))
         object.__setattr__(self, "distributions", tuple(given.values()))
         object.__setattr__(self, "number", int(count))
@@ -217,7 +228,12 @@ class Sampled(Candidates):
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
         """Return candidates `start` to `stop - 1`; see `Candidates`."""
-        shares = self._even(start, stop) if self.method == "sobol" else self._independent(start, stop)
+        if self.method == "latin hypercube":
+            shares = _latin_hypercube(len(self.addresses), self.number, self.seed)[start:stop]
+        else:
+            shares = self._even(start, stop) if self.method == "sobol" else self._independent(start, stop)
+        # The ends of a range may be infinite.
+        shares = np.clip(shares, 2.0**-54, 1.0 - 2.0**-53)
         drawn = [
             np.asarray(one.ppf(share), np.float64) for one, share in zip(self.distributions, shares.T, strict=True)
         ]
@@ -225,10 +241,11 @@ class Sampled(Candidates):
 
     def describe(self) -> dict[str, Any]:
         """Return what defines them."""
-        # Quantiles tell distributions of any kind apart, and stay the same where their names change.
+        # Quantiles tell distributions of any kind apart, and stay the same where their names change; rounded, since
+        # processors may differ in the last bits.
         shares = np.linspace(0.01, 0.99, 9)
         quantiles = {
-            name: np.asarray(one.ppf(shares), np.float64).tolist()
+            name: [float(f"{value:.12g}") for value in np.asarray(one.ppf(shares), np.float64)]
             for name, one in zip(self.addresses, self.distributions, strict=True)
         }
         return {
@@ -257,8 +274,17 @@ class Sampled(Candidates):
             # That a part of a sequence is not balanced is meant.
             warnings.simplefilter("ignore", UserWarning)
             shares: NDArray[np.float64] = sequence.random(stop - start)
-        # The ends of a range may be infinite.
-        return np.clip(shares, 2.0**-54, 1.0 - 2.0**-53)
+        return shares
+
+
+@functools.lru_cache(maxsize=1)
+def _latin_hypercube(parameters: int, count: int, seed: int) -> NDArray[np.float64]:
+    """Return shares `(count, parameters)`; kept, as all blocks of a sweep take theirs from one draw."""
+    from scipy.stats import qmc
+
+    shares: NDArray[np.float64] = qmc.LatinHypercube(parameters, rng=np.random.default_rng(seed)).random(count)
+    shares.flags.writeable = False
+    return shares
 
 
 def _named(owner: str, given: Any) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,8 @@ import numpy as np
 from receptance.assembly import Assembly
 from receptance.identification.unknowns import covered
 from receptance.sweep.candidates import Candidates
+from receptance.sweep.disk import SweepError
+from receptance.sweep.fingerprints import digest
 from receptance.sweep.outputs import Output, Variable
 
 if TYPE_CHECKING:
@@ -141,14 +142,32 @@ class Definition:
         return block
 
     def fingerprints(self) -> dict[str, str]:
-        """Return what tells this sweep from others: a digest each of models, candidates and outputs."""
+        """Return what tells this sweep from others: a digest each of models, candidates and outputs.
+
+        Raises
+        ------
+        SweepError
+            A function or an output of the user's own holds something whose content cannot be compared, such as a lock.
+        """
         models = [[name, *_told(assembly)] for name, assembly in self.assemblies.items()]
-        outputs = {
-            f"output {variable.name}": _digest([output.describe(), [_told(one) for one in output.assemblies()]])
-            for output in self.outputs
-            for variable in output.variables()
+        kept: dict[str, Any] = {
+            "model": models,
+            # A kind of the user's own is its code as well.
+            "candidates": [type(self.candidates), self.candidates.describe()],
         }
-        return {"model": _digest(models), "candidates": _digest(self.candidates.describe()), **outputs}
+        for output in self.outputs:
+            own = [type(output), output.describe(), [_told(one) for one in output.assemblies()]]
+            kept |= {f"output {variable.name}": [*own, variable.unit] for variable in output.variables()}
+        found = {}
+        for name, content in kept.items():
+            try:
+                found[name] = digest(content)
+            except TypeError as error:
+                raise SweepError(
+                    f"sweep: {name}: {error}, so that a store cannot tell whether a later run is the same; use "
+                    "functions that refer to numbers, text, arrays and other functions only, or sweep without a store"
+                ) from error
+        return found
 
 
 def _assemblies(model: Any) -> tuple[dict[str, Assembly], bool]:
@@ -167,24 +186,3 @@ def _told(assembly: Assembly) -> list[Any]:
     flat = assembly._flatten(())
     kinds = {name: type(one).__name__ for name, one in elements.items()}
     return [assembly.motion, kinds, values, *flat.tables(), flat.beside()]
-
-
-def _digest(what: Any) -> str:
-    found = hashlib.sha256()
-    _feed(found, what)
-    return found.hexdigest()[:16]
-
-
-def _feed(found: Any, what: Any) -> None:
-    if isinstance(what, np.ndarray):
-        found.update(f"{what.dtype.str}{what.shape}".encode())
-        found.update(np.ascontiguousarray(what).tobytes())
-    elif isinstance(what, Mapping):
-        for key, value in what.items():
-            _feed(found, [key, value])
-    elif isinstance(what, (list, tuple)):
-        found.update(f"[{len(what)}".encode())
-        for one in what:
-            _feed(found, one)
-    else:
-        found.update(f"{type(what).__name__}:{what!r};".encode())

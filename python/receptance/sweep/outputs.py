@@ -99,7 +99,7 @@ class Output(ABC):
 
     @abstractmethod
     def describe(self) -> list[Any]:
-        """Return numbers, text and arrays that define it."""
+        """Return what defines its results: numbers, text, arrays, functions; its own code is compared as well."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,7 +116,8 @@ class FrequencyResponse(Output):
         Keep the magnitude alone, half the memory.
     reduce : callable, optional
         From receptances (or magnitudes) `(m, n)` to one number each `(m,)`: the largest say, so that the receptances
-        need not be kept. A function of a module, where other processes are to run it.
+        need not be kept. A function of a module, where other processes are to run it. A store compares its code and the
+        values that it refers to.
     name : str, optional
         In the results.
     unit : str, optional
@@ -180,8 +181,7 @@ class FrequencyResponse(Output):
 
     def describe(self) -> list[Any]:
         """Return what defines it."""
-        function = getattr(self.reduce, "__qualname__", repr(self.reduce)) if self.reduce else None
-        return [self.name, self.frequency_hz, repr(self.response), repr(self.excitation), self.magnitude, function]
+        return [self.name, self.frequency_hz, repr(self.response), repr(self.excitation), self.magnitude, self.reduce]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

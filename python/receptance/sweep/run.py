@@ -54,8 +54,9 @@ def sweep(
     outputs : Output or sequence of Output
         What is kept of each: `FrequencyResponse`, `NaturalFrequencies`, `Misfit`, `StableDepth`, or your own.
     store : path, optional
-        Folder of a Zarr store that the results are written to as they come, so that memory stays bounded. One that is
-        there already and holds the same sweep is gone on with: an interrupted run loses at most its last seconds.
+        Folder of a Zarr store that the results are written to as they come, so that memory stays bounded. If it exists
+        and holds the same sweep, its chunks are checked and only what is missing or damaged is evaluated, the latter
+        with a `ReceptanceWarning`: an interrupted run loses at most its last seconds.
     block : int, optional
         Candidates that are evaluated and written together; by default some megabytes.
     threads : int, optional
@@ -76,7 +77,8 @@ def sweep(
     TypeError, ValueError
         No such parameter, two outputs of one name, or an input of another kind.
     SweepError
-        The store holds another sweep, another run writes to it, or the results are too large for memory.
+        The store holds another sweep (other models, candidates, outputs, code of functions, or another version of the
+        program), it is damaged beyond its chunks, another run writes to it, or the results are too large for memory.
 
     Examples
     --------

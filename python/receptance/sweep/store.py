@@ -5,20 +5,19 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import secrets
-import shutil
+import platform
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
 from receptance.sweep.chunks import Chunks
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
-from receptance.sweep.disk import Lock, SweepError, flush
+from receptance.sweep.disk import Lock, SweepError, flush, renamed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,8 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["Memory", "Store", "Target", "as_grid", "open_sweep"]
 
 _RECORD = "receptance_sweep"
-_FINISHED = "_finished"
-_FORMAT = 1
+_FORMAT = 2
+_SAME = 1e-9
+"""Relative difference up to which candidates are the same: processors may differ in the last bits."""
 _MOST_BYTES = 2 * 2**30
 
 
@@ -98,28 +98,62 @@ class Store:
 
     def __init__(self, path: str | os.PathLike[str], definition: Definition, block: int | None) -> None:
         self._definition = definition
-        self._path = Path(path)
+        self._named = Path(path)
+        # The lock and the files are those of the folder, whatever links lead to it.
+        self._path = Path(os.path.realpath(path))
         self._lock = Lock(self._path)
         try:
             if not self._path.exists():
+                for folder in (self._named.parent, self._path.parent):
+                    if not folder.is_dir():
+                        raise SweepError(f"sweep: cannot make the store {self._named}: there is no folder {folder}")
                 _create(self._path, definition, block or definition.block_size())
-            self._group = _opened(self._path, "r+")
-            self.block = _checked(self._path, self._group, definition, block)
+            self.block = _checked(self._named, definition, block)
+            rows = min(self.block, definition.candidates.count)
+            self._chunks = Chunks(self._path, layout(definition), rows)
+            self.finished = self._sound_blocks()
         except BaseException:
             self._lock.close()
             raise
-        self.finished = np.asarray(self._group[_FINISHED][:], dtype=np.bool_)
-        rows = min(self.block, definition.candidates.count)
-        self._chunks = Chunks(self._path, layout(definition), rows, self._finish)
+
+    def _sound_blocks(self) -> NDArray[np.bool_]:
+        """Return which blocks are finished; those with a chunk that is damaged or missing are evaluated again."""
+        blocks = -(-self._definition.candidates.count // self.block)
+        checked = [self._chunks.check(number) for number in range(blocks)]
+        damaged = [wrong for found in checked for wrong in found or ()]
+        if damaged:
+            more = f", and {len(damaged) - 1:,} more" if len(damaged) > 1 else ""
+            again = _candidates_of(
+                np.array([i for i, found in enumerate(checked) if found]), self.block, self._definition.candidates.count
+            )
+            warnings.warn(
+                f"{self._named}: the chunk {damaged[0]}{more}; {again:,} candidates are evaluated again",
+                ReceptanceWarning,
+                stacklevel=5,
+            )
+        finished = np.array([found == [] for found in checked], dtype=np.bool_)
+        for number in {*np.flatnonzero(finished)[:1].tolist(), *np.flatnonzero(finished)[-1:].tolist()}:
+            self._check_candidates(number)
+        return finished
+
+    def _check_candidates(self, number: int) -> None:
+        """Refuse a store whose candidates are others, although what they are described by is the same."""
+        first = number * self.block
+        own = self._definition.candidates.values(first, min(first + self.block, self._definition.candidates.count))
+        for address, expected in zip(self._definition.candidates.addresses, own.T, strict=True):
+            there = self._chunks.read(address, number)[: len(expected)]
+            other = np.flatnonzero(~np.isclose(there, expected, rtol=_SAME, atol=0.0, equal_nan=True))
+            if other.size:
+                i = int(other[0])
+                raise SweepError(
+                    f"{self._named} holds another sweep: its candidate {first + i} has {address} = {there[i]:.12g}, "
+                    f"not {expected[i]:.12g} (another distribution, or another version of SciPy); give another store "
+                    "or remove it"
+                )
 
     def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Take the results of a block; every few seconds what was taken is made sure of."""
+        """Take the results of a block; every second the disk is made to take them."""
         self._chunks.write(number, arrays)
-
-    def _finish(self, numbers: list[int]) -> None:
-        self.finished[numbers] = True
-        self._group[_FINISHED][:] = self.finished
-        flush([self._path / _FINISHED / "c" / "0"], self._path / _FINISHED)
 
     def close(self) -> None:
         """Make sure that all that was taken is kept, and let others write."""
@@ -130,7 +164,7 @@ class Store:
 
     def dataset(self) -> xr.Dataset:
         """Return what is kept, read when it is asked for."""
-        return open_sweep(self._path)
+        return open_sweep(self._named)
 
 
 def layout(definition: Definition) -> dict[str, tuple[str, tuple[int, ...]]]:
@@ -148,6 +182,7 @@ def record(definition: Definition, block: int) -> dict[str, Any]:
     return {
         "format": _FORMAT,
         "receptance": version("receptance"),
+        "python": platform.python_version(),
         "count": definition.candidates.count,
         "block": block,
         "addresses": list(definition.candidates.addresses),
@@ -160,7 +195,6 @@ def record(definition: Definition, block: int) -> dict[str, Any]:
             for name, values in variable.dimensions.items()
             if values.dtype.kind not in "iuf"
         },
-        "fingerprints": definition.fingerprints(),
     }
 
 
@@ -181,24 +215,28 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     SweepError
-        There is no sweep.
+        There is no sweep. A chunk that is damaged or missing raises it when it is read, with the names of the store
+        and the chunk.
     """
     import xarray as xr
 
     if not Path(path).is_dir():
         raise SweepError(f"there is no sweep at {path}")
-    said = _said(Path(path), _opened(Path(path), "r"))
-    found = xr.open_zarr(Path(path), consolidated=False, chunks=None)
-    finished = found[_FINISHED].values.astype(bool)
-    if not finished.all():
-        missing = _candidates_of(np.flatnonzero(~finished), said["block"], said["count"])
+    said = _said(Path(path))
+    count, size = said["count"], said["block"]
+    there = {file.name for file in Path(path, VALID, "c").glob("*")}
+    unfinished = np.array([i for i in range(-(-count // size)) if str(i) not in there], dtype=np.int64)
+    with _reading(path):
+        found = xr.open_zarr(_checked_store(Path(path), said), consolidated=True, chunks=None)
+    if unfinished.size:
+        missing = _candidates_of(unfinished, size, count)
         warnings.warn(
-            f"{path}: {missing:,} of {said['count']:,} candidates are missing: the sweep did not come to its end; "
+            f"{path}: {missing:,} of {count:,} candidates are missing: the sweep did not come to its end; "
             "run it again with the same store to go on",
             ReceptanceWarning,
             stacklevel=2,
         )
-    return _labelled(found.drop_vars(_FINISHED), said)
+    return _labelled(found, said)
 
 
 def as_grid(results: xr.Dataset) -> xr.Dataset:
@@ -253,14 +291,12 @@ def _candidates_of(blocks: NDArray[np.int64], block: int, count: int) -> int:
 def _create(path: Path, definition: Definition, block: int) -> None:
     """Make the empty store under another name, then rename it: there is never half of one."""
     import zarr
+    from zarr.codecs import Crc32cCodec
 
-    if not path.parent.is_dir():
-        raise SweepError(f"sweep: cannot make the store {path}: there is no folder {path.parent}")
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    fingerprints = definition.fingerprints()
     count = definition.candidates.count
-    blocks = -(-count // block)
     variables = {v.name: v for v in definition.variables()}
-    try:
+    with renamed(path) as temporary:
         group = zarr.open_group(temporary, mode="w")
         for name, (dtype, shape) in layout(definition).items():
             own = variables.get(name)
@@ -271,49 +307,99 @@ def _create(path: Path, definition: Definition, block: int) -> None:
                 dtype=dtype,
                 # What was never written is no number.
                 fill_value={"float64": np.nan, "complex128": complex(np.nan, np.nan), "bool": False}[dtype],
-                compressors=None,
+                compressors=Crc32cCodec(),
                 dimension_names=(CANDIDATE, *(own.dimensions if own else ())),
                 attributes=_attributes(own),
             )
         for variable in variables.values():
             for name, values in variable.dimensions.items():
                 if name not in group and values.dtype.kind in "iuf":
-                    group.create_array(name, data=values, dimension_names=(name,), compressors=None)
-        group.create_array(_FINISHED, data=np.zeros(blocks, np.uint8), chunks=(blocks,), dimension_names=("block",))
-        group.attrs[_RECORD] = record(definition, block)
-        os.replace(temporary, path)
-    finally:
-        if temporary.exists():
-            shutil.rmtree(temporary, ignore_errors=True)
+                    group.create_array(
+                        name,
+                        data=values,
+                        chunks=values.shape,
+                        dimension_names=(name,),
+                        compressors=Crc32cCodec(),
+                        # A missing chunk is then damage, and not one of zeros.
+                        config={"write_empty_chunks": True},
+                    )
+        blocked = list(layout(definition))
+        group.attrs[_RECORD] = {**record(definition, block), "blocked": blocked, "fingerprints": fingerprints}
+        with warnings.catch_warnings():
+            # The third format has no specification of it yet; readers that do not know it ignore it.
+            warnings.simplefilter("ignore")
+            zarr.consolidate_metadata(temporary)
+        flush([file for file in temporary.rglob("*") if file.is_file()], temporary)
+    flush([], path.parent)
 
 
-def _opened(path: Path, mode: Literal["r", "r+"]) -> Any:
-    import zarr
+@contextlib.contextmanager
+def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say of what cannot be read as a sweep which store it is."""
     from zarr.errors import GroupNotFoundError
 
     try:
-        return zarr.open_group(path, mode=mode)
+        yield
     except (GroupNotFoundError, NotADirectoryError):
         raise SweepError(f"{path} holds no sweep") from None
+    except SweepError:
+        raise
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise SweepError(
+            f"{path}: the description of the sweep ({path}/zarr.json) is damaged: {error}; remove the store and run "
+            "the sweep again"
+        ) from error
 
 
-def _said(path: Path, group: Any) -> dict[str, Any]:
-    said = dict(group.attrs).get(_RECORD)
-    if not isinstance(said, dict) or said.get("format") != _FORMAT:
-        raise SweepError(f"{path} holds no sweep of this version of the program")
+def _checked_store(path: Path, said: dict[str, Any]) -> Any:
+    from receptance.sweep.reading import CheckedStore
+
+    return CheckedStore(path, last=VALID, blocked=tuple(said["blocked"]))
+
+
+def _said(path: Path) -> dict[str, Any]:
+    """Return what is written down of a sweep."""
+    import zarr
+
+    with _reading(path):
+        said = dict(zarr.open_group(path, mode="r").attrs).get(_RECORD)
+    if not isinstance(said, dict):
+        raise SweepError(f"{path} holds no sweep")
+    if said.get("format") != _FORMAT:
+        raise SweepError(
+            f"{path} holds no sweep of this version of the program: it has format {said.get('format')}, expected "
+            f"{_FORMAT}; give another store or remove it"
+        )
     return said
 
 
-def _checked(path: Path, group: Any, definition: Definition, block: int | None) -> int:
+def _checked(path: Path, definition: Definition, block: int | None) -> int:
     """Return the size of a block of a store that holds this very sweep."""
-    said, own = _said(path, group), definition.fingerprints()
+    import zarr
+
+    said, own = _said(path), definition.fingerprints()
+    if said["receptance"] != version("receptance"):
+        raise SweepError(
+            f"{path} was begun with receptance {said['receptance']}, and this is {version('receptance')}, whose "
+            "results may differ; go on with that version, or give another store (`open_sweep` reads any version)"
+        )
     if said["fingerprints"] != own:
         other = [name for name in {**said["fingerprints"], **own} if said["fingerprints"].get(name) != own.get(name)]
+        # Bytecode is that of a version.
+        mine, its = (".".join(text.split(".")[:2]) for text in (platform.python_version(), said["python"]))
+        python = f" (it was begun with Python {its}, and this is {mine}: functions cannot be compared)"
         raise SweepError(
-            f"{path} holds another sweep: it differs in {', '.join(other)}; give another store or remove it"
+            f"{path} holds another sweep: it differs in {', '.join(other)}{python if mine != its else ''}; give "
+            "another store or remove it"
         )
     if block is not None and block != said["block"]:
         raise SweepError(f"{path} was begun with blocks of {said['block']} candidates, not {block}; leave block out")
+    with _reading(path):
+        group = zarr.open_group(_checked_store(path, said), mode="r")
+        own_axes = {name for variable in definition.variables() for name in variable.dimensions}
+        for name, array in group.arrays():
+            if name in own_axes:
+                array[:]
     return int(said["block"])
 
 

@@ -1,0 +1,65 @@
+"""A Zarr store whose chunks are checked as they are read, so that errors name the store and the chunk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zarr.storage import LocalStore
+
+from receptance.sweep.chunks import fault
+from receptance.sweep.disk import SweepError
+
+if TYPE_CHECKING:
+    from zarr.abc.store import ByteRequest
+    from zarr.core.buffer import Buffer, BufferPrototype
+
+__all__ = ["CheckedStore"]
+
+
+class CheckedStore(LocalStore):
+    """The folder of a sweep, to be read.
+
+    Parameters
+    ----------
+    root : path
+        The store.
+    read_only : bool, optional
+        Nothing is written through it.
+    last : str, optional
+        Name of the array whose chunk is the last of a block: without it the block is not finished.
+    blocked : sequence of str, optional
+        Names of the arrays that are written block by block.
+    """
+
+    def __init__(
+        self, root: Path | str, *, read_only: bool = True, last: str = "", blocked: tuple[str, ...] = ()
+    ) -> None:
+        super().__init__(root, read_only=read_only)
+        self._last, self._blocked = last, frozenset(blocked)
+
+    async def get(
+        self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        """Return the content of a file; see `zarr.abc.store.Store.get`."""
+        return self._checked(key, await super().get(key, prototype, byte_range), byte_range)
+
+    def get_sync(
+        self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        """Return the content of a file; see `zarr.abc.store.Store.get`."""
+        return self._checked(key, super().get_sync(key, prototype=prototype, byte_range=byte_range), byte_range)
+
+    def _checked(self, key: str, found: Buffer | None, byte_range: ByteRequest | None) -> Buffer | None:
+        name, chunk, place = key.partition("/c/")
+        if not chunk or byte_range is not None:
+            return found
+        if name in self._blocked and not (self.root / self._last / "c" / place.partition("/")[0]).exists():
+            return None
+        wrong = fault(None if found is None else found.to_bytes())
+        if wrong:
+            todo = "run the same sweep again with this store, which evaluates the block again"
+            if name not in self._blocked:
+                todo = "remove the store and run the sweep again"
+            raise SweepError(f"{self.root}: the chunk {key} {wrong}; {todo}")
+        return found
