@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,11 @@ from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
 from receptance.campaign.draws import Draws
+from receptance.campaign.frequencies import read_frequencies
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import Described
 from receptance.cli import main
-from receptance.spindle import write_spindle
+from receptance.spindle import read_spindle, write_spindle
 
 SEED = 20261121
 
@@ -50,6 +52,7 @@ def identified(machine: Any) -> Any:
         ("overhang [mm]", "overhang", 'has no unit, expected one such as "overhang [mm]"'),
         ("overhang [mm]", "overhang [N]", "a force, expected a length"),
         ("overhang [mm]", "overhnag [mm]", 'there is no column "overhang"'),
+        ("T2,shrink", '"' + "T" * 140_000 + '",shrink', "line 3: cannot be split into cells: field larger than field"),
         ("teeth", "teth", 'is no known column (did you mean "teeth"?)'),
         ("teeth,torque [N m]", "bore [mm],teeth", "line 3, T2: inner_diameter is 0.04 m"),
     ],
@@ -93,6 +96,15 @@ def test_a_table_as_a_spreadsheet_writes_it(tmp_path: Path) -> None:
     holders = tmp_path / "holders.csv"
     holders.write_text(HOLDERS)
     assert [segment.outer_diameter for segment in read_holders(holders)["shrink"]] == [0.032, 0.04]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_no_table(tmp_path: Path) -> None:
+    """Nobody writes into it; opening it would wait for that."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    for read in (read_tools, read_holders, read_frequencies, read_spindle):
+        with pytest.raises(OSError, match="it is a pipe or a device, expected a file"):
+            read(tmp_path / "pipe.csv")
 
 
 def test_assemblies_are_what_the_rows_say(machine: Any) -> None:

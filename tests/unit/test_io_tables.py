@@ -128,6 +128,11 @@ WRONG = [
     ("time [s],a [N]\n0,1\n", "there is one sample and no sample rate"),
     ("time [s]\t\n0\t\n", "there is a time column and no other"),
     ('frequency [Hz],real [m/N],imag [m/N]\n1,"2,3\n', "line 2: this row cannot be split into columns"),
+    (
+        'frequency [Hz],coherence\n1,"' + "x" * 140_000 + '"\n',
+        "line 2: this row cannot be split into columns: field larger than field limit",
+    ),
+    ("frequency [Hz],a" + " " * 200_000 + "b\n1,1\n", "line 1: a column has a name of 200002 characters"),
     ('# receptance: {"receptance": 1}\nfrequency [Hz],coherence\n1,1\n', "line 1: 'about' says it is 1"),
     (
         '# receptance: {"receptance": "frf", "version": 9}\nfrequency [Hz],coherence\n1,1\n',

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from receptance._files import read_whole
 from receptance.campaign.deviations import Deviation, parse_deviation, parse_share
 from receptance.campaign.quantities import KINDS, parse, shown
 from receptance.campaign.suggestions import did_you_mean, one_of
@@ -78,12 +79,12 @@ def read_frequencies(path: FilePath) -> Frequencies:
         A file that cannot be opened.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_whole(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
     rows = [
         (number, cells)
-        for number, cells in ((n, next(csv.reader([line]), [])) for n, line in enumerate(text.splitlines(), 1))
+        for number, cells in ((n, _cells(n, line)) for n, line in enumerate(text.splitlines(), 1))
         if cells and cells[0].strip() and not cells[0].lstrip().startswith("#")
     ]
     if not rows:
@@ -99,6 +100,13 @@ def read_frequencies(path: FilePath) -> Frequencies:
         raise FrequencyTableError("there is no frequency below the line that names the columns")
     names = ("frequency", *(name for name in _COLUMNS if name != "frequency"))
     return Frequencies(*(found.get(name) for name in names))  # type: ignore[arg-type]
+
+
+def _cells(number: int, line: str) -> list[str]:
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error as error:
+        raise FrequencyTableError(f"line {number} cannot be split into cells: {error}") from None
 
 
 def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import io as memory
 import os
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance._files import write_whole
+from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
 from receptance.terminals import ENTRIES, MeasuredPart
 
@@ -110,7 +109,7 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
         if not isinstance(found, FRF):
             raise ValueError(f"holds a {type(found).__name__}, expected an FRF matrix over y and theta")
         return _of(found, name)
-    except (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError, KeyError) as error:
         said = str(error)
         raise ValueError(said if source.name in said else f"{source}: {said}") from error
 
@@ -119,13 +118,12 @@ def _own(source: Path) -> dict[str, NDArray[Any]] | None:
     """Return the arrays of a file of ours; None where it is none."""
     if source.suffix.lower() != ".npz":
         return None
-    with source.open("rb") as file:
-        if not zipfile.is_zipfile(file):
-            raise ValueError(f"{source} is no file of arrays")
-    with np.load(source, allow_pickle=False) as found:
-        if "format" not in found.files or str(found["format"]) != _FORMAT:
-            return None
-        return {name: found[name] for name in _NAMES if name in found.files}
+    from receptance.io.npz import arrays_in
+
+    found = arrays_in(read_whole(source))
+    if found.get("format") != _FORMAT:
+        return None
+    return {name: found[name] for name in _NAMES if name in found}
 
 
 def _of(frf: FRF, name: str) -> MeasuredPart:

@@ -11,6 +11,7 @@ import numpy as np
 
 from receptance.io.errors import FileFormatError
 from receptance.io.fields import parse_about
+from receptance.io.limits import check_fields, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.tables.columns import Column, parse_column
 from receptance.io.text import decode, number, numbered_lines, shown
@@ -24,6 +25,7 @@ __all__ = ["EXAMPLE", "MARK", "Table", "column_unit", "read_table", "scaled"]
 MARK = "# receptance: "
 """Begins the line in which this library keeps what columns cannot hold."""
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
+_LONGEST_NAME = 1000
 _MAY_BE_INFINITE = ("log_variance", "degrees_of_freedom")
 
 
@@ -78,6 +80,11 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         )
     else:
         rows = rows[1:]
+    for name in names:
+        if len(name) > _LONGEST_NAME:
+            raise FileFormatError(
+                f"a column has a name of {len(name)} characters, expected a short one", line=header or None
+            )
     columns = [parse_column(name) for name in names]
     if (
         rows
@@ -113,14 +120,19 @@ def _delimiter(line: int, text: str) -> str:
         raise FileFormatError(f"found {shown(text)}, expected columns between commas, semicolons or tabs", line=line)
     for sign in there:
         ((_, names),) = _split([(line, text)], sign)
-        if any(parse_column(name).role in ("frequency", "time") for name in names):
+        if any(len(name) <= _LONGEST_NAME and parse_column(name).role in ("frequency", "time") for name in names):
             return sign
     return there[0]
 
 
 def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, list[str]]]:
-    rows = []
-    for line, text in lines:
+    rows: list[tuple[int, list[str]]] = []
+    fields_so_far = 0
+    for index, (line, text) in enumerate(lines):
+        if index % 1024 == 0:
+            check_time()
+        fields_so_far += text.count(delimiter) + 1
+        check_fields(fields_so_far)
         if '"' not in text:
             rows.append((line, text.split(delimiter)))
             continue
