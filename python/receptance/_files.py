@@ -10,10 +10,22 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-__all__ = ["LARGEST", "check_target", "open_file", "read_whole", "streamed", "write_whole"]
+__all__ = ["LARGEST", "check_target", "inert", "open_file", "read_whole", "streamed", "write_whole"]
 
 LARGEST = 1 << 30
 """Bytes that are read of one file at most, compressed or not: 1 GiB."""
+
+
+def inert(text: str) -> str:
+    """Return a text for a cell of a table, so that no spreadsheet takes it for a formula.
+
+    Examples
+    --------
+    >>> from receptance._files import inert
+    >>> inert("T12"), inert("=1+2")
+    ('T12', "'=1+2")
+    """
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
 
 
 def open_file(path: Path) -> BinaryIO:

@@ -13,6 +13,7 @@ from receptance._files import read_whole
 from receptance.campaign.deviations import Deviation, parse_deviation, parse_share
 from receptance.campaign.quantities import KINDS, parse, shown
 from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.io.text import doubts_of_end
 
 if TYPE_CHECKING:
     from receptance.campaign.measurement_models import FrequenciesTable
@@ -82,9 +83,12 @@ def read_frequencies(path: FilePath) -> Frequencies:
         text = read_whole(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
+    # A last number that was cut off is a number still.
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    doubts_of_end(text, lines)
     rows = [
         (number, cells)
-        for number, cells in ((n, _cells(n, line)) for n, line in enumerate(text.splitlines(), 1))
+        for number, cells in ((n, _cells(n, line)) for n, line in lines)
         if cells and cells[0].strip() and not cells[0].lstrip().startswith("#")
     ]
     if not rows:
@@ -118,8 +122,11 @@ def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
         if name.endswith("_hz") and not unit:
             name, unit = name.removesuffix("_hz"), "Hz"
         if name not in _COLUMNS:
-            text = f'line {number} names a column "{cell.strip()}", expected {one_of(_COLUMNS)}'
-            raise FrequencyTableError(text + did_you_mean(name, _COLUMNS))
+            # What is like none of the columns is not shown: the file may be anything.
+            near = did_you_mean(name, _COLUMNS)
+            what = f' "{cell.strip()}"' if near else ""
+            text = f"line {number} names a column{what} that is not known, expected {one_of(_COLUMNS)}{near}"
+            raise FrequencyTableError(text)
         expected = "%" if name in _SHARES else "Hz"
         if name != "mode" and not unit:
             raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [{expected}]"')
