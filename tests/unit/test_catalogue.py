@@ -20,6 +20,7 @@ from receptance.campaign.frequencies import read_frequencies
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import Described
 from receptance.cli import main
+from receptance.io import read_frf
 from receptance.spindle import read_spindle, write_spindle
 
 SEED = 20261121
@@ -224,7 +225,7 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
     np.testing.assert_array_equal(one.receptance, other.receptance)
     np.testing.assert_array_equal(one.modes_deviation, other.modes_deviation)
     (tmp_path / "nose.npz").write_bytes(b"PK nothing")
-    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz is no file of arrays"):
+    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz: this is not a whole NPZ file"):
         Catalogue(read)
     (tmp_path / "nose.npz").unlink()
     with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz"):
@@ -278,6 +279,42 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     )
     assert call(monkeypatch, "stability", "cut.toml", "--json", "s.json") == 0
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
+
+
+def test_every_tool_has_files_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """Names that no file can have, that differ by what is replaced or by case, and one that begins a formula."""
+    names = [
+        "a/b",
+        "a\\b",
+        "a_b",
+        "T",
+        "T.",
+        "t",
+        "=cmd|' /C calc'!A0",
+        "../../up",
+        "con",
+        "a_b-2",
+        "\u00e9",
+        "e\u0301",
+        "@x",
+    ]
+    head, row, *_ = TOOLS.splitlines()
+    load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in names)]) + "\n")
+    monkeypatch.chdir(tmp_path)
+    Path("figures").mkdir()
+    Path("frfs").mkdir()
+    arguments = ["--out", "m.csv", "--depths", "d.csv", "--cut", "slot", "--figures", "figures", "--frfs", "frfs"]
+    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert "names of files that are not those of their tools: a/b as a_b-3, " in capsys.readouterr().out
+    written = sorted(path.name.casefold() for path in Path("frfs").iterdir())
+    assert len(set(written)) == len(names)
+    assert {read_frf(path).label for path in Path("frfs").iterdir()} == set(names)
+    assert {path.stem for path in Path("figures").iterdir()} == {path.stem for path in Path("frfs").iterdir()}
+    assert read_frf("frfs/a_b.csv").label == "a_b"
+    assert read_frf("frfs/T.csv").label == "T"
+    for name in ("m.csv", "d.csv"):
+        cells = {row["name"] for row in csv.DictReader(Path(name).read_text().splitlines())}
+        assert cells == {f"'{name}" if name[0] in "=@" else name for name in names}
 
 
 def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
