@@ -1,15 +1,84 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and read within limits."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import secrets
+import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
-__all__ = ["check_target", "streamed", "write_whole"]
+__all__ = ["LARGEST", "check_target", "inert", "open_file", "read_whole", "streamed", "write_whole"]
+
+LARGEST = 1 << 30
+"""Bytes that are read of one file at most, compressed or not: 1 GiB."""
+
+
+def inert(text: str) -> str:
+    """Return a text for a cell of a table, so that no spreadsheet takes it for a formula.
+
+    Examples
+    --------
+    >>> from receptance._files import inert
+    >>> inert("T12"), inert("=1+2")
+    ('T12', "'=1+2")
+    """
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Open a file to read it; a pipe or a device, which may never end, is refused.
+
+    Raises
+    ------
+    OSError
+        No file, or something else than a file.
+    """
+    # Without O_NONBLOCK the call waits for somebody who writes into a pipe.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(path, flags)
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(f"cannot read {path}: it is a folder")
+        if not stat.S_ISREG(mode):
+            raise OSError(f"cannot read {path}: it is a pipe or a device, expected a file")
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_whole(path: Path) -> bytes:
+    """Return the contents of a file of at most `LARGEST` bytes.
+
+    Raises
+    ------
+    OSError
+        As `open_file`, and a file that is larger.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from receptance._files import read_whole
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = (Path(folder) / "a.txt").write_bytes(b"whole")
+    ...     read_whole(Path(folder) / "a.txt")
+    b'whole'
+    """
+    with open_file(path) as file:
+        # The size may be zero or wrong where a file system makes contents on demand, so it is not relied on.
+        pieces = [file.read(min(os.fstat(file.fileno()).st_size + 1, LARGEST + 1))]
+        size = len(pieces[0])
+        while size <= LARGEST and (piece := file.read(1 << 20)):
+            pieces.append(piece)
+            size += len(piece)
+    if size > LARGEST:
+        raise OSError(f"cannot read {path}: it is larger than {LARGEST >> 20} MiB, the most that is read of one file")
+    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
 
 def check_target(path: Path) -> None:

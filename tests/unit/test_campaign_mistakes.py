@@ -231,6 +231,10 @@ def test_the_error_pickles(tmp_path: Path) -> None:
         ("frequency [Hz]\n2500,3\n", "line 2 has 2 cells, expected 1"),
         ("mode,frequency [Hz]\none,2500\n", 'mode is "one"'),
         ("mode\n1\n", "expected each once"),
+        (
+            'frequency [Hz]\n"' + "1" * 140_000 + '"\n',
+            "line 2 cannot be split into cells: field larger",
+        ),
     ],
 )
 def test_tables_of_frequencies(table: str, words: str | None, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,12 @@ from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
 from receptance.campaign.draws import Draws
+from receptance.campaign.frequencies import read_frequencies
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import Described
 from receptance.cli import main
-from receptance.spindle import write_spindle
+from receptance.io import read_frf
+from receptance.spindle import read_spindle, write_spindle
 
 SEED = 20261121
 
@@ -50,6 +53,7 @@ def identified(machine: Any) -> Any:
         ("overhang [mm]", "overhang", 'has no unit, expected one such as "overhang [mm]"'),
         ("overhang [mm]", "overhang [N]", "a force, expected a length"),
         ("overhang [mm]", "overhnag [mm]", 'there is no column "overhang"'),
+        ("T2,shrink", '"' + "T" * 140_000 + '",shrink', "line 3: cannot be split into cells: field larger than field"),
         ("teeth", "teth", 'is no known column (did you mean "teeth"?)'),
         ("teeth,torque [N m]", "bore [mm],teeth", "line 3, T2: inner_diameter is 0.04 m"),
     ],
@@ -93,6 +97,15 @@ def test_a_table_as_a_spreadsheet_writes_it(tmp_path: Path) -> None:
     holders = tmp_path / "holders.csv"
     holders.write_text(HOLDERS)
     assert [segment.outer_diameter for segment in read_holders(holders)["shrink"]] == [0.032, 0.04]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_no_table(tmp_path: Path) -> None:
+    """Nobody writes into it; opening it would wait for that."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    for read in (read_tools, read_holders, read_frequencies, read_spindle):
+        with pytest.raises(OSError, match="it is a pipe or a device, expected a file"):
+            read(tmp_path / "pipe.csv")
 
 
 def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
@@ -295,6 +308,42 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     )
     assert call(monkeypatch, "stability", "cut.toml", "--json", "s.json") == 0
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
+
+
+def test_every_tool_has_files_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """Names that no file can have, that differ by what is replaced or by case, and one that begins a formula."""
+    names = [
+        "a/b",
+        "a\\b",
+        "a_b",
+        "T",
+        "T.",
+        "t",
+        "=cmd|' /C calc'!A0",
+        "../../up",
+        "con",
+        "a_b-2",
+        "\u00e9",
+        "e\u0301",
+        "@x",
+    ]
+    head, row, *_ = TOOLS.splitlines()
+    load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in names)]) + "\n")
+    monkeypatch.chdir(tmp_path)
+    Path("figures").mkdir()
+    Path("frfs").mkdir()
+    arguments = ["--out", "m.csv", "--depths", "d.csv", "--cut", "slot", "--figures", "figures", "--frfs", "frfs"]
+    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert "names of files that are not those of their tools: a/b as a_b-3, " in capsys.readouterr().out
+    written = sorted(path.name.casefold() for path in Path("frfs").iterdir())
+    assert len(set(written)) == len(names)
+    assert {read_frf(path).label for path in Path("frfs").iterdir()} == set(names)
+    assert {path.stem for path in Path("figures").iterdir()} == {path.stem for path in Path("frfs").iterdir()}
+    assert read_frf("frfs/a_b.csv").label == "a_b"
+    assert read_frf("frfs/T.csv").label == "T"
+    for name in ("m.csv", "d.csv"):
+        cells = {row["name"] for row in csv.DictReader(Path(name).read_text().splitlines())}
+        assert cells == {f"'{name}" if name[0] in "=@" else name for name in names}
 
 
 def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import os
 import pickle
 import subprocess
 import sys
@@ -236,6 +238,76 @@ def test_coherences() -> None:
     ):
         with pytest.raises(ValueError, match=message):
             Coherence(**({"frequency_hz": [1.0, 2.0], "values": [0.5, 0.5]} | changes))
+
+
+# Compressed and endless files ------------------------------------------------------------------------------------
+
+
+def test_all_members_of_a_gzip_file_are_read(tmp_path: Path) -> None:
+    """`cat a.gz b.gz`, and block gzip, which ends with an empty member; tapes end with zeros."""
+    write(tmp_path / "whole.csv", FRF(frequency_hz=np.arange(1.0, 1001.0), values=np.arange(1000) * (1 - 2j)))
+    content = (tmp_path / "whole.csv").read_bytes()
+    path = tmp_path / "many.csv.gz"
+    for pieces in (2, 7, 300):
+        step = -(-len(content) // pieces)
+        members = [gzip.compress(content[k : k + step]) for k in range(0, len(content), step)]
+        for end in (b"", gzip.compress(b""), b"\0" * 512):
+            path.write_bytes(b"".join(members) + end)
+            assert np.array_equal(read_frf(path).values, read_frf(tmp_path / "whole.csv").values)
+    path.write_bytes(b"".join(members) + b"something else")
+    with pytest.raises(FileFormatError, match="or something else follows it: Not a gzipped file"):
+        read(path)
+    path.write_bytes(b"".join(members)[:-3])
+    with pytest.raises(FileFormatError, match="it is cut off"):
+        read(path)
+
+
+def test_contents_expand_to_so_many_bytes_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """16 MiB out of 16 kB are read where they are a table, one byte more is not; the limit is lowered for speed."""
+    from receptance.io import limits
+
+    monkeypatch.setattr(limits, "LARGEST", 1 << 24)
+    path = tmp_path / "bomb.csv.gz"
+    blanks = b"#" * (1 << 20)
+    path.write_bytes(gzip.compress(b"f [Hz],coherence\n1,1\n#" + b"#" * ((1 << 24) - 22) + b"\n"))
+    with pytest.raises(FileFormatError, match=r"bomb\.csv\.gz: the contents take more than 16 MiB when expanded"):
+        read(path)
+    path.write_bytes(gzip.compress(b"f [Hz],coherence\n1,1\n#") + gzip.compress(blanks) * 15 + gzip.compress(b"\n"))
+    assert isinstance(read(path), Coherence)
+
+
+def test_a_text_has_so_many_lines_only(tmp_path: Path) -> None:
+    for line in (b"\n", b"\r", b"0,0\n"):
+        path = tmp_path / "lines.csv.gz"
+        path.write_bytes(gzip.compress(line * ((1 << 24) + 1), 1))
+        with pytest.raises(FileFormatError, match="the text has 16777217 lines, at most 16777216 are read"):
+            read(path)
+
+
+def test_time_is_limited_where_a_reader_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit grows with the size of the file; here it is zero."""
+    from receptance.io import limits
+
+    write(tmp_path / "a.csv", ONE)
+    write(tmp_path / "a.uff", ONE)
+    monkeypatch.setattr(limits, "_LOADING", 0.0)
+    monkeypatch.setattr(limits, "_LONGEST", 0.0)
+    for name in ("a.csv", "a.uff"):
+        with pytest.raises(FileFormatError, match=f"{name}.*: reading was ended after 0 s of processor time"):
+            read(tmp_path / name)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("name", ["pipe.csv", "pipe.mat", "pipe.h5", "pipe.npz", "pipe.uff.gz"])
+def test_pipes_and_devices_are_refused(name: str, tmp_path: Path) -> None:
+    """Nobody writes into the pipe; opening it would wait for that."""
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(OSError, match=f"cannot read .*{name}: it is a pipe or a device, expected a file"):
+        read(tmp_path / name)
+    link = tmp_path / f"link{name[4:]}"
+    link.symlink_to("/dev/zero")
+    with pytest.raises(OSError, match="it is a pipe or a device"):
+        read(link)
 
 
 def test_importing_loads_numpy_and_scipy_only() -> None:

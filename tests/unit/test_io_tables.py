@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance.campaign.frequencies import FrequencyTableError, read_frequencies
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
 
 EXPECTED = [1e-3 - 2e-3j, 3e-3 + 4e-3j]
@@ -87,10 +88,25 @@ def test_f_and_t_behind_the_first_column_are_channels(tmp_path: Path) -> None:
 
 
 WRONG = [
+    (
+        "frequency [Hz],real [m/N],imag [m/N]\nHz,um/N,um/N\n1,2,3\n",
+        "line 2: column 'real' is in 'm/N' by its name",
+    ),
+    ("frequency [Hz],real [m/N],imag [m/N]\nkHz,m/N,m/N\n1,2,3\n", "line 2: column 'frequency' is in 'Hz' by its name"),
+    (
+        "frequency [Hz],real [m/N],imag [m/N]\nn/a,n/a,n/a\n1,2,3\n",
+        "line 2: column 'frequency' is 'n/a', expected a number",
+    ),
+    ("frequency [Hz],real [m/N],imag [m/N]\n,,\n1,2,3\n", "line 2: column 'frequency' is '', expected a number"),
+    ("frequency [Hz],real [m/N],imag [m/N]\nN,m/N,m/N\n1,2,3\n", "line 2: column 'frequency' is in 'Hz' by its name"),
+    (
+        "frequency [Hz],magnitude [m/N],phase [deg]\n1,2,3\n\n2,-45.3,3\n",
+        r"line 4: column 'magnitude' is -45\.3, expected zero or more: .* if these are levels in dB",
+    ),
     ("", "the file is empty"),
     ("10,1,2\n20,3,4\n", r"line 1: this line holds numbers, expected a header .* columns=\[\.\.\.\]"),
-    ("a,b\n1,2\n", "line 1: the columns are 'a', 'b'; expected one named frequency or time"),
-    ("words only\n", "line 1: found 'words only', expected columns between"),
+    ("a,b\n1,2\n", "line 1: of the 2 columns none is named frequency or time, expected a header"),
+    ("words only\n", "line 1: this line has no columns between"),
     ("frequency [Hz],real [m/N],imag [m/N]\n", "line 1: there are no rows of numbers"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,x,3\n", "line 3: column 'real' is 'x', expected a number"),
     (
@@ -128,6 +144,11 @@ WRONG = [
     ("time [s],a [N]\n0,1\n", "there is one sample and no sample rate"),
     ("time [s]\t\n0\t\n", "there is a time column and no other"),
     ('frequency [Hz],real [m/N],imag [m/N]\n1,"2,3\n', "line 2: this row cannot be split into columns"),
+    (
+        'frequency [Hz],coherence\n1,"' + "x" * 140_000 + '"\n',
+        "line 2: this row cannot be split into columns: field larger than field limit",
+    ),
+    ("frequency [Hz],a" + " " * 200_000 + "b\n1,1\n", "line 1: a column has a name of 200002 characters"),
     ('# receptance: {"receptance": 1}\nfrequency [Hz],coherence\n1,1\n', "line 1: 'about' says it is 1"),
     (
         '# receptance: {"receptance": "frf", "version": 9}\nfrequency [Hz],coherence\n1,1\n',
@@ -141,6 +162,126 @@ def test_mistakes_are_named(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=message) as caught:
         read(text_file(tmp_path, text), format="csv")
     assert str(caught.value).startswith("made.csv")
+
+
+def test_a_row_of_units_that_says_the_same(tmp_path: Path) -> None:
+    """Or says more: the coherence has the unit 1; a unit that is given overrules both."""
+    text = "frequency [Hz],real [m/N],imag [m/N],coherence\nHz,1000 mm/N,m/N,1\n1,2,3,1\n"
+    frf = read_frf(text_file(tmp_path, text.replace("1000 mm/N", "m/N")))
+    assert frf.values.ravel().tolist() == [2 + 3j]
+    other = text_file(tmp_path, text.replace("1000 mm/N,m/N", "um/N,um/N"))
+    assert read_frf(other, unit="um/N").values.ravel().tolist() == pytest.approx([2e-6 + 3e-6j])
+    bare = text_file(tmp_path, "frequency [Hz],real,imag\n,[um/N],[um/N]\n1,2,3\n")
+    assert read_frf(bare).values.ravel().tolist() == pytest.approx([2e-6 + 3e-6j])
+
+
+# Texts that were cut off -------------------------------------------------------------------------------------------
+
+NOISE = np.random.default_rng(15).normal(size=(30, 2)) @ [1e-8, 1e-8j]
+"""Seed 15."""
+WHOLE = FRF(frequency_hz=np.arange(1.0, 31.0), values=NOISE, label="tip")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".frf", ".txt"])
+def test_files_of_this_library_show_where_they_were_cut_off(ending: str, tmp_path: Path) -> None:
+    """At any byte of them: a number without its exponent is a number still."""
+    path = tmp_path / f"a{ending}"
+    options: dict[str, Any] = {"format": "dataphysics"} if ending == ".txt" else {}
+    write(path, WHOLE, **options)
+    content = path.read_bytes()
+    assert np.array_equal(read_frf(path).values, WHOLE.values)
+    assert read_frf(path).label == "tip"
+    end = len(content) - (2 if content.endswith(b"\r\n") else 1)
+    for size in range(0, end + 1):
+        path.write_bytes(content[:size])
+        # In the first row of .frf the number of rows itself is cut; what is left is told to have no end of line.
+        with pytest.raises((FileFormatError, ReceptanceWarning)):
+            read(path, **options)
+    path.write_bytes(content[: end - 4])
+    with pytest.raises(FileFormatError, match="the last line has no end of line, which it was written with"):
+        read(path, **options)
+    path.write_bytes(content[:end].rpartition(b"\n")[0] + b"\n")
+    with pytest.raises(FileFormatError, match="says that it has 30 rows of numbers, there are 29: it was cut off"):
+        read(path, **options)
+
+
+FOREIGN = {
+    "a.csv": "frequency [Hz],accelerance real [m/s^2/N],accelerance imag [m/s^2/N]\n",
+    "series.csv": "time [s],a [g],b [g]\n",
+    "a.frf": "",
+    "a.txt": (
+        "Units: Ratio\r\nRef Chan:Resp Chan\t1-Z:2-X\r\nChannel Name\t : \r\nChannel Comment\t : \r\n\r\n"
+        "Frequency\t Real\t Imaginary\r\n\r\nUnits:\r\nHz\t(m/s²)(N)\t \r\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_files_of_others_that_may_have_been_cut_off(name: str, tmp_path: Path) -> None:
+    """They are read, and it is told: without an end of line, or with a last line that is shorter than all others."""
+    between = "," if name.endswith(".csv") else "\t"
+    rows = [between.join(f"{x:+.6e}" for x in (k, v.real, v.imag)) + "\n" for k, v in enumerate(NOISE, 1)]
+    path = text_file(tmp_path, FOREIGN[name] + "".join(rows), name, "latin-1")
+    (whole,) = read_all(path)
+    assert not whole.notes
+    line = len(FOREIGN[name].splitlines()) + 30
+    for cut, told in (
+        (5, f"line {line}, the last one, has no end of line"),
+        (1, f"line {line}, the last one, has no end"),
+    ):
+        path = text_file(tmp_path, (FOREIGN[name] + "".join(rows))[:-cut], name, "latin-1")
+        with pytest.warns(ReceptanceWarning, match=told) as caught:
+            (found,) = read_all(path)
+        assert caught[0].filename == __file__
+        assert [note.startswith(told) for note in found.notes] == [True]
+        assert np.array_equal(found.values, whole.values) == (cut == 1)
+    path = text_file(tmp_path, (FOREIGN[name] + "".join(rows))[:-5] + "\n", name, "latin-1")
+    with pytest.warns(ReceptanceWarning, match=f"line {line}, the last one, is shorter than all others"):
+        read_all(path)
+
+
+def test_the_shortest_line_may_be_the_last_by_chance(tmp_path: Path) -> None:
+    """Where lines have different lengths it takes many of them to tell."""
+    head = FOREIGN["a.csv"]
+    read(text_file(tmp_path, head + "10,1.25,1.125\n11,1.5,1.25\n12,1,2\n"))
+    rows = "".join(f"{k},{k % 7 + 0.125},{k % 3 + 0.25}\n" for k in range(100, 250))
+    read(text_file(tmp_path, head + rows))
+    with pytest.warns(ReceptanceWarning, match="line 152, the last one, is shorter than all others"):
+        read(text_file(tmp_path, head + rows + "250,1,2\n"))
+
+
+# Encodings and contents that are none of our business ---------------------------------------------------------------
+
+
+def test_tables_in_utf_16(tmp_path: Path) -> None:
+    """As spreadsheets write "Unicode text"."""
+    text = "frequency [Hz]\taccelerance real [mm/s²/N]\taccelerance imag [mm/s²/N]\n10\t1\t-2\n20\t3\t4\n"
+    for encoding in ("utf-16", "utf-16-be", "utf-16-le"):
+        mark = "" if encoding == "utf-16" else "\ufeff"
+        frf = read_frf(text_file(tmp_path, mark + text, "a.txt", encoding))
+        assert np.allclose(frf.values[:, 0, 0], EXPECTED, rtol=1e-15)
+    for encoding in ("utf-16-be", "utf-16-le"):
+        with pytest.raises(FileFormatError, match="zero bytes, as in a text in UTF-16 without the mark"):
+            read(text_file(tmp_path, text, "a.txt", encoding))
+    damaged = text.encode("utf-16") + b"\x00\xd8"
+    (tmp_path / "a.txt").write_bytes(damaged)
+    with pytest.raises(FileFormatError, match="begins as UTF-16 and is damaged"):
+        read(tmp_path / "a.txt")
+
+
+@pytest.mark.parametrize("content", ["S3CRET:x,S3CRET;S3CRET\tS3CRET\n" * 12, "S3CRET S3CRET\n" * 12, "S3CRET\n"])
+def test_errors_do_not_show_what_is_in_files_of_no_measurement(content: str, tmp_path: Path) -> None:
+    """Whatever the format is said to be, and with names of columns that somebody else gave."""
+    path = text_file(tmp_path, content, "passwd")
+    columns = ["frequency [Hz]", "real [m/N]", "imag [m/N]"]
+    for format_ in ("uff", "csv", "npz", "mat", "hdf5", "cutpro", "dataphysics", None):
+        for options in ({}, {"columns": columns}, {"columns": columns[:1]}):
+            with pytest.raises(FileFormatError) as caught:
+                read(path, format=format_, **options)  # type: ignore[arg-type]
+            assert "S3CRET" not in str(caught.value)
+    with pytest.raises(FrequencyTableError) as other:
+        read_frequencies(path)
+    assert "S3CRET" not in str(other.value)
 
 
 def test_the_header_may_be_given(tmp_path: Path) -> None:
@@ -157,7 +298,7 @@ def test_a_changed_header_of_this_library_is_noticed(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("[m/s/N]", "[mm/s/N]"))
     with pytest.raises(FileFormatError, match="leave out that line if the header is right"):
         read(path)
-    path.write_text("\n".join(path.read_text().splitlines()[1:]))
+    path.write_text("\n".join([*path.read_text().splitlines()[1:], ""]))
     assert read_frf(path).values.ravel().tolist() == [1e-3]
 
 
@@ -189,7 +330,7 @@ def test_cutpro(text: str, tmp_path: Path) -> None:
         ("10 1 2\n20 1 x\n", "line 2: the imaginary part is 'x', expected a number"),
         ("10 1 2\n20 inf 1\n", "line 2: the numbers are not all finite"),
         ("10 1 2\n\n5 1 2\n", "line 3: the frequency is 5 Hz after 10 Hz"),
-        ("f re im\n10 1 2\n", "line 1: the frequency is 'f', expected a number"),
+        ("f re im\n10 1 2\n", "line 1: the frequency is text, expected a number"),
         ("\n \n", "there are no rows"),
     ],
 )

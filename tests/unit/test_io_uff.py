@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import time
 import warnings
 from pathlib import Path
 from typing import Any
@@ -345,3 +346,33 @@ def test_time_records_are_grouped_as_they_were_sampled(tmp_path: Path) -> None:
         read(file(tmp_path, record(1, 12, ""), record(2, 12, "")), unit="g")
     assert read_time_series(file(tmp_path, MM, record(1, 12, ""))).values[0, 0] == pytest.approx(1e-3)
     assert read_time_series(file(tmp_path, record(1, 12, "")), unit="SI").units == ("m/s^2",)
+
+
+def test_many_functions_take_a_time_in_proportion(tmp_path: Path) -> None:
+    """Of one pair, of pairs that all differ, with coherences, and time records without names."""
+    one = (data_set(response=(1, 2)), data_set(function=6, ordinate=2, body=["  5.00000E-01  5.00000E-01"]))
+    axes = ((17, "", ""), (12, "acc", "m/s^2"), (0, "", ""))
+    samples = ["  1.00000E+00 -1.00000E+00"]
+    record = data_set(samples, function=1, response=(0, 0), reference=(0, 0), ordinate=2, axes=axes)
+    count = 4000
+    for parts, found in (
+        ([one[0]] * count, count),
+        ([b"".join(one)] * count, count),
+        ([record] * count, 1),
+        ([data_set(samples, function=1, response=(k, 1), ordinate=2, axes=axes) for k in range(1, count + 1)], 1),
+    ):
+        path = file(tmp_path, SI, *parts)
+        began = time.process_time()
+        assert len(read_all(path)) == found
+        assert time.process_time() - began < 15.0
+
+
+def test_the_nth_function_of_a_pair_belongs_to_the_nth_matrix(tmp_path: Path) -> None:
+    """Two runs over two points, one after the other and interlaced; a third of one point alone."""
+    runs = [
+        [data_set([f"  {run}.{point}0000E+00" + "  0.00000E+00" * 3], response=(point, 2)) for point in (1, 2)]
+        for run in (1, 2)
+    ]
+    for order in ([*runs[0], *runs[1]], [runs[0][0], runs[1][0], runs[0][1], runs[1][1]]):
+        found = read_all(file(tmp_path, SI, *order, data_set(["  9.10000E+00" + "  0.00000E+00" * 3])))
+        assert [thing.values[0].ravel().real.tolist() for thing in found] == [[1.1, 1.2], [2.1, 2.2], [9.1]]

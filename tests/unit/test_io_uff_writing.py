@@ -105,3 +105,14 @@ def test_what_a_universal_file_does_not_hold_is_said(tmp_path: Path) -> None:
     with pytest.warns(ReceptanceWarning, match="a channel's name of more than 20 characters"):
         write(tmp_path / "c.uff", series)
     assert read_time_series(tmp_path / "c.uff").channels == ("c" * 20,)
+
+
+def test_lines_that_the_format_cannot_tell_apart_are_refused(tmp_path: Path) -> None:
+    """A file with equal lines could not be read again."""
+    for lines, binary, words in (
+        ([1e-3, 1e-3 * (1 + 1e-12), 1.0], False, "13 columns"),
+        ([1000.0, 1000.00001, 1.7e4], True, "single precision"),
+    ):
+        with pytest.raises(ValueError, match=f"cannot hold the lines .* Hz apart: it has {words} for each; write .npz"):
+            write(tmp_path / "a.uff", FRF(frequency_hz=lines, values=[1.0, 2.0, 3.0]), binary=binary)
+    assert not list(tmp_path.iterdir())

@@ -84,3 +84,20 @@ def test_mistakes_name_the_file(tmp_path: Path) -> None:
     io.write(tmp_path / "tip.npz", FRF(frequency_hz=LINES, values=table().matrix[:, 0, 0]))
     with pytest.raises(ValueError, match=r"tip.npz: .*expected y, theta and y, theta"):
         read_spindle(tmp_path / "tip.npz")
+
+
+def test_damaged_files_of_ours_name_the_file(tmp_path: Path) -> None:
+    """Every byte in turn: what is read is what was written, or the file is refused with its name."""
+    path = tmp_path / "s.npz"
+    write_spindle(path, table())
+    content, whole = path.read_bytes(), read_spindle(path)
+    refused = []
+    places = range(0, len(content), 23)
+    for at in places:
+        path.write_bytes(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
+        try:
+            np.testing.assert_array_equal(read_spindle(path).matrix, whole.matrix)
+        except ValueError as error:
+            refused.append(str(error))
+    assert all("s.npz" in message for message in refused)
+    assert len(refused) > 0.8 * len(places)

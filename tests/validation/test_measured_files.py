@@ -173,13 +173,13 @@ def test_two_records_and_signs_beyond_ascii() -> None:
     ("path", "message"),
     [
         (PYUFF / "dataset_milestone_in_header.uff", r"line 21: the data set ends after 42 of the 2508876 numbers"),
-        (PYUFF / "meas_point_1.txt", r"line 1: found '\(-0\.077"),
+        (PYUFF / "meas_point_1.txt", r"line 1: this line has no columns between"),
         (PYUFF / "TestLab 161 164 18 15 82.uff", r"line 2: there is no time record, FRF or coherence"),
         (PYUFF / "sample_dataset58_psd.uff", r"it holds power spectral density"),
         (UFF / "dataset58_spectrum.unv", r"it holds spectrum"),
         (UFF / "dataset55_bad_format.unv", r"line 2: .* it holds data set 55"),
         (UFF / "unsupported_dataset.unv", r"data set 15, data set 1859"),
-        (MEASURED / "modelab_freefree_beam" / "setup.csv", r"line 1: the columns are 'xHammer'"),
+        (MEASURED / "modelab_freefree_beam" / "setup.csv", r"line 1: of the \d+ columns none is named"),
     ],
 )
 def test_files_that_are_refused(path: Path, message: str) -> None:

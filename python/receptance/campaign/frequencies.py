@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from receptance._files import read_whole
 from receptance.campaign.deviations import Deviation, parse_deviation, parse_share
 from receptance.campaign.quantities import KINDS, parse, shown
 from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.io.text import doubts_of_end
 
 if TYPE_CHECKING:
     from receptance.campaign.measurement_models import FrequenciesTable
@@ -78,12 +80,15 @@ def read_frequencies(path: FilePath) -> Frequencies:
         A file that cannot be opened.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_whole(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
+    # A last number that was cut off is a number still.
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    doubts_of_end(text, lines)
     rows = [
         (number, cells)
-        for number, cells in ((n, next(csv.reader([line]), [])) for n, line in enumerate(text.splitlines(), 1))
+        for number, cells in ((n, _cells(n, line)) for n, line in lines)
         if cells and cells[0].strip() and not cells[0].lstrip().startswith("#")
     ]
     if not rows:
@@ -101,6 +106,13 @@ def read_frequencies(path: FilePath) -> Frequencies:
     return Frequencies(*(found.get(name) for name in names))  # type: ignore[arg-type]
 
 
+def _cells(number: int, line: str) -> list[str]:
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error as error:
+        raise FrequencyTableError(f"line {number} cannot be split into cells: {error}") from None
+
+
 def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
     columns: list[tuple[str, str]] = []
     for cell in cells:
@@ -110,8 +122,11 @@ def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
         if name.endswith("_hz") and not unit:
             name, unit = name.removesuffix("_hz"), "Hz"
         if name not in _COLUMNS:
-            text = f'line {number} names a column "{cell.strip()}", expected {one_of(_COLUMNS)}'
-            raise FrequencyTableError(text + did_you_mean(name, _COLUMNS))
+            # What is like none of the columns is not shown: the file may be anything.
+            near = did_you_mean(name, _COLUMNS)
+            what = f' "{cell.strip()}"' if near else ""
+            text = f"line {number} names a column{what} that is not known, expected {one_of(_COLUMNS)}{near}"
+            raise FrequencyTableError(text)
         expected = "%" if name in _SHARES else "Hz"
         if name != "mode" and not unit:
             raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [{expected}]"')

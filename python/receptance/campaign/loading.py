@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
 
+from receptance._files import read_whole
 from receptance.assembly import Assembly
 from receptance.campaign.assembling import build_assemblies, carrying, check_unknowns, place, with_sensor
 from receptance.campaign.building import Built, build_elements
@@ -196,7 +197,7 @@ def _file(path: FilePath) -> FilePath:
 
 def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
     try:
-        text = file.read_bytes().decode("utf-8-sig")
+        text = read_whole(file).decode("utf-8-sig")
         data = tomllib.loads(text)
     except UnicodeDecodeError as error:
         text = f"byte {error.start} is not UTF-8, expected a TOML file, which is text in UTF-8"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 from receptance.campaign.suggestions import did_you_mean
+from receptance.io.units import can_be_unit
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -20,7 +21,10 @@ _TEXT = re.compile(r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+")
 _POWER = re.compile(r"\b((?:[mcdkµu]?m)|s)([234])\b")
 _NEWTON_METRE = re.compile(r"\b([kmMµu]?N)([mc]?m)\b")
+_LONGEST = 200
+"""Characters of a quantity."""
 _ANGLES = {"radian", "degree", "turn", "revolution", "revolutions_per_minute", "revolutions_per_second", "cycle"}
+_LEVELS = ("bel", "neper", "octave")
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 
@@ -130,7 +134,11 @@ def parse(text: Any, kind: Kind) -> float:
     if not kind.unit:
         if isinstance(text, bool) or not isinstance(text, (int, float)):
             raise ValueError(f"is {shown(text)}, expected {kind.expected}")
-        return _in_range(text, float(text), kind)
+        try:
+            value = float(text)
+        except OverflowError:
+            raise ValueError(f"is a number of more than 300 digits, expected {kind.expected}") from None
+        return _in_range(text, value, kind)
     number, unit = split(text, kind.expected)
     if not unit:
         raise ValueError(f"is {shown(text)}, without a unit, expected {kind.expected}")
@@ -154,6 +162,8 @@ def split(text: Any, expected: str) -> tuple[float, str]:
     """Return the number and the unit of a text."""
     if not isinstance(text, str):
         raise ValueError(f"is {shown(text)}, expected {expected}")
+    if len(text) > _LONGEST:
+        raise ValueError(f"is {shown(text)}, a text of {len(text)} characters, expected {expected}")
     match = _TEXT.fullmatch(text)
     if _DECIMAL_COMMA.match(text):
         raise ValueError(f"is {shown(text)}, expected {expected}; decimals are written with a point")
@@ -207,13 +217,18 @@ def _new_factor(text: str, unit: str, kind: Kind) -> float:
 def _unit(text: str, unit: str, expected: str) -> Any:
     written = _NEWTON_METRE.sub(r"\1 \2", _POWER.sub(r"\1^\2", unit))
     try:
-        return _units().parse_units(written)
+        if not can_be_unit(written):
+            raise ValueError("not one power of each unit")
+        found = _units().parse_units(written)
+        if any(level in str(part) for part in found._units for level in _LEVELS):
+            raise ValueError("a level has no factor to SI")
+        return found
     except Exception as error:
         # What pint raises for odd text is not one family of exceptions.
         name = getattr(error, "unit_names", None)
         word = name[0] if isinstance(name, (tuple, list)) and name else (name if isinstance(name, str) else unit)
         raise ValueError(
-            f'is {shown(text)}, with the unknown unit "{word}"{did_you_mean(word, _COMMON)}, expected {expected}'
+            f"is {shown(text)}, with the unknown unit {shown(word)}{did_you_mean(word, _COMMON)}, expected {expected}"
         ) from None
 
 

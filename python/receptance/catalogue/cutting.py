@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance._files import streamed
+from receptance._files import inert, streamed
 from receptance.campaign.stability import CutLobes, chosen_cuts, spindle_speeds
 from receptance.stability import Milling, stability_lobes
 
@@ -99,5 +99,6 @@ def write_depths(path: Path, predictions: Iterable[ToolPrediction], asked: ToolC
                 values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
                 ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(found.depth)))
                 cells = [f"{value:.6g}" for value in (*values, *ends)]
-                rows.writerow([one.row.name, one.row.holder, teeth, found.cut.name, rank + 1, *cells])
+                name, holder, cut_name = map(inert, (one.row.name, one.row.holder, found.cut.name))
+                rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
             yield one

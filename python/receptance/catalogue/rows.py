@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from receptance._files import read_whole
 from receptance.campaign.conditions import parse_condition
 from receptance.campaign.problems import CampaignError, Problem, Problems
 from receptance.campaign.quantities import KINDS, parse, shown
@@ -157,30 +158,40 @@ def _opened(
 ) -> tuple[Path, Problems, Iterator[tuple[int, _Row]]]:
     file = Path(path)
     try:
-        text = file.read_bytes().decode("utf-8-sig")
+        text = read_whole(file).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CampaignError.about(file, f"byte {error.start} is not UTF-8, expected a CSV file in UTF-8") from None
     first = text.partition("\n")[0]
     decimal_comma = first.count(";") > first.count(",")
     lines = csv.reader(io.StringIO(text, newline=""), delimiter=";" if decimal_comma else ",")
-    header = next(lines, [])
     problems = Problems({})
+    split = _split(lines, problems)
+    _, header = next(split, (1, []))
     names = _columns(header, columns, needed, problems)
     if problems.found:
         raise CampaignError(file, problems.found)
 
     def rows() -> Iterator[tuple[int, _Row]]:
-        for cells in lines:
+        for line, cells in split:
             if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
                 continue
             if len(cells) != len(header):
                 what = f"has {len(cells)} cells, expected {len(header)}"
-                problems.found.append(Problem((), what, lines.line_num))
+                problems.found.append(Problem((), what, line))
                 continue
             own = [cell.strip().replace(",", ".") if decimal_comma else cell.strip() for cell in cells]
-            yield lines.line_num, {name: (cell, unit) for (name, unit), cell in zip(names, own, strict=True) if cell}
+            yield line, {name: (cell, unit) for (name, unit), cell in zip(names, own, strict=True) if cell}
 
     return file, problems, rows()
+
+
+def _split(lines: Any, problems: Problems) -> Iterator[tuple[int, list[str]]]:
+    """Return the cells of each line with its number, up to one that cannot be split."""
+    try:
+        for cells in lines:
+            yield lines.line_num, cells
+    except csv.Error as error:
+        problems.found.append(Problem((), f"cannot be split into cells: {error}", lines.line_num))
 
 
 def _columns(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
+import unicodedata
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance._files import streamed
+from receptance._files import inert, streamed
 from receptance.frf import FRF
 
 if TYPE_CHECKING:
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
     from receptance.catalogue.prediction import ToolPrediction
 
-__all__ = ["Reduced", "as_frf", "file_name", "reduced", "write_modes"]
+__all__ = ["Reduced", "as_frf", "file_names", "reduced", "write_modes"]
 
 _HEADER = (
     "name",
@@ -37,6 +39,9 @@ _HEADER = (
     "dynamic stiffness upper [N/um]",
     "most flexible",
 )
+_LONGEST = 100
+_RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""Devices of Windows."""
 _UNITS = np.array([1.0, 1e2, 1e-6])
 
 
@@ -74,8 +79,8 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
                 cells = np.column_stack([values, interval[number]]) * _UNITS[:, None]
                 rows.writerow(
                     [
-                        row.name,
-                        row.holder,
+                        inert(row.name),
+                        inert(row.holder),
                         "" if row.teeth is None else row.teeth,
                         number + 1,
                         *(f"{cell:.6g}" for cell in cells.ravel()),
@@ -99,6 +104,38 @@ def as_frf(one: ToolPrediction) -> FRF:
     )
 
 
-def file_name(name: str) -> str:
+def file_names(names: Iterable[str]) -> dict[str, str]:
+    """Return for each tool the name of its files, without an ending; no two tools have the same.
+
+    What file systems do not take becomes an underscore. Names that are the same then, or differ by case alone, get
+    numbers; a name that needs no change keeps itself.
+
+    Examples
+    --------
+    >>> from receptance.catalogue.writing import file_names
+    >>> file_names(["a/b", "a?b", "T.", "T"])
+    {'a/b': 'a_b', 'a?b': 'a_b-2', 'T.': 'T-2', 'T': 'T'}
+    """
+    plain = {name: _plain(name) for name in names}
+    counts = Counter(map(_alike, plain.values()))
+    # A name that no other is like keeps its own, so numbers never lead to one that is there.
+    taken = {alike for alike, count in counts.items() if count == 1}
+    chosen: dict[str, str] = {}
+    for name in sorted(plain, key=lambda name: plain[name] != name):
+        base, unique, number = plain[name], plain[name], 1
+        while counts[_alike(base)] > 1 and _alike(unique) in taken:
+            number += 1
+            unique = f"{base}-{number}"
+        taken.add(_alike(unique))
+        chosen[name] = unique
+    return {name: chosen[name] for name in plain}
+
+
+def _plain(name: str) -> str:
     """Return a name without what a file system does not like."""
-    return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "tool"
+    plain = re.sub(r"[^\w.+-]+", "_", unicodedata.normalize("NFC", name))[:_LONGEST].strip("._") or "tool"
+    return f"_{plain}" if _RESERVED.fullmatch(plain) else plain
+
+
+def _alike(name: str) -> str:
+    return unicodedata.normalize("NFKC", name).casefold()

@@ -101,6 +101,8 @@ def catalogue(
     for name, folder in (("Figures", figures), ("Receptances", frfs)):
         if folder is not None:
             console.print(f"{name}: {folder}", soft_wrap=True)
+    if figures is not None or frfs is not None:
+        _print_names(console, found)
     targets.name(console)
 
 
@@ -171,7 +173,7 @@ def _document(read: Campaign, found: list[Reduced]) -> dict[str, Any]:
 def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> list[Reduced]:
     from receptance.catalogue import Catalogue, predict_catalogue
     from receptance.catalogue.cutting import write_depths
-    from receptance.catalogue.writing import reduced, write_modes
+    from receptance.catalogue.writing import file_names, reduced, write_modes
 
     chosen = Catalogue(read, wanted.tools, wanted.holders)
     draws = read.table.stability.number_of_draws if wanted.cut else _DRAWS if wanted.figures else 0
@@ -180,25 +182,39 @@ def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> list[Re
         predictions = write_modes(wanted.out, predictions)
     if wanted.depths is not None and wanted.cut is not None:
         predictions = write_depths(wanted.depths, predictions, wanted.cut)
-    return list(reduced(_with_files(predictions, wanted.figures, wanted.frfs)))
+    if wanted.figures is not None or wanted.frfs is not None:
+        names = file_names(row.name for row in chosen.tools)
+        predictions = _with_files(predictions, names, wanted.figures, wanted.frfs)
+    return list(reduced(predictions))
 
 
 def _with_files(
-    predictions: Iterator[ToolPrediction], figures: Path | None, frfs: Path | None
+    predictions: Iterator[ToolPrediction], names: dict[str, str], figures: Path | None, frfs: Path | None
 ) -> Iterator[ToolPrediction]:
     """Write the files of each tool while predictions go through."""
-    from receptance.catalogue.writing import as_frf, file_name
+    from receptance.catalogue.writing import as_frf
     from receptance.io import write
     from receptance.plot import as_image
     from receptance.plot.catalogue import draw_tool
 
     for one in predictions:
-        name = file_name(one.row.name)
+        name = names[one.row.name]
         if figures is not None:
             write_whole({figures / f"{name}.png": as_image(draw_tool(one), "png")})
         if frfs is not None:
             write(frfs / f"{name}.csv", as_frf(one))
         yield one
+
+
+def _print_names(console: Console, found: list[Reduced]) -> None:
+    """Say which files belong to tools whose names no file can have."""
+    from receptance.catalogue.writing import file_names
+
+    others = [f"{tool} as {file}" for tool, file in file_names(one.name for one in found).items() if tool != file]
+    if others:
+        more = f", and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
+        text = f"note: names of files that are not those of their tools: {', '.join(others[:_SHOWN])}{more}"
+        console.print(Text(text), soft_wrap=True)
 
 
 def _print(console: Console, found: list[Reduced], seconds: float) -> None:

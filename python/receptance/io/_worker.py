@@ -1,7 +1,7 @@
 """Reads MAT and HDF5 files for `isolated.py`, in a process that may die of them; run as a script, without receptance.
 
-On standard input come lines of JSON, {"kind", "path", "names"}; for each goes out the length of a header (8 bytes), the
-header as JSON and the arrays one after the other.
+On standard input come lines of JSON, {"kind", "path", "names", "size", "largest", "seconds", "bytes_per_second"}; for
+each goes out the length of a header (8 bytes), the header as JSON and the arrays one after the other.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ import numpy as np
 OWN = re.compile(r"(?:frf|time|coherence)[0-9]+")
 """Names under which this library keeps measurements."""
 _DEEPEST, _MOST, _MOST_ELEMENTS = 5, 10_000, 1000
-_DEFLATED_AT_MOST = 1100
-_SPARE = 1 << 20
 _MEMORY = 4 << 30
+_ELSEWHERE = "in another file, which is not read"
 
 
 class _RefusedError(Exception):
@@ -62,20 +61,49 @@ def _flat(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
         yield name, value if isinstance(value, str) else np.asarray(value)
 
 
-def _hdf5(path: str, wanted: list[str] | None) -> Iterator[tuple[str, Any]]:
+def _hdf5(request: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     import h5py  # type: ignore[import-untyped]
 
-    with h5py.File(path, "r") as file:
-        for count, (name, thing) in enumerate(_members(h5py, file, "", 0)):
-            if count > _MOST:
+    wanted = request["names"]
+    with h5py.File(request["path"], "r") as file:
+        found: list[tuple[str, Any]] = []
+        for name, thing in _members(h5py, file, "", 0):
+            if len(found) >= _MOST:
                 raise _RefusedError(f"it holds more than {_MOST} data sets")
-            listed = f"{'x'.join(map(str, thing.shape or ())) or 'scalar'} {thing.dtype}"
-            own = OWN.fullmatch(name.split("/")[0]) is not None
-            if (own if wanted is None else name in wanted) and thing.shape is not None:
-                value = _value(thing, name)
-                yield name, listed if value is None else value
-            else:
-                yield name, listed
+            found.append((name, thing))
+        loaded = [
+            # External storage and virtual data sets take their numbers from other files, any that can be opened.
+            not _elsewhere(thing)
+            and thing.shape is not None
+            and (OWN.fullmatch(name.split("/")[0]) is not None if wanted is None else name in wanted)
+            for name, thing in found
+        ]
+        # Space that is only promised, not there, is not allocated: a data set without chunks has any size.
+        total = sum(thing.nbytes for (_, thing), load in zip(found, loaded, strict=True) if load)
+        _check_size(total, request["largest"])
+        _limit(request["seconds"] + total / request["bytes_per_second"])
+        for (name, thing), load in zip(found, loaded, strict=True):
+            value = _value(thing) if load else None
+            yield name, _listed(thing) if value is None else value
+
+
+def _elsewhere(thing: Any) -> bool:
+    return thing.is_virtual or bool(thing.external)
+
+
+def _listed(thing: Any) -> str:
+    # The shape of a virtual data set may be that of the files that it is made of.
+    if _elsewhere(thing):
+        return _ELSEWHERE
+    return f"{'x'.join(map(str, thing.shape or ())) or 'scalar'} {thing.dtype}"
+
+
+def _check_size(size: int, largest: int) -> None:
+    if size > largest:
+        raise _RefusedError(
+            f"its arrays take more than {largest >> 20} MiB when expanded, the most that is read of one file; split "
+            "the file"
+        )
 
 
 def _members(h5py: Any, group: Any, owner: str, depth: int) -> Iterator[tuple[str, Any]]:
@@ -90,18 +118,13 @@ def _members(h5py: Any, group: Any, owner: str, depth: int) -> Iterator[tuple[st
             yield from _members(h5py, thing, f"{owner}{name}/", depth + 1)
 
 
-def _value(thing: Any, name: str) -> Any:
+def _value(thing: Any) -> Any:
     """Return a data set's numbers or text, None for anything else."""
     if thing.dtype.kind == "O" and thing.shape == ():
         text = thing.asstr()[()] if thing.dtype.metadata and thing.dtype.metadata.get("vlen") in (str, bytes) else None
         return text if isinstance(text, str) else None
     if thing.dtype.kind not in "biufc" and thing.dtype.names != ("real", "imag"):
         return None
-    # Space that is only promised, not there, is not allocated: a data set without chunks has any size.
-    if thing.nbytes > _DEFLATED_AT_MOST * thing.id.get_storage_size() + _SPARE:
-        raise _RefusedError(
-            f"data set {name!r} is said to take {thing.nbytes} bytes, it has {thing.id.get_storage_size()}"
-        )
     array = thing[()]
     if thing.dtype.names is not None:
         array = array["real"] + 1j * array["imag"]
@@ -109,13 +132,13 @@ def _value(thing: Any, name: str) -> Any:
     return np.ascontiguousarray(np.asarray(array).T if "MATLAB_class" in thing.attrs else np.asarray(array))
 
 
-def _answer(request: dict[str, Any]) -> bytes:
+def _answer(request: dict[str, Any]) -> tuple[bytes, list[Any]]:
+    """Return the header and the arrays that follow it."""
     listed: dict[str, str] = {}
     texts: dict[str, str] = {}
     arrays: list[tuple[str, Any]] = []
-    read = {"mat": _mat, "hdf5": _hdf5}[request["kind"]]
     wanted = request["names"]
-    for name, value in read(request["path"], wanted):
+    for name, value in _mat(request["path"], wanted) if request["kind"] == "mat" else _hdf5(request):
         own = OWN.fullmatch(re.split(r"[./]", name)[0]) is not None
         loaded = own if wanted is None else name in wanted
         if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
@@ -126,12 +149,13 @@ def _answer(request: dict[str, Any]) -> bytes:
             texts[name] = value
         else:
             listed[name] = value[:60] if isinstance(value, str) else f"{value.size} {value.dtype}"
+    _check_size(sum(array.nbytes for _, array in arrays), request["largest"])
     header = {
         "arrays": [[name, array.dtype.str, array.shape] for name, array in arrays],
         "texts": texts,
         "listed": listed,
     }
-    return _framed(header) + b"".join(array.tobytes() for _, array in arrays)
+    return _framed(header), [array for _, array in arrays]
 
 
 def _framed(header: dict[str, Any]) -> bytes:
@@ -165,14 +189,19 @@ def serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
             import h5py  # noqa: F401
         _limit_memory(request["size"])
         _limit(request["seconds"])
+        arrays: list[Any] = []
         try:
-            answer = _answer(request)
+            answer, arrays = _answer(request)
         except _RefusedError as error:
             answer = _framed({"error": str(error)})
+        except MemoryError:
+            answer = _framed({"error": f"it takes more than {_MEMORY >> 20} MiB of memory, the most that is allowed"})
         except Exception as error:
             answer = _framed({"error": f"{type(error).__name__}: {error}"[:500]})
         _limit(0.0)
         outgoing.write(answer)
+        for array in arrays:
+            outgoing.write(memoryview(array.reshape(-1).view(np.uint8)))
         outgoing.flush()
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
 from receptance.frf import FRF
 from receptance.io.build import in_si, joined, make_frf
 from receptance.io.errors import FileFormatError
 from receptance.io.options import ReadOptions, resolve_frf
-from receptance.io.text import check_ascending, decode, numbered_lines, rows_of_numbers
+from receptance.io.text import check_ascending, check_count, decode, doubts_of_end, numbered_lines, rows_of_numbers
 from receptance.io.units import parse_unit
 
 __all__ = ["cutpro_bytes", "read_cutpro"]
 
 _UNIT = "m/N"
+_COUNT = re.compile(r"(?P<label>.*?) ?\[(?P<rows>[0-9]{1,9}) rows\]\s*")
 _COLUMNS = ("frequency", "real part", "imaginary part")
 
 
@@ -34,9 +37,8 @@ def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
         f"{line!r}\t{value.real!r}\t{value.imag!r}"
         for line, value in zip(frf.frequency_hz.tolist(), frf.values[:, 0, 0].tolist(), strict=True)
     ]
-    label = " ".join(frf.label.split())
-    if label:
-        rows[0] += f"\t{label}"
+    # Words behind the first row belong to the format; the number of rows shows whether the file is whole.
+    rows[0] += "\t" + f"{' '.join(frf.label.split())} [{len(rows)} rows]".lstrip()
     return ("\n".join(rows) + "\n").encode(), lost
 
 
@@ -48,13 +50,21 @@ def read_cutpro(data: bytes, options: ReadOptions) -> list[FRF]:
     FileFormatError
         A row that is not three numbers, or frequencies that do not ascend; the message names the line.
     """
-    lines = numbered_lines(decode(data))
+    whole = decode(data)
+    lines = numbered_lines(whole)
     if not lines:
         raise FileFormatError("there are no rows, expected frequency, real and imaginary part")
     line, first = lines[0]
     *_, label = [*first.split(None, 3), "", "", "", ""][:4]
     table = rows_of_numbers([(line, " ".join(first.split(None, 3)[:3])), *lines[1:]], _COLUMNS)
     check_ascending(table[:, 0].tolist(), [line for line, _ in lines])
+    count = _COUNT.fullmatch(label)
+    notes: list[str] = []
+    if count:
+        label = count["label"]
+        check_count(whole, len(lines), int(count["rows"]), lines[-1][0])
+    else:
+        notes = doubts_of_end(whole, lines)
     resolved = resolve_frf(options, declared=parse_unit(_UNIT), form=None, directions=None)
     return [
         make_frf(
@@ -63,7 +73,7 @@ def read_cutpro(data: bytes, options: ReadOptions) -> list[FRF]:
             form=resolved.kind.form,
             directions=([resolved.kind.response], [resolved.kind.excitation]),
             label=label.strip(),
-            notes=resolved.notes,
+            notes=[*notes, *resolved.notes],
             options=options,
         )
     ]

@@ -8,7 +8,7 @@ from receptance.frf import FRF
 from receptance.io.build import in_si, joined, make_frf
 from receptance.io.errors import FileFormatError
 from receptance.io.options import ReadOptions, resolve_frf
-from receptance.io.text import check_ascending, decode, rows_of_numbers, shown
+from receptance.io.text import check_ascending, check_count, decode, doubts_of_end, rows_of_numbers
 from receptance.io.units import UnitError, parse_unit
 
 __all__ = ["dataphysics_bytes", "looks_like_dataphysics", "read_dataphysics"]
@@ -16,6 +16,8 @@ __all__ = ["dataphysics_bytes", "looks_like_dataphysics", "read_dataphysics"]
 _CHANNELS = "Ref Chan:Resp Chan"
 _COLUMNS = ("Frequency", "Real", "Imaginary")
 _HEADER = 9
+_COUNT = re.compile(r"Channel Comment\t(?P<rows>[0-9]{1,9}) rows : ")
+"""In files of this library."""
 _RATIO = re.compile(r"\((?P<response>[^()]+)\)\((?P<reference>[^()]+)\)")
 
 
@@ -45,7 +47,7 @@ def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
         "Units: Ratio",
         f"{_CHANNELS}\t{reference}:{response}",
         f"Channel Name\t{' '.join(frf.label.split())} : ",
-        "Channel Comment\t : ",
+        f"Channel Comment\t{frf.frequency_hz.size} rows : ",
         "",
         "\t ".join(_COLUMNS),
         "",
@@ -68,7 +70,11 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[FRF]:
         A header of something else than an FRF in real and imaginary part, or a row that is not three numbers; the
         message names the line.
     """
-    lines = re.split(r"\r\n|\n|\r", decode(data))
+    if not looks_like_dataphysics(data):
+        # What stands there is not shown: the file may be anything.
+        raise FileFormatError(f"the first two lines are not those of an export, 'Units:' and {_CHANNELS!r}", line=1)
+    whole = decode(data)
+    lines = re.split(r"\r\n|\n|\r", whole)
     if len(lines) < _HEADER + 1:
         raise FileFormatError(
             f"the file has {len(lines)} lines, expected {_HEADER} of a header and the data", line=len(lines)
@@ -76,8 +82,6 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[FRF]:
     kind = lines[0].removeprefix("Units:").strip()
     if kind != "Ratio":
         raise FileFormatError(f"the units are {kind!r}; only a ratio of two channels, an FRF, is read", line=1)
-    if not lines[1].startswith(_CHANNELS):
-        raise FileFormatError(f"found {shown(lines[1])}, expected {_CHANNELS!r} and the channels", line=2)
     reference, _, response = lines[1].removeprefix(_CHANNELS).strip().partition(":")
     columns = tuple(name.strip() for name in lines[5].split("\t"))
     if columns != _COLUMNS:
@@ -97,6 +101,12 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[FRF]:
     rows = [(line, text) for line, text in enumerate(lines[_HEADER:], _HEADER + 1) if text.strip()]
     if not rows:
         raise FileFormatError("there are no rows of numbers behind the header", line=_HEADER)
+    count = _COUNT.fullmatch(lines[3])
+    notes: list[str] = []
+    if count:
+        check_count(whole, len(rows), int(count["rows"]), rows[-1][0])
+    else:
+        notes = doubts_of_end(whole, rows)
     table = rows_of_numbers(rows, ("frequency", "real part", "imaginary part"))
     check_ascending(table[:, 0].tolist(), [line for line, _ in rows])
     try:
@@ -111,7 +121,7 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[FRF]:
             directions=([resolved.kind.response], [resolved.kind.excitation]),
             labels=((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None,
             label=lines[2].removeprefix("Channel Name").strip().rstrip(":").strip(),
-            notes=resolved.notes,
+            notes=[*notes, *resolved.notes],
             options=options,
         )
     ]

@@ -53,9 +53,9 @@ def arrays_of(thing: FRF | TimeSeries | Coherence) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def about_text(thing: FRF | TimeSeries | Coherence) -> str:
-    """Return everything but the arrays as JSON."""
-    about: dict[str, Any] = {"receptance": kind_of(thing), "version": _VERSION}
+def about_text(thing: FRF | TimeSeries | Coherence, **more: int) -> str:
+    """Return everything but the arrays as JSON, with more that a format needs."""
+    about: dict[str, Any] = {"receptance": kind_of(thing), "version": _VERSION, **more}
     if isinstance(thing, FRF):
         about["form"] = thing.form
         about["unit"] = thing.units

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 from receptance.io.dataphysics import looks_like_dataphysics
 from receptance.io.errors import FileFormatError
 from receptance.io.uff.sets import looks_like_uff
 
-__all__ = ["ENDINGS", "FORMATS", "GZIP", "HDF5_MARK", "format_of", "inflated"]
+__all__ = ["ENDINGS", "FORMATS", "GZIP", "HDF5_MARK", "format_of"]
 
 FORMATS = {
     "uff": "universal file (data set 58)",
@@ -33,7 +32,6 @@ ENDINGS = {
     ".frf": "cutpro",
 }
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
-_INFLATED_AT_MOST = 4 << 30
 GZIP = b"\x1f\x8b"
 
 
@@ -58,16 +56,3 @@ def format_of(path: Path, start: bytes) -> str:
         known = ", ".join(f"{name} ({text})" for name, text in FORMATS.items())
         raise FileFormatError(f"neither contents nor ending say what format this is; give format=, one of {known}")
     return kind
-
-
-def inflated(data: bytes) -> bytes:
-    """Return what gzip compressed, at most 4 GB of it."""
-    stream = zlib.decompressobj(31)
-    try:
-        content = stream.decompress(data, _INFLATED_AT_MOST)
-    except zlib.error as error:
-        raise FileFormatError(f"the gzip compression is damaged: {error}") from None
-    if not stream.eof:
-        what = "it is cut off" if len(content) < _INFLATED_AT_MOST else "it holds more than 4 GB"
-        raise FileFormatError(f"the gzip compression cannot be undone: {what}")
-    return content

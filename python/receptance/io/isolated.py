@@ -16,6 +16,7 @@ import struct
 import subprocess
 import sys
 import threading
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,17 +24,21 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from receptance._files import open_file
 from receptance.io.errors import FileFormatError
+from receptance.io.limits import BYTES_PER_SECOND, LARGEST, check_size, seconds
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Contents", "load"]
 
-_SECONDS = 0.3
-_BYTES_PER_SECOND = 5e6
 _PATIENCE = 60.0
 """Seconds by the clock beyond those of the processor, for a machine that has much else to do."""
+_CRASHES = ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")
+_COMPRESSED = 15
+"""Type of an element of a MAT file that zlib compressed."""
+_PIECE = 1 << 18
 _DTYPE = re.compile(r"[<>|=][biufc][0-9]{1,2}")
 _NAMES = {"mat": "MAT", "hdf5": "HDF5"}
 
@@ -50,6 +55,24 @@ class Contents:
 
 class _DiedError(Exception):
     """The process is gone, or does not answer as it should."""
+
+
+class _Alarm:
+    """Ends a process that has not answered in time, and knows whether it did."""
+
+    def __init__(self, process: subprocess.Popen[bytes], patience: float) -> None:
+        self.rang = False
+        self._process = process
+        self._timer = threading.Timer(patience, self._ring)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _ring(self) -> None:
+        self.rang = True
+        self._process.kill()
+
+    def cancel(self) -> None:
+        self._timer.cancel()
 
 
 class _Reader:
@@ -74,9 +97,8 @@ class _Reader:
         incoming, outgoing = self.process.stdin, self.process.stdout
         assert incoming is not None
         assert outgoing is not None
-        alarm = threading.Timer(patience, self.process.kill)
-        alarm.daemon = True
-        alarm.start()
+        self.late = False
+        alarm = _Alarm(self.process, patience)
         try:
             incoming.write(json.dumps(request).encode() + b"\n")
             incoming.flush()
@@ -92,6 +114,7 @@ class _Reader:
             raise _DiedError from error
         finally:
             alarm.cancel()
+            self.late = alarm.rang
 
     def _exactly(self, count: int) -> bytes:
         stream = self.process.stdout
@@ -142,13 +165,15 @@ def load(path: Path, kind: Literal["mat", "hdf5"], names: Sequence[str] | None) 
     """
     global _reader
     size = path.stat().st_size
-    seconds = _SECONDS + size / _BYTES_PER_SECOND
+    allowed = seconds(_expanded_mat(path) if kind == "mat" else size)
     request = {
         "kind": kind,
         "path": str(path.resolve()),
         "names": None if names is None else list(names),
         "size": size,
-        "seconds": seconds,
+        "largest": LARGEST,
+        "seconds": allowed,
+        "bytes_per_second": BYTES_PER_SECOND,
     }
     with _lock:
         if _reader is not None and _reader.process.poll() is not None:
@@ -157,12 +182,12 @@ def load(path: Path, kind: Literal["mat", "hdf5"], names: Sequence[str] | None) 
         if _reader is None:
             _reader = _Reader()
         try:
-            return _reader.ask(request, _PATIENCE + seconds)
+            return _reader.ask(request, _PATIENCE + seconds(LARGEST))
         except _DiedError:
-            code = _reader.ended()
+            code, late = _reader.ended(), _reader.late
             _reader.end()
             _reader = None
-            raise FileFormatError(_epitaph(kind, code, seconds)) from None
+            raise FileFormatError(_epitaph(kind, code, allowed, late)) from None
         except BaseException as error:
             # Interrupted in the middle of an answer, the rest of which would be taken for the next one.
             if not isinstance(error, FileFormatError):
@@ -171,11 +196,58 @@ def load(path: Path, kind: Literal["mat", "hdf5"], names: Sequence[str] | None) 
             raise
 
 
-def _epitaph(kind: str, code: int | None, seconds: float) -> str:
+def _epitaph(kind: str, code: int | None, allowed: float, late: bool) -> str:
+    """Return what to say of a reader that ended, or gave an answer that is none; the file need not be at fault."""
     library = {"mat": "scipy.io", "hdf5": "libhdf5"}[kind]
-    if code is not None and code == -getattr(signal, "SIGPROF", 0):
-        return f"the file is damaged: {library} was not done with it after {seconds:.1f} s of processor time"
-    return f"the file is damaged: {library} crashed on it"
+    if late:
+        return f"{library} gave no answer within {_PATIENCE + seconds(LARGEST):.0f} s by the clock; it was ended"
+    if code is None or code >= 0:
+        ended = "gave an answer that cannot be understood" if code is None else f"ended with code {code}"
+        return f"the process that read the file with {library} {ended}; the file may be damaged"
+    if code == -getattr(signal, "SIGPROF", 0):
+        return (
+            f"{library} was not done with it after {allowed:.1f} s of processor time, the limit for a file of this "
+            "size; the file may be damaged"
+        )
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    if name in _CRASHES:
+        return f"{library} crashed on it ({name}): the file is damaged"
+    return (
+        f"the process that read the file with {library} was ended from outside ({name}), perhaps for lack of memory; "
+        "this does not mean that the file is damaged, read it again"
+    )
+
+
+def _expanded_mat(path: Path) -> int:
+    """Return the bytes that the elements of a MAT file of version 5 expand to.
+
+    Raises
+    ------
+    FileFormatError
+        More than are read of one file.
+    """
+    total = path.stat().st_size
+    with open_file(path) as file:
+        file.seek(124)
+        order = "<" if file.read(4)[2:] == b"IM" else ">"
+        while len(tag := file.read(8)) == 8:
+            kind, length = struct.unpack(f"{order}II", tag)
+            if kind != _COMPRESSED:
+                file.seek(length, os.SEEK_CUR)
+                continue
+            end, stream = file.tell() + length, zlib.decompressobj()
+            try:
+                while piece := file.read(min(_PIECE, end - file.tell())):
+                    while piece:
+                        total += len(stream.decompress(piece, _PIECE))
+                        check_size(total, "its arrays")
+                        piece = stream.unconsumed_tail
+            except zlib.error:
+                break  # what is wrong is for scipy.io to say
+    return total
 
 
 def _forget() -> None:

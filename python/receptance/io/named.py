@@ -61,18 +61,17 @@ def things_of(
     """
     if options.variables is None:
         found = []
+        owned: dict[str, dict[str, NDArray[Any]]] = {}
+        for name, value in items.items():
+            if isinstance(value, np.ndarray):
+                for owner in _owners(name, separator):
+                    owned.setdefault(owner, {})[name[len(owner) :].removeprefix(separator)] = value
         for name, value in items.items():
             owner, _, last = name.rpartition(separator)
             about = parse_about(value) if last == ABOUT else None
             if about is not None:
-                start = f"{owner}{separator}" if owner else ""
-                arrays = {
-                    key.removeprefix(start): array
-                    for key, array in items.items()
-                    if key.startswith(start) and isinstance(array, np.ndarray)
-                }
                 try:
-                    found.append(thing_of(arrays, about, options))
+                    found.append(thing_of(owned.get(owner, {}), about, options))
                 except FileFormatError as error:
                     raise FileFormatError(error.problem, place=owner or "the file") from None
         if found:
@@ -85,6 +84,12 @@ def things_of(
             name: f"{'x'.join(map(str, array.shape)) or 'scalar'} {array.dtype}" for name, array in arrays.items()
         }
         raise FileFormatError(f"{error}{_listed(listed if listed is not None else shapes)}") from None
+
+
+def _owners(name: str, separator: str) -> list[str]:
+    """Return the measurement that an array belongs to by its name, and the file as a whole."""
+    owner = name.rpartition(separator)[0]
+    return ["", owner] if owner else [""]
 
 
 class _MissingError(Exception):

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from receptance._files import open_file, read_whole
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.io.build import outside
 from receptance.io.coherence import Coherence, describe_low
 from receptance.io.errors import FileFormatError
-from receptance.io.formats import FORMATS, GZIP, HDF5_MARK, format_of, inflated
+from receptance.io.formats import FORMATS, GZIP, HDF5_MARK, format_of
+from receptance.io.limits import check_lines, inflated, timed
 from receptance.io.options import ReadKeywords, ReadOptions
 from receptance.io.time_series import TimeSeries
 
@@ -179,13 +181,13 @@ def read_all(
 
 
 def _read(path: Path, format: str | None, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         start = file.read(4096)
     kind = format or format_of(path, start)
     if kind in _BY_PATH and not start.startswith(GZIP):
         found = _by_path(path, kind, start, options)
     else:
-        data = path.read_bytes()
+        data = read_whole(path)
         if data.startswith(GZIP):
             data = inflated(data)
             kind = format or format_of(path.with_suffix(""), data[:4096])
@@ -195,7 +197,8 @@ def _read(path: Path, format: str | None, options: ReadOptions) -> list[FRF | Ti
                 whole.write_bytes(data)
                 found = _by_path(whole, kind, data[:4096], options)
         else:
-            found = _by_data(data, kind, options)
+            with timed(len(data)):
+                found = _by_data(data, kind, options)
     _check_used(found, kind, options)
     return [_sourced(thing, f"{path.name} ({FORMATS[kind]})") for thing in found]
 
@@ -215,6 +218,11 @@ def _by_path(path: Path, kind: str, start: bytes, options: ReadOptions) -> list[
 
 
 def _by_data(data: bytes, kind: str, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
+    if kind == "npz":
+        from receptance.io.npz import read_npz
+
+        return read_npz(data, options)
+    check_lines(data)
     if kind == "uff":
         from receptance.io.uff.read import read_uff
 
@@ -223,10 +231,6 @@ def _by_data(data: bytes, kind: str, options: ReadOptions) -> list[FRF | TimeSer
         from receptance.io.tables.read import read_csv
 
         return read_csv(data, options)
-    if kind == "npz":
-        from receptance.io.npz import read_npz
-
-        return read_npz(data, options)
     if kind == "cutpro":
         from receptance.io.cutpro import read_cutpro
 

@@ -16,6 +16,7 @@ __all__ = [
     "FRFKind",
     "Unit",
     "UnitError",
+    "can_be_unit",
     "channel_kind",
     "form_name",
     "frf_kind",
@@ -150,15 +151,8 @@ def parse_unit(text: str) -> Unit:
         raise UnitError(
             f"the unit {text!r} is a level in dB; export linear values, a level does not say what it refers to"
         )
-    # Only what can be a unit reaches pint: it would also compute, and a power of a power may take for ever.
-    without_powers = _POWER.sub("", plain)
     named = plain == "1" or re.search(r"[A-Za-zµμ]", plain)
-    if (
-        not named
-        or len(plain) > _LONGEST
-        or not _ALLOWED.fullmatch(without_powers)
-        or re.search(r"\*\*|//", without_powers)
-    ):
+    if not named or not can_be_unit(plain) or not _ALLOWED.fullmatch(_POWER.sub("", plain)):
         raise UnitError(_not_understood(text))
     try:
         base = (_registry().Quantity(1.0, "") * _registry().parse_expression(plain)).to_base_units()
@@ -172,6 +166,20 @@ def parse_unit(text: str) -> Unit:
     if not 0.0 < factor < float("inf") or any(power != round(power) for power in powers.values()):
         raise UnitError(_not_understood(text))
     return Unit(text, factor, tuple(sorted((name, int(power)) for name, power in powers.items() if power)))
+
+
+def can_be_unit(text: str) -> bool:
+    """Return whether a text may be given to pint as a unit.
+
+    pint computes what stands in a text as well, and a power of a power such as `m^9^9^9` takes for ever.
+
+    Examples
+    --------
+    >>> from receptance.io.units import can_be_unit
+    >>> can_be_unit("kg*m^2"), can_be_unit("m^9^9^9")
+    (True, False)
+    """
+    return len(text) <= _LONGEST and not re.search(r"\^|\*\*|//", _POWER.sub("", text))
 
 
 def _not_understood(text: str) -> str:

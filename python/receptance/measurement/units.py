@@ -59,6 +59,10 @@ def factor_to_si(owner: str, what: str, quantity: str, unit: str) -> float:
     if quantity == "acceleration" and unit.strip() in ("g", "g0", "gn", "g_n"):
         # pint's g is the gram, which no acceleration is measured in.
         return 9.80665
+    from receptance.io.units import can_be_unit
+
+    if not can_be_unit(unit):
+        raise ValueError(f"{owner}: {what} is {unit[:60]!r}, which is not understood as a unit, expected {expected}")
     registry = _registry()
     try:
         found: Any = registry.Quantity(unit) if unit.strip() else None

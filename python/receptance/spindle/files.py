@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance._files import write_whole
+from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
-from receptance.io.npz import npz_arrays
+from receptance.io.npz import arrays_in
 from receptance.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
         if not isinstance(found, FRF):
             raise ValueError(f"holds a {type(found).__name__}, expected an FRF matrix over y and theta")
         return _of(found, name)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         said = str(error)
         raise ValueError(said if source.name in said else f"{source}: {said}") from error
 
@@ -123,9 +123,8 @@ def _own(source: Path) -> dict[str, NDArray[Any]] | None:
     """Return the arrays of a file that `write_spindle` wrote; None for any other file."""
     if source.suffix.lower() != ".npz":
         return None
-    arrays = npz_arrays(source.read_bytes())
-    written = arrays.get("format")
-    return arrays if written is not None and written.dtype.kind == "U" and str(written) == _FORMAT else None
+    arrays = arrays_in(read_whole(source))
+    return arrays if arrays.get("format") == _FORMAT else None
 
 
 def _of(frf: FRF, name: str) -> MeasuredPart:

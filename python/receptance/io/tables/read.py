@@ -55,7 +55,7 @@ def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
     names = [table.columns[index].name for index in channels]
     if isinstance(options.unit, str) and options.unit != SI and len(names) > 1:
         raise FileFormatError(several_channels(names, options.unit))
-    units, notes = [], []
+    units, notes = [], list(table.notes)
     for index in channels:
         column = table.columns[index]
         given = options.channel_unit(column.name)
@@ -106,7 +106,8 @@ def _coherence(table: Table, index: int) -> NDArray[np.float64]:
 
 
 def _unread(table: Table) -> list[str]:
-    return [f"column {column.name!r} was not read" for column in table.columns if column.role == "channel"]
+    unread = [f"column {column.name!r} was not read" for column in table.columns if column.role == "channel"]
+    return [*table.notes, *unread]
 
 
 def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:
@@ -162,6 +163,7 @@ def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.c
             raise FileFormatError(f"the real part is in {declared.text!r}, the imaginary part in {other.text!r}")
         values = joined(table.values[:, found["real"]], table.values[:, found["imaginary"]])
     else:
+        _check_magnitude(table, found["magnitude"])
         values = table.values[:, found["magnitude"]] * np.exp(1j * scaled(table, found["phase"], "rad"))
     resolved = resolve_frf(
         options,
@@ -171,6 +173,17 @@ def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.c
         undeclared=f"column {first.name!r} says no unit, such as {first.name} [m/s^2/N]",
     )
     return in_si(values, resolved.factor), resolved
+
+
+def _check_magnitude(table: Table, index: int) -> None:
+    negative = np.flatnonzero(table.values[:, index] < 0.0)
+    if negative.size:
+        row = int(negative[0])
+        raise FileFormatError(
+            f"column {table.columns[index].name!r} is {table.values[row, index]:g}, expected zero or more: a magnitude "
+            "is not negative; if these are levels in dB, export linear values",
+            line=table.lines[row],
+        )
 
 
 def _own_frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:

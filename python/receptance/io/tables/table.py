@@ -11,9 +11,10 @@ import numpy as np
 
 from receptance.io.errors import FileFormatError
 from receptance.io.fields import parse_about
+from receptance.io.limits import check_fields, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.tables.columns import Column, parse_column
-from receptance.io.text import decode, number, numbered_lines, shown
+from receptance.io.text import check_count, decode, doubts_of_end, number, numbered_lines
 from receptance.io.units import Unit, UnitError, parse_unit
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ __all__ = ["EXAMPLE", "MARK", "Table", "column_unit", "read_table", "scaled"]
 MARK = "# receptance: "
 """Begins the line in which this library keeps what columns cannot hold."""
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
+_LONGEST_NAME = 1000
 _MAY_BE_INFINITE = ("log_variance", "degrees_of_freedom")
 
 
@@ -38,6 +40,7 @@ class Table:
     """Line of the header; 0 where it was given."""
     lines: tuple[int, ...]
     about: dict[str, Any] | None
+    notes: tuple[str, ...] = ()
 
     def of(self, role: str) -> list[int]:
         """Return the columns that have a role."""
@@ -50,7 +53,8 @@ class Table:
 
 def read_table(data: bytes, options: ReadOptions) -> Table:
     """Return the table in a file, with the header that is there or was given."""
-    lines = numbered_lines(decode(data))
+    whole = decode(data)
+    lines = numbered_lines(whole)
     about = None
     for line, text in lines:
         if text.startswith(MARK):
@@ -78,16 +82,14 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         )
     else:
         rows = rows[1:]
+    for name in names:
+        if len(name) > _LONGEST_NAME:
+            raise FileFormatError(
+                f"a column has a name of {len(name)} characters, expected a short one", line=header or None
+            )
     columns = [parse_column(name) for name in names]
-    if (
-        rows
-        and len(rows[0][1]) == len(columns)
-        and not any(_is_number(field, delimiter) for field in rows[0][1] if field.strip())
-    ):
-        # A row of units below the names.
-        columns = [
-            replace(c, unit=c.unit or unit.strip("[]() \t")) for c, unit in zip(columns, rows[0][1], strict=True)
-        ]
+    if rows and _are_units(columns, rows[0][1], delimiter):
+        columns = _with_units(columns, *rows[0], options)
         rows = rows[1:]
     while columns and not columns[-1].name and all(len(row) < len(columns) or not row[-1].strip() for _, row in rows):
         # A delimiter at the end of each row.
@@ -97,30 +99,79 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         # The first one is; f and t behind it are a force and a temperature.
         columns[index] = replace(columns[index], role="channel")
     if not abscissae:
-        found = ", ".join(repr(column.name) for column in columns[:8])
+        # What stands here is not shown: nothing has told yet that the file is a table of measurements.
         raise FileFormatError(
-            f"the columns are {found}; expected one named frequency or time, in a header such as {EXAMPLE} or "
+            f"of the {len(columns)} columns none is named frequency or time, expected a header such as {EXAMPLE} or "
             "time [s],hammer [N],tip [m/s^2]. If the file has no header give it with columns=[...]",
             line=header or None,
         )
-    return _numbers(columns, rows, header, delimiter, about)
+    table = _numbers(columns, rows, header, delimiter, about, shown=options.columns is None)
+    declared = None if about is None else about.get("rows")
+    if isinstance(declared, int):
+        check_count(whole, len(rows), declared, lines[-1][0])
+        return table
+    return replace(table, notes=tuple(doubts_of_end(whole, lines[-len(rows) :])))
+
+
+def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str) -> bool:
+    """Return whether the row below the names says units: of the frequency or time, else in all cells with text."""
+    if len(fields) != len(columns):
+        return False
+    texts = [field.strip("[]() \t") for field in fields]
+    first = next((index for index, column in enumerate(columns) if column.role in ("frequency", "time")), None)
+    decisive = [texts[first]] if first is not None and texts[first] else [text for text in texts if text]
+    if not decisive or any(_is_number(text, delimiter) for text in decisive):
+        return False
+    try:
+        return all(parse_unit(text) for text in decisive)
+    except UnitError:
+        return False
+
+
+def _with_units(columns: Sequence[Column], line: int, fields: Sequence[str], options: ReadOptions) -> list[Column]:
+    """Return columns with the units of the row below their names, which may say the same as these but nothing else."""
+    found = []
+    for column, field in zip(columns, fields, strict=True):
+        unit = field.strip("[]() \t")
+        overruled = options.unit is not None and column.role not in ("frequency", "time")
+        if column.unit and unit and not overruled and not _same_unit(column.unit, unit):
+            raise FileFormatError(
+                f"column {column.name!r} is in {column.unit!r} by its name and in {unit!r} by this row of units; "
+                "remove the one that is wrong, or give the unit with unit=",
+                line=line,
+            )
+        found.append(replace(column, unit=column.unit or unit))
+    return found
+
+
+def _same_unit(one: str, other: str) -> bool:
+    try:
+        first, second = parse_unit(one), parse_unit(other)
+    except UnitError:
+        return one == other
+    return (first.factor, first.dimension) == (second.factor, second.dimension)
 
 
 def _delimiter(line: int, text: str) -> str:
     """Return what stands between columns: what leaves a frequency or time column whole, else what there is."""
     there = [sign for sign in "\t;," if sign in text]
     if not there:
-        raise FileFormatError(f"found {shown(text)}, expected columns between commas, semicolons or tabs", line=line)
+        raise FileFormatError("this line has no columns between commas, semicolons or tabs", line=line)
     for sign in there:
         ((_, names),) = _split([(line, text)], sign)
-        if any(parse_column(name).role in ("frequency", "time") for name in names):
+        if any(len(name) <= _LONGEST_NAME and parse_column(name).role in ("frequency", "time") for name in names):
             return sign
     return there[0]
 
 
 def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, list[str]]]:
-    rows = []
-    for line, text in lines:
+    rows: list[tuple[int, list[str]]] = []
+    fields_so_far = 0
+    for index, (line, text) in enumerate(lines):
+        if index % 1024 == 0:
+            check_time()
+        fields_so_far += text.count(delimiter) + 1
+        check_fields(fields_so_far)
         if '"' not in text:
             rows.append((line, text.split(delimiter)))
             continue
@@ -146,6 +197,8 @@ def _numbers(
     header: int,
     delimiter: str,
     about: dict[str, Any] | None,
+    *,
+    shown: bool,
 ) -> Table:
     if not rows:
         raise FileFormatError("there are no rows of numbers below the header", line=header or None)
@@ -160,7 +213,10 @@ def _numbers(
         if len(fields) != width:
             raise FileFormatError(f"there are {len(fields)} columns, the header has {width}", line=line)
         for k, field in enumerate(fields):
-            values[index, k] = number(field, line, f"column {columns[k].name!r}", decimal_comma=delimiter != ",")
+            # Below names that were given the first row may be anything, and is not shown.
+            show = shown or index > 0
+            what = f"column {columns[k].name!r}"
+            values[index, k] = number(field, line, what, decimal_comma=delimiter != ",", show=show)
     lines = tuple(line for line, _ in rows)
     table = Table(tuple(columns), values, header, lines, about)
     _check_finite(table)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance._files import inert
 from receptance.frf import FRF
 from receptance.io.coherence import Coherence
 from receptance.io.fields import about_text, arrays_of
@@ -27,9 +28,9 @@ def csv_bytes(thing: FRF | TimeSeries | Coherence) -> bytes:
     """Return the contents of a CSV file; nothing is lost, numbers have all digits that they need."""
     columns = _time_columns(thing) if isinstance(thing, TimeSeries) else _frequency_columns(thing)
     stream = io.StringIO()
-    stream.write(f"{MARK}{about_text(thing)}\n")
+    stream.write(f"{MARK}{about_text(thing, rows=len(columns[0][1]))}\n")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([name for name, _ in columns])
+    writer.writerow([inert(name) for name, _ in columns])
     writer.writerows(zip(*([repr(x) for x in values.tolist()] for _, values in columns), strict=True))
     return stream.getvalue().encode()
 

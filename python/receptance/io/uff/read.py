@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from receptance.io.errors import FileFormatError
 from receptance.io.options import ReadOptions, resolve_frf
 from receptance.io.time_series import TimeSeries
 from receptance.io.uff.header import remembered
-from receptance.io.uff.sets import Function, Other, data_sets
+from receptance.io.uff.sets import Function, Other, Point, data_sets
 from receptance.io.uff.time_records import cycles, time_series
 from receptance.io.uff.units import declared_form, declared_unit, directions, expect_abscissa
 
@@ -78,14 +79,16 @@ def read_uff(data: bytes, options: ReadOptions) -> list[FRF | TimeSeries | Coher
             f"it holds {held}",
             line=items[0].line.number if items else 1,
         )
-    others = [_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind]
-    notes = [f"not read: {name} ({others.count(name)} in the file)" for name in dict.fromkeys(others)]
+    others = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
+    notes = [f"not read: {name} ({count} in the file)" for name, count in others.items()]
     found: list[FRF | TimeSeries | Coherence] = []
-    left = list(by_kind[_COHERENCE])
+    left = _Partners(by_kind[_COHERENCE])
     for matrix in _matrices([_entry(function, options) for function in by_kind[_FRF]]):
         found.append(_frf(matrix, left, notes, options))
     if not (options.ignore_coherence and found):
-        alone = [_Entry(function, "receptance", ("y", "y"), _real(function), function.notes) for function in left]
+        alone = [
+            _Entry(function, "receptance", ("y", "y"), _real(function), function.notes) for function in left.functions()
+        ]
         found.extend(_coherence(matrix, notes) for matrix in _matrices(alone))
     found.extend(time_series(cycle, notes, options) for cycle in cycles(by_kind[_TIME]))
     return found
@@ -119,17 +122,21 @@ def _entry(function: Function, options: ReadOptions) -> _Entry:
 
 def _matrices(entries: Sequence[_Entry]) -> list[list[list[_Entry]]]:
     """Group entries of one form on the same lines to matrices [response][excitation], or leave them single."""
-    groups: list[dict[tuple[str, str], _Entry]] = []
+    groups: dict[tuple[Form, bytes], list[dict[tuple[str, str], _Entry]]] = {}
+    order: list[dict[tuple[str, str], _Entry]] = []
+    counts: Counter[tuple[Form, bytes, tuple[str, str]]] = Counter()
     for entry in entries:
-        for group in groups:
-            first = next(iter(group.values()))
-            if entry.pair not in group and entry.form == first.form and _same_lines(entry.function, first.function):
-                group[entry.pair] = entry
-                break
-        else:
-            groups.append({entry.pair: entry})
+        lines = _lines_key(entry.function)
+        alike = groups.setdefault((entry.form, lines), [])
+        # Where a pair comes for the n-th time it goes to the n-th matrix on these lines.
+        position = counts[entry.form, lines, entry.pair]
+        counts[entry.form, lines, entry.pair] += 1
+        if position == len(alike):
+            alike.append({})
+            order.append(alike[position])
+        alike[position][entry.pair] = entry
     matrices: list[list[list[_Entry]]] = []
-    for group in groups:
+    for group in order:
         out, into = (list(dict.fromkeys(pair[side] for pair in group)) for side in (0, 1))
         if len(group) == len(out) * len(into) and _directions_agree(group):
             matrices.append([[group[row, column] for column in into] for row in out])
@@ -148,11 +155,38 @@ def _directions_agree(group: dict[tuple[str, str], _Entry]) -> bool:
     return True
 
 
-def _same_lines(one: Function, other: Function) -> bool:
-    return np.array_equal(one.abscissa, other.abscissa)
+def _lines_key(function: Function) -> bytes:
+    """Return what is equal where the lines are (0 and -0 are)."""
+    return (function.abscissa + 0.0).tobytes()
 
 
-def _frf(matrix: list[list[_Entry]], left: list[Function], notes: Sequence[str], options: ReadOptions) -> FRF:
+class _Partners:
+    """Coherences by their points and lines, in the order of the file."""
+
+    def __init__(self, functions: Sequence[Function]) -> None:
+        self._waiting: dict[tuple[Point, Point, bytes], deque[Function]] = {}
+        self._all = list(functions)
+        for function in functions:
+            self._waiting.setdefault(self._key(function), deque()).append(function)
+
+    @staticmethod
+    def _key(function: Function) -> tuple[Point, Point, bytes]:
+        return function.response, function.reference, _lines_key(function)
+
+    def take(self, functions: Sequence[Function]) -> list[Function] | None:
+        """Return the coherences of all these FRFs and remove them; None where one of them has none."""
+        keys = [self._key(function) for function in functions]
+        if any(len(self._waiting.get(key, ())) < count for key, count in Counter(keys).items()):
+            return None
+        return [self._waiting[key].popleft() for key in keys]
+
+    def functions(self) -> list[Function]:
+        """Return those that no FRF took."""
+        left = {id(function) for waiting in self._waiting.values() for function in waiting}
+        return [function for function in self._all if id(function) in left]
+
+
+def _frf(matrix: list[list[_Entry]], left: _Partners, notes: Sequence[str], options: ReadOptions) -> FRF:
     """Return the FRF of a matrix; the coherences that it takes are removed from those that are left."""
     first = matrix[0][0].function
     values = np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1)
@@ -196,23 +230,11 @@ def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.
     return function.abscissa
 
 
-def _coherences(matrix: list[list[_Entry]], left: list[Function]) -> NDArray[np.float64] | None:
+def _coherences(matrix: list[list[_Entry]], left: _Partners) -> NDArray[np.float64] | None:
     """Take the coherences of all entries out of those that are left, or none of them."""
-    taken: list[Function] = []
-    for entry in (entry for row in matrix for entry in row):
-        points = (entry.function.response, entry.function.reference)
-        partner = next(
-            (
-                f
-                for f in left
-                if f not in taken and (f.response, f.reference) == points and _same_lines(f, entry.function)
-            ),
-            None,
-        )
-        if partner is None:
-            return None
-        taken.append(partner)
-    left[:] = [function for function in left if function not in taken]
+    taken = left.take([entry.function for row in matrix for entry in row])
+    if taken is None:
+        return None
     return np.stack([_real(f) for f in taken], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
 
 

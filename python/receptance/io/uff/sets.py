@@ -129,17 +129,19 @@ def data_sets(data: bytes) -> Iterator[Function | Other]:
     """
     cursor = Cursor(data)
     units: UnitSystem | None = None
+    known = False
     while (opening := cursor.next()) is not None:
         if not opening.content.strip(b" \t\r\n\x1a\x00"):
             continue
         if not is_delimiter(opening.content):
-            raise opening.error(
-                f"found {opening.shown()}, expected a line with -1 in columns 5 and 6 before a data set"
-            )
+            # Before the first data set the file may be anything, and what stands in it is not shown.
+            found = opening.shown() if known else "text"
+            raise opening.error(f"found {found}, expected a line with -1 in columns 5 and 6 before a data set")
         identity = cursor.expect("the number of a data set")
         if is_delimiter(identity.content):
             raise identity.error("found -1, expected the number of a data set: one -1 too many or too few before")
         kind = integer(identity, 0, 6, "the number of the data set")
+        known = True
         if kind == 58:
             yield _function(cursor, identity, units)
         elif kind == 164:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from receptance.io.errors import FileFormatError
+from receptance.io.limits import check_time
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,6 +65,7 @@ class Cursor:
 
     def next(self) -> Line | None:
         """Return the next line and move past it, or None at the end."""
+        check_time()
         line = self.peek()
         if line is not None:
             end = self.data.find(b"\n", self.byte)

@@ -28,11 +28,24 @@ def cycles(functions: Sequence[Function]) -> list[list[Function]]:
     found: list[list[Function]] = []
     for group in groups:
         names = [function.response.label for function in group]
-        period = next(k for k in range(1, len(names) + 1) if names == (names[:k] * len(names))[: len(names)])
+        period = _period(names)
         if len(names) % period or not all(names):
             period = len(names)
         found.extend(group[k : k + period] for k in range(0, len(group), period))
     return found
+
+
+def _period(names: Sequence[str]) -> int:
+    """Return after how many names the same ones begin again, in a time proportional to their number."""
+    # Of each beginning of the list: the length of the longest shorter beginning that it also ends with.
+    borders = [0] * len(names)
+    length = 0
+    for index in range(1, len(names)):
+        while length and names[index] != names[length]:
+            length = borders[length - 1]
+        length += names[index] == names[length]
+        borders[index] = length
+    return len(names) - borders[-1]
 
 
 def time_series(functions: Sequence[Function], notes: Sequence[str], options: ReadOptions) -> TimeSeries:
@@ -76,12 +89,14 @@ def time_series(functions: Sequence[Function], notes: Sequence[str], options: Re
 
 def _names(functions: Sequence[Function]) -> list[str]:
     """Return names that differ: of the point, else the axis label, else a number."""
-    names: list[str] = []
+    names: dict[str, None] = {}
+    counts: dict[str, int] = {}
     for number, function in enumerate(functions, 1):
         name = function.response.label or function.axes[1].label or f"channel {number}"
-        repeated, unique = 1, name
+        repeated, unique = counts.get(name, 1), name
         while unique in names:
             repeated += 1
             unique = f"{name} ({repeated})"
-        names.append(unique)
-    return names
+        counts[name] = repeated
+        names[unique] = None
+    return list(names)

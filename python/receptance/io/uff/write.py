@@ -238,7 +238,16 @@ def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str,
     uneven = float(np.max(np.abs(held - lines)))
     if min(best[0], uneven) > _EXACT * scale:
         lost.append(f"frequency lines more exactly than {min(best[0], uneven):.1g} Hz")
-    return (True, *best[1:]) if best[0] <= uneven else (False, "0.00000E+00", "0.00000E+00")
+    if best[0] <= uneven:
+        return True, *best[1:]
+    same = np.flatnonzero(np.diff(held) <= 0.0)
+    if same.size:
+        one, other = lines[same[0]], lines[same[0] + 1]
+        raise ValueError(
+            f"a universal file cannot hold the lines {float(one)!r} and {float(other)!r} Hz apart: it has "
+            f"{'single precision' if binary else '13 columns'} for each; write .npz, .mat, .h5 or .csv"
+        )
+    return False, "0.00000E+00", "0.00000E+00"
 
 
 def _exact_lines(lines: NDArray[np.float64]) -> list[float] | None:
