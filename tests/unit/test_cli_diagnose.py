@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +145,43 @@ def test_the_stable_depth_is_a_metric(monkeypatch: pytest.MonkeyPatch, capsys: p
     own = gains["stable depth of facing, error in percent"]
     assert own["held_out_before"] == pytest.approx(6.0, abs=3.0)
     assert own["held_out_after"] < 0.5 * own["held_out_before"]
+
+
+INTERRUPTED = """
+import signal, sys
+import receptance.cli.running as running
+from receptance.cli import main
+# A shell that starts it in the background would have it ignore the signal; every line of progress at once.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+running._QUIET = 0.0
+main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")
+def test_ctrl_c_gives_an_answer_that_is_not_final() -> None:
+    simulated(1.06)
+    arguments = ["diagnose", "rods", "--json", "v.json", "--report", "v.html", "--extended", "extended.toml"]
+    command = [sys.executable, "-c", INTERRUPTED, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if re.search(r"step [5-9] of about \d+, about \d+ (s|min) left", line):
+                process.send_signal(signal.SIGINT)
+                break
+        out, err = process.communicate(timeout=300)
+    assert process.returncode == 130, (lines, err)
+    assert "verdict so far, not final" in out
+    assert "interrupted in step" in out
+    assert "extended.toml was not written: the diagnosis was interrupted" in out
+    assert err.rstrip().endswith("receptance: interrupted, the answer is not final")
+    found = json.loads(Path("v.json").read_text())
+    assert found["final"] is False
+    assert found["candidates"]
+    assert "not final" in Path("v.html").read_text()
+    assert not Path("extended.toml").exists()
 
 
 def test_nothing_to_extend_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -329,6 +330,74 @@ def test_the_same_seed_gives_the_same_answer(threads: int) -> None:
     first = diagnose(observed(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=1)
     again = diagnose(observed(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
     assert first.to_dict() == again.to_dict()
+
+
+def stopping(what: str, times: int = 1) -> tuple[list[str], Callable[[str], None]]:
+    """The lines of progress, and what interrupts as Ctrl-C does at a line that has some words for the n-th time."""
+    lines: list[str] = []
+
+    def progress(text: str) -> None:
+        lines.append(text)
+        if sum(what in line for line in lines) == times and what in text:
+            raise KeyboardInterrupt
+
+    return lines, progress
+
+
+def test_progress_counts_steps_and_names_what_leads() -> None:
+    lines: list[str] = []
+    diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, held_out=True, progress=lines.append)
+    steps = [
+        re.match(r"step (\d+) of about (\d+)(, about [\d.]+ (s|min|h) left)?(, leading so far: \w+)?", x) for x in lines
+    ]
+    assert all(steps)
+    numbers = [int(one[1]) for one in steps if one]
+    assert numbers == list(range(1, len(lines) + 1))
+    assert all(int(one[2]) >= int(one[1]) for one in steps if one)
+    assert all(one[3] for one in steps[3:] if one)
+    assert any("leading so far: calibration_gain, misfit 1." in line or "gain, misfit 0.9" in line for line in lines)
+    # The count of the folds is known beforehand: the estimate at the first of them is near the end.
+    first = next(i for i, line in enumerate(lines) if "held out" in line)
+    assert int(steps[first][2]) == pytest.approx(len(lines), rel=0.4)  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    ("what", "times", "tried"),
+    [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("something without a name", 3, 3)],
+)
+def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what: str, times: int, tried: int) -> None:
+    """In the base fit, while starts are compared, while fits end, beside the rivals."""
+    lines, progress = stopping(what, times)
+    verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress)
+    assert not verdict.final
+    assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
+    assert len({one.id for one in verdict.candidates}) >= tried
+    assert (verdict.candidates == ()) == (tried == 0)
+    if tried == 3:
+        assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["calibration_gain"])
+    text = verdict.summary()
+    assert text.startswith("verdict so far, not final: ")
+    assert f"interrupted in step {len(lines)} of about" in text
+    assert ("not fitted yet" in text) == (tried == 0)
+    written = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
+    assert written["final"] is False
+    assert written["settings"]["interrupted"]["step"] == len(lines)
+    assert "not final" in diagnosis_html(verdict)
+    assert diagnose(observed(), JOINT, causes=["sensor_mass"], most=1).final
+
+
+def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
+    _, progress = stopping("held out: 0.09")
+    verdict = diagnose(
+        observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, held_out=True, progress=progress
+    )
+    assert (verdict.final, verdict.verdict, [one.id for one in verdict.causes]) == (
+        False,
+        "named",
+        ["calibration_gain"],
+    )
+    assert [one["configuration"] for one in verdict.gains[0].folds] == ["0.05", "0.07"]
+    assert any("all causes were tried" in note for note in verdict.notes)
 
 
 def test_bad_input_is_told() -> None:

@@ -173,7 +173,7 @@ def diagnose_campaign(
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    if kept_back:
+    if kept_back and verdict.final:
         found = improvement(
             verdict.selection,
             verdict.explanation,

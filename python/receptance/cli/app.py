@@ -1,4 +1,7 @@
-"""The commands together, and how they end: 0 done, 1 an internal error, 2 bad input, 3 the answer is no."""
+"""The commands together, and how they end.
+
+Exit codes: 0 done, 1 an internal error, 2 bad input, 3 the answer is no, 130 interrupted.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import typer
 from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
-from receptance.cli.running import InputError
+from receptance.cli.running import InputError, InterruptedAnswer
 from receptance.cli.stability import stability
 from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
@@ -65,6 +68,9 @@ def main() -> None:
     except InputError as error:
         print(f"receptance: {error}", file=sys.stderr)
         code = 2
+    except InterruptedAnswer as error:
+        print(f"receptance: {error}", file=sys.stderr)
+        raise SystemExit(_INTERRUPTED) from None
     except (typer.Abort, KeyboardInterrupt):
         code = _INTERRUPTED
     except Exception as error:

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.text import Text
 
-from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, output, with_progress
+from receptance.cli.running import (
+    InputError,
+    InterruptedAnswer,
+    Json,
+    Plot,
+    Targets,
+    input_errors,
+    output,
+    with_progress,
+)
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -180,7 +189,10 @@ def diagnose(
         bool, typer.Option("--strict", help="Exit with 3 where the verdict is anything but adequate.")
     ] = False,
 ) -> None:
-    """Say whether the model is adequate for what was measured, and what it lacks if not."""
+    """Say whether the model is adequate for what was measured, and what it lacks if not.
+
+    Ctrl-C ends it with what is known so far, said to be not final, and exit code 130.
+    """
     targets = Targets(json_file, plot, report, extended)
     from receptance.campaign import CampaignError
     from receptance.campaign.metrics import named_metrics
@@ -196,7 +208,8 @@ def diagnose(
 
         return diagnosis_html(found.verdict, title=read.title)
 
-    text, why_not = _extended(found, extended)
+    final = found.verdict.final
+    text, why_not = _extended(found, extended) if final else (None, "the diagnosis was interrupted" if extended else "")
     targets.write(found.as_dict(), found.plot, report=page, extended=text)
     console = targets.console()
     console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
@@ -208,6 +221,8 @@ def diagnose(
     targets.name(console)
     if why_not:
         console.print(f"{extended} was not written: {why_not}", soft_wrap=True)
+    if not final:
+        raise InterruptedAnswer("interrupted, the answer is not final")
     if strict and found.verdict.verdict != "adequate":
         raise typer.Exit(ANSWER_IS_NO)
 

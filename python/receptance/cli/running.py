@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
@@ -18,11 +19,23 @@ from receptance._files import check_target, write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["InputError", "Json", "Plot", "Seed", "Targets", "input_errors", "output", "with_progress"]
+__all__ = [
+    "InputError",
+    "InterruptedAnswer",
+    "Json",
+    "Plot",
+    "Seed",
+    "Targets",
+    "input_errors",
+    "output",
+    "with_progress",
+]
 
 _PIPE_WIDTH = 132
 _LEAST_WIDTH = 40
 """Columns that every table fits; a narrower terminal wraps the lines itself."""
+_QUIET = 10.0
+"""In a pipe progress is told after so many seconds without a line."""
 _Result = TypeVar("_Result")
 
 Json = Annotated[
@@ -47,6 +60,10 @@ PROFILES = "profiles"
 
 class InputError(Exception):
     """A mistake of the person, in words."""
+
+
+class InterruptedAnswer(Exception):  # noqa: N818
+    """An interruption after which an answer was given all the same; the message says so."""
 
 
 @contextmanager
@@ -194,11 +211,25 @@ def output(*, stderr: bool = False) -> Console:
     return console
 
 
+def _now_and_then() -> Callable[[str], None]:
+    """Return what prints a line where none was printed for a while, and since when the work goes on."""
+    began = last = perf_counter()
+
+    def say(text: str) -> None:
+        nonlocal last
+        now = perf_counter()
+        if now - last >= _QUIET:
+            last = now
+            print(f"{now - began:.0f} s: {text}", file=sys.stderr, flush=True)
+
+    return say
+
+
 def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
-    """Do long work; on a terminal with what is being done and since when, in a pipe silently."""
+    """Do long work and show on the standard error what is being done: live on a terminal, else a line now and then."""
     console = Console(stderr=True)
     if not console.is_terminal:
-        return work(lambda _: None)
+        return work(_now_and_then())
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())

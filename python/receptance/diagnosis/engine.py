@@ -14,12 +14,13 @@ from receptance.diagnosis.catalogue import listed
 from receptance.diagnosis.causes import Cause
 from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
 from receptance.diagnosis.fitting import EXPLORING
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded, folds_of
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.showing import implausible
+from receptance.diagnosis.steps import Steps
 from receptance.diagnosis.usable import usable
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.identification.laws import Tolerance
@@ -76,12 +77,14 @@ def diagnose(
         With `held_out`: errors of a prediction that matter to you, by name. Each gets a
         `receptance.diagnosis.HeldOut` and returns a number, smaller where the prediction is better.
     progress : callable, optional
-        Is told what is being done.
+        Gets one line of text at the beginning of each step: which step of how many, about how long the rest takes,
+        which explanation leads, and what is being done. The number of steps is an estimate that later steps correct.
 
     Returns
     -------
     Verdict
-        The answer, the reported causes with sizes and evidence, fitted models, advice.
+        The answer, the reported causes with sizes and evidence, fitted models, advice. A KeyboardInterrupt ends the
+        diagnosis with what is known so far: `Verdict.final` is then False. A second one is raised as always.
 
     Raises
     ------
@@ -130,12 +133,17 @@ def diagnose(
     _checks.thread_count(threads)
     model, left_out = usable(Model(observed, wanted, errors))
     model = model.witnessed()
-    selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=progress)
-    verdict = _verdict(selection, seed, most, left_out)
-    if not held_out:
+    steps = Steps(progress, 1 + (folds_of(model) if held_out else 0))
+    selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=steps)
+    verdict = _verdict(selection, seed, most, left_out, steps)
+    if not held_out or not verdict.final:
         return verdict
-    options: dict[str, Any] = {"metrics": own, "progress": progress}
-    return verdict.improved(folded(model, listed(causes), seed=seed, threads=threads, most=most, **options))
+    steps.again()
+    options: dict[str, Any] = {"metrics": own, "progress": steps}
+    found = folded(model, listed(causes), seed=seed, threads=threads, most=most, **options)
+    if not found.complete:
+        verdict = verdict.unfinished(steps.how_far, tried=True)
+    return verdict.improved(found)
 
 
 def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
@@ -165,8 +173,15 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
     return found
 
 
-def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str], steps: Steps) -> Verdict:
     judgement = conclude(selection)
+    interrupted = selection.interrupted
+    next_measurement = None
+    if not interrupted:
+        try:
+            next_measurement = advise(selection, judgement)
+        except KeyboardInterrupt:
+            interrupted = True
     notes = [*judgement.notes, *_on_data(selection), *left_out]
     fitted: dict[Explanation, Identification] = {}
 
@@ -182,7 +197,7 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
             reported.setdefault(cause.id, _candidate(selection, one, cause, variant, identified(one)))
     candidates = [_candidate(selection, one, *one.steps[0], identified(one)) for one in selection.singles]
     rivals = {one: _candidate(selection, one, *one.steps[0], identified(one)) for one in selection.rivals}
-    return Verdict(
+    verdict = Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
         candidates=tuple(candidates),
@@ -193,7 +208,7 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
         base=selection.base.identification(seed),
         extended=None if best is None else identified(best),
         gains=(),
-        next_measurement=advise(selection, judgement),
+        next_measurement=next_measurement,
         undecidable=selection.undecidable,
         notes=tuple(notes),
         settings=_settings(selection, seed, most),
@@ -205,6 +220,7 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
         rival=None if judgement.rival is None else rivals[judgement.rival],
         explanation=best,
     )
+    return verdict.unfinished(steps.how_far, tried=not selection.interrupted) if interrupted else verdict
 
 
 def _vetoed(selection: Selection) -> Iterator[tuple[Explanation, tuple[Cause, str]]]:

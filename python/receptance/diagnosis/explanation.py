@@ -94,6 +94,8 @@ class Selection:
         How often all observations were calculated with their derivatives, on few lines or on all.
     seconds : float
         How long it took.
+    interrupted : bool
+        Whether it was ended by a KeyboardInterrupt: what was not reached is missing, and not all fits have ended.
     """
 
     base: Fit
@@ -107,6 +109,7 @@ class Selection:
     rivals: list[Explanation] = field(default_factory=list)
     evaluations: int = 0
     seconds: float = 0.0
+    interrupted: bool = False
 
     def explained(self, steps: tuple[tuple[Cause, str], ...], fit: Fit, more: float = 0.0) -> Explanation:
         """Return what a fit makes of the data; `more` is what it is expected to gain beyond that."""

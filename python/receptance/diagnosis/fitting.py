@@ -40,6 +40,7 @@ __all__ = [
     "starting_at",
     "telling_lines",
     "thinned",
+    "unfitted",
 ]
 
 EXPLORING = 120
@@ -323,6 +324,14 @@ def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:
     unknowns = task.variables.unknowns
     chosen = [min(max(float(values.get(u.name, u.start or 0.0)), u.lower), u.upper) for u in unknowns]
     return task.variables.from_values(np.array(chosen, dtype=np.float64))
+
+
+def unfitted(model: Model, threads: int | None = None) -> Fit:
+    """Return a model where its fit would begin."""
+    task, problem = problem_of(model, threads)
+    x = problem.variables.start
+    residual = problem.residual(x)
+    return Fit(model, task, problem, x, float(residual @ residual), False)
 
 
 def starting_at(fit: Fit, model: Model) -> Fit:

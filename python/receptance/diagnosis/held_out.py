@@ -18,6 +18,7 @@ from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.selection import select
+from receptance.diagnosis.steps import Steps
 from receptance.diagnosis.verdict import Gain
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
 
-__all__ = ["FREQUENCIES", "SCORE", "SPECTRAL", "HeldOut", "Improvement", "Metric", "folded", "improvement"]
+__all__ = ["FREQUENCIES", "SCORE", "SPECTRAL", "HeldOut", "Improvement", "Metric", "folded", "folds_of", "improvement"]
 
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"
@@ -92,6 +93,8 @@ class Improvement:
         Held-out modes, measured less predicted, before and after.
     slenderness : dict of str to float
         Overhang over diameter of the held-out configurations.
+    complete : bool
+        Whether all folds were done.
     """
 
     gains: tuple[Gain, ...] = ()
@@ -99,6 +102,7 @@ class Improvement:
     modes: tuple[ModeResidual, ...] = ()
     modes_after: tuple[ModeResidual, ...] = ()
     slenderness: Mapping[str, float] = field(default_factory=dict)
+    complete: bool = True
 
 
 def folded(
@@ -109,31 +113,43 @@ def folded(
     threads: int | None,
     most: int,
     metrics: Mapping[str, Metric] | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Steps | None = None,
 ) -> Improvement:
     """Leave out one configuration after the other, with the whole selection repeated without it.
 
-    Where there are many, every few of them are left out together.
+    Where there are many, every few of them are left out together. A KeyboardInterrupt ends it with the folds that are
+    done.
     """
     names = model.configurations
-    if len(names) < 2:
-        return Improvement()
-    count = min(len(names), _FOLDS)
+    count = folds_of(model)
+    steps = progress or Steps(selections=count)
     folds: list[_Fold] = []
+    complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
         out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration in group)
-        if progress is not None:
-            progress(f"held out: {name}")
+        steps.holding_out = name
         try:
-            selection = select(without(model, group), causes, seed=seed, threads=threads, most=most)
+            selection = select(without(model, group), causes, seed=seed, threads=threads, most=most, progress=steps)
+            if selection.interrupted:
+                raise KeyboardInterrupt
         except (ValueError, ReceptanceError) as error:
             folds.append(_Fold(name, f"not fitted: {error}", (), {}, {}))
             continue
+        except KeyboardInterrupt:
+            complete = False
+            break
+        steps.again()
         judgement = conclude(selection)
         best = judgement.reported[0] if judgement.reported else None
         folds.append(_fold(name, judgement.answer, selection, best, out, model.tolerances, metrics))
-    return _together(folds, model, metrics)
+    return replace(_together(folds, model, metrics), complete=complete)
+
+
+def folds_of(model: Model) -> int:
+    """Return in how many folds configurations are left out; none of a model with one."""
+    count = len(model.configurations)
+    return min(count, _FOLDS) if count > 1 else 0
 
 
 def improvement(

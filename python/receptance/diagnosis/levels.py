@@ -6,7 +6,7 @@ from far, the others from their neighbours' values, and what they share begins i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -42,15 +42,24 @@ class _Level:
         return {**values, **{f"{law} @ {other.name}": values[f"{law} @ {self.name}"] for law in self.laws}}
 
 
+def _silent(text: str) -> None:
+    pass
+
+
 def has_levels(model: Model) -> bool:
     """Return whether a model has values that are free at several levels, each of which has some."""
     return bool(_kinds(model))
 
 
-def fit_from_far(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
-    """Return the model fitted from far: by level where it has levels, else all together."""
-    fit = _by_level(model, _kinds(model), False, seed, threads)
-    return fit if fit is not None else fit_base(model, seed=seed, threads=threads)
+def fit_from_far(
+    model: Model, *, seed: int = 0, threads: int | None = None, say: Callable[[str], None] = _silent
+) -> Fit:
+    """Return the model fitted from far: by level where it has levels, else all together; `say` is told of each fit."""
+    fit = _by_level(model, _kinds(model), False, seed, threads, say)
+    if fit is None:
+        say("the model as it is")
+        fit = fit_base(model, seed=seed, threads=threads)
+    return fit
 
 
 def fit_again(before: Fit, *, seed: int = 0, threads: int | None = None) -> Fit | None:
@@ -66,7 +75,12 @@ def fit_again(before: Fit, *, seed: int = 0, threads: int | None = None) -> Fit 
 
 
 def _by_level(
-    model: Model, kinds: Sequence[Sequence[_Level]], gate: bool, seed: int, threads: int | None
+    model: Model,
+    kinds: Sequence[Sequence[_Level]],
+    gate: bool,
+    seed: int,
+    threads: int | None,
+    say: Callable[[str], None] = _silent,
 ) -> Fit | None:
     """Return a model fitted level after level, then all together; None without levels, and if one fails the gate."""
     begun: list[tuple[int, Fit]] = []
@@ -74,6 +88,7 @@ def _by_level(
         # Where one level's fit goes astray another one's need not.
         tried = dict.fromkeys((len(kind) // 2, 0, len(kind) - 1)) if gate else [len(kind) // 2]
         for at in tried:
+            say(f"the model as it is, {kind[at].name}")
             first = fit_base(kind[at].of(model), seed=seed, threads=threads)
             if not gate or judge(first).passed:
                 begun.append((at, first))
@@ -83,20 +98,27 @@ def _by_level(
     found = [first.values for _, first in begun]
     for kind, (at, first) in zip(kinds, begun, strict=True):
         for onwards in (kind[at:], kind[at::-1]):
-            found += _carried_on(model, onwards, first, seed, threads)
+            found += _carried_on(model, onwards, first, seed, threads, say)
     if not found:
         return None
     names = dict.fromkeys(name for values in found for name in values)
     start = {name: float(np.median([values[name] for values in found if name in values])) for name in names}
+    say("the model as it is, all levels together")
     return refit(model, start, threads=threads)
 
 
 def _carried_on(
-    model: Model, levels: Sequence[_Level], before: Fit, seed: int, threads: int | None
+    model: Model,
+    levels: Sequence[_Level],
+    before: Fit,
+    seed: int,
+    threads: int | None,
+    say: Callable[[str], None],
 ) -> Iterable[dict[str, float]]:
     """Yield the values of all levels but the first, each fitted from those of the one before."""
     for last, level in pairwise(levels):
         own = level.of(model)
+        say(f"the model as it is, {level.name}")
         fit = refit(own, last.renamed(before.values, level), threads=threads)
         if fit.misfit > _WORSE * max(before.misfit, 1.0):
             far = fit_base(own, seed=seed, threads=threads)

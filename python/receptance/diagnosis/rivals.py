@@ -26,6 +26,7 @@ from receptance.joints import PointMass
 
 if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation, Selection
+    from receptance.diagnosis.steps import Steps
     from receptance.identification.task import Observation
 
 __all__ = ["RIVALS", "challenge"]
@@ -165,8 +166,9 @@ RIVALS = (
 """Changes that are fitted beside the causes and never reported as one."""
 
 
-def challenge(selection: Selection, threads: int | None, say: Callable[[str], None]) -> None:
+def challenge(selection: Selection, threads: int | None, say: Steps) -> None:
     """Fit the rivals where a cause may be reported."""
+    say.plan("rivals", 0)
     passing = [one for one in selection.explanations if one.adequacy.passed]
     if not passing or passing[0].evidence <= max(selection.threshold, 0.0):
         return
@@ -177,8 +179,10 @@ def challenge(selection: Selection, threads: int | None, say: Callable[[str], No
     found = directions(base, variants)
     selection.evaluations += len(found)
     explored: list[tuple[Direction, Explored]] = []
-    for direction in chosen_of([one for one in found if one.slopes.shape[1]], selection.penalty):
-        say(f"{direction.cause.id}, {direction.variant.name}")
+    chosen = chosen_of([one for one in found if one.slopes.shape[1]], selection.penalty)
+    say.plan("rivals", len(chosen))
+    for direction in chosen:
+        say("rivals", f"something without a name: {direction.cause.meaning} {direction.variant.name}")
         starts = starts_of(direction, base)
         # The joint is nearer in the best explanation than in a base that is far off.
         starts += [{**one, **best.fit.values} for one in starts[-2:]]

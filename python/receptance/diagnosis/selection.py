@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 
 from receptance.diagnosis.adequacy import GATE
 from receptance.diagnosis.causes import Cause, UndecidableError
 from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
-from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at
+from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at, unfitted
 from receptance.diagnosis.levels import fit_again, fit_from_far, has_levels
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.rivals import challenge
 from receptance.diagnosis.screening import Direction, chance, directions
 from receptance.diagnosis.starts import starts_of, starts_together
+from receptance.diagnosis.steps import Steps
 from receptance.diagnosis.ways import chosen_of, ways_of
 from receptance.errors import ReceptanceError
 
@@ -32,6 +34,8 @@ _PAIRS = 8
 _HOPELESS = 20.0
 """Misfit from which on neither a promise to first order nor a few steps say much: every cause is tried, to its end."""
 _SETTLED = 1e-9
+_TOLD = 12
+"""So many explanations are evaluated on all lines where a selection is interrupted while few lines lead."""
 _LEAST = 4
 """The best variants of so many causes are fitted on all lines in any case."""
 _IDLE = 10.0
@@ -49,7 +53,7 @@ def select(
     threads: int | None = None,
     most: int = 2,
     base: Fit | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Steps | None = None,
 ) -> Selection:
     """Return what each cause, and causes together, make of the data.
 
@@ -67,35 +71,61 @@ def select(
         How many causes may act together.
     base : Fit, optional
         The base where it is known.
-    progress : callable, optional
-        Is told what is being done.
+    progress : Steps, optional
+        Is told of each step. A KeyboardInterrupt ends the selection with what is known: `Selection.interrupted`.
     """
-    say = progress or (lambda text: None)
+    say = progress or Steps()
     began = perf_counter()
-    say("base model")
-    base = base or fit_from_far(model, seed=seed, threads=threads)
-    variants, undecidable = ways_of(base.model, causes, base)
-    found = directions(base, variants)
-    penalty = math.log(max(base.independent, 2.0))
-    selection = Selection(base, penalty, chance(found, penalty, seed=seed), found, undecidable)
-    selection.evaluations = base.evaluations + len(found)
-    selection.singles = _fitted(selection, (), base, chosen_of(found, penalty), seed, threads, say)
-    selection = _rebased(selection, threads)
-    roots = selection.singles
-    for _ in range(1, most):
-        roots = _added(selection, roots, causes, seed, threads, say)
-        if not roots:
-            break
-        selection.several += roots
-    _exchanged(selection, causes, seed, threads, say)
-    if not any(one.adequacy.passed for one in selection.explanations):
-        _begun_anew(selection, seed, threads, say)
-    _ended(selection, threads)
-    _pruned(selection, threads)
-    challenge(selection, threads, say)
+    try:
+        base = base or fit_from_far(model, seed=seed, threads=threads, say=partial(say, "base"))
+        interrupted = False
+    except KeyboardInterrupt:
+        base, interrupted = unfitted(model, threads), True
+    selection = Selection(base, math.log(max(base.independent, 2.0)), 0.0, [], {}, interrupted=interrupted)
+    if not interrupted:
+        try:
+            for stage in _stages(selection, causes, seed, threads, most, say):
+                stage()
+                if selection.interrupted:
+                    break
+        except KeyboardInterrupt:
+            selection.interrupted = True
     selection.seconds = perf_counter() - began
-    say(f"{selection.evaluations} evaluations of the model, {selection.evaluations_per_second:.0f} a second")
     return selection
+
+
+def _stages(
+    selection: Selection, causes: Sequence[Cause], seed: int, threads: int | None, most: int, say: Steps
+) -> Iterator[Callable[[], None]]:
+    """Yield what is done after the fit of the base, one after the other; each adds to the selection."""
+
+    def singles() -> None:
+        base = selection.base
+        variants, selection.undecidable = ways_of(base.model, causes, base)
+        selection.found = directions(base, variants)
+        selection.threshold = chance(selection.found, selection.penalty, seed=seed)
+        selection.evaluations = base.evaluations + len(selection.found)
+        chosen = chosen_of(selection.found, selection.penalty)
+        selection.singles = _fitted(selection, (), base, chosen, seed, threads, say)
+
+    def together() -> None:
+        roots = selection.singles
+        for _ in range(1, most):
+            roots = _added(selection, roots, causes, seed, threads, say)
+            selection.several += roots
+            if not roots or selection.interrupted:
+                break
+
+    yield singles
+    yield lambda: _rebased(selection, threads)
+    yield together
+    yield lambda: _exchanged(selection, causes, seed, threads, say)
+    if not any(one.adequacy.passed for one in selection.explanations):
+        yield lambda: _begun_anew(selection, seed, threads, say)
+    say.plan("together", 0)
+    yield lambda: _ended(selection, threads)
+    yield lambda: _pruned(selection, threads)
+    yield lambda: challenge(selection, threads, say)
 
 
 def _ended(selection: Selection, threads: int | None) -> None:
@@ -108,7 +138,7 @@ def _ended(selection: Selection, threads: int | None) -> None:
     target[:] = _best_each([again, *(one for one in target if one is not best)])
 
 
-def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Callable[[str], None]) -> None:
+def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Steps) -> None:
     """Fit the best causes from far: a base that is far off may have led all their starts astray.
 
     Where there are levels, causes together as well: who cannot explain one of them is not fitted to the others. Of the
@@ -119,7 +149,7 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
     levels = has_levels(selection.base.model)
     together = sorted(selection.tried, key=lambda one: -one.evidence)[:_PAIRS] if levels else []
     for one in [*selection.singles[:_ROOTS], *together]:
-        say(f"{' + '.join(cause.id for cause, _ in one.steps)}, anew")
+        say("together", f"{' + '.join(cause.id for cause, _ in one.steps)}, anew")
         try:
             fit = fit_again(one.fit, seed=seed, threads=threads)
         except (ReceptanceError, ValueError):
@@ -130,7 +160,7 @@ def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Calla
         target = selection.singles if len(one.steps) == 1 else selection.several
         target.append(selection.explained(one.steps, fit))
     for step, model in () if levels else _other_ways(selection):
-        say(f"{step[0].id}, {step[1]}, anew")
+        say("together", f"{step[0].id}, {step[1]}, anew")
         try:
             fit = fit_base(model, seed=seed, threads=threads)
         except (ReceptanceError, ValueError):
@@ -181,9 +211,7 @@ def _with_less(model: Model, best: Explanation) -> Iterator[tuple[tuple[Cause, s
         model = next(v.model for v in variants if v.name == own)
 
 
-def _exchanged(
-    selection: Selection, causes: Sequence[Cause], seed: int, threads: int | None, say: Callable[[str], None]
-) -> None:
+def _exchanged(selection: Selection, causes: Sequence[Cause], seed: int, threads: int | None, say: Steps) -> None:
     """Put other causes, and other ways of acting, in the place of each cause of the best explanation.
 
     What was found first decided how it acts while the others were not there, and kept rivals from being tried.
@@ -206,6 +234,8 @@ def _exchanged(
         own = [one for one in ranked if one.cause.id == left[0].id] + others[:_MORE]
         found = _fitted(selection, kept, root, own, seed, threads, say)
         selection.several = _best_each([*selection.several, *found])
+        if selection.interrupted:
+            break
 
 
 def _with(model: Model, steps: Sequence[tuple[Cause, str]]) -> Model:
@@ -214,20 +244,20 @@ def _with(model: Model, steps: Sequence[tuple[Cause, str]]) -> Model:
     return model
 
 
-def _rebased(selection: Selection, threads: int | None) -> Selection:
-    """Return the selection with the base fitted from the best explanation too: a base that was stuck convicts none."""
+def _rebased(selection: Selection, threads: int | None) -> None:
+    """Fit the base from the best explanation too: a base that was stuck convicts none."""
     if not selection.singles:
-        return selection
+        return
     base, best = selection.base, selection.singles[0]
     try:
         again = refit(base.model, best.fit.values, threads=threads)
     except ReceptanceError:
-        return selection
+        return
     if again.chi_square >= base.chi_square - _SETTLED * base.chi_square:
-        return selection
+        return
     less = base.chi_square - again.chi_square
-    singles = [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in selection.singles]
-    return replace(selection, base=again, singles=singles)
+    selection.base = again
+    selection.singles = [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in selection.singles]
 
 
 def _fitted(
@@ -237,51 +267,76 @@ def _fitted(
     chosen: Sequence[Direction],
     seed: int,
     threads: int | None,
-    say: Callable[[str], None],
+    say: Steps,
 ) -> list[Explanation]:
     """Return the explanations that add one cause each, the best variant of each, the best evidence first.
 
     All are explored on few lines. Those that come anywhere near the best one there are fitted on all lines; what is far
     off is only evaluated on them.
     """
+    stage = "together" if steps else "causes"
+    say.plan(stage, len(chosen))
     explored: list[tuple[Direction, Explored]] = []
     found = _read_anew(selection, steps, chosen, seed, threads, say)
     settled = any(one.adequacy.passed for one in found)
-    for direction in chosen:
-        if direction.variant.fresh:
-            continue
-        if settled:
-            # Data that are explained as another quantity are off by factors as this one: no fit leads there.
-            fit = starting_at(root, direction.variant.model)
-            found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
-            continue
-        say(f"{_titled(steps, direction)}, {direction.variant.name}")
-        alone = [one.fit for one in selection.singles if steps and one.steps[0] == direction.step_name]
-        starts = [*starts_of(direction, root), *starts_together(selection.base, alone, root)]
-        there = explore(direction.variant.model, starts, threads=threads)
-        selection.evaluations += there.evaluations
-        if there.ends:
-            explored.append((direction, there))
+    lead = math.inf
+    try:
+        for direction in [] if selection.interrupted else chosen:
+            if direction.variant.fresh:
+                continue
+            if settled:
+                # Data that are explained as another quantity are off by factors as this one: no fit leads there.
+                fit = starting_at(root, direction.variant.model)
+                found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
+                continue
+            say(stage, f"{_titled(steps, direction)}, {direction.variant.name}")
+            alone = [one.fit for one in selection.singles if steps and one.steps[0] == direction.step_name]
+            starts = [*starts_of(direction, root), *starts_together(selection.base, alone, root)]
+            there = explore(direction.variant.model, starts, threads=threads)
+            selection.evaluations += there.evaluations
+            if there.ends:
+                explored.append((direction, there))
+            if there.chi_square < lead:
+                lead = there.chi_square
+                say.leading = _titled(steps, direction)
+    except KeyboardInterrupt:
+        selection.interrupted = True
     explored.sort(key=lambda pair: pair[1].chi_square)
+    if selection.interrupted:
+        # Few lines have led so far: what that is worth on all of them is known after one evaluation.
+        for direction, there in explored[:_TOLD]:
+            found.append(selection.explained((*steps, direction.step_name), there.evaluated()))
+        return _best_each(found)
     without = on_few_lines(root, threads)
     best = min(explored[0][1].chi_square, without) if explored else without
     far = best + _FAR + _FAR_SHARE * (without - best)
     leaders: dict[str, float] = {}
+    say.plan(stage, len(explored))
     for direction, there in explored:
         # A variant that is far behind another one of its cause is not needed.
         number, lead = len(leaders), leaders.setdefault(direction.cause.id, there.chi_square)
         behind = there.chi_square > lead + _FAR
         try:
-            if number >= _LEAST and _idle(selection, direction, there, without):
+            if not selection.interrupted:
+                say(stage, f"{_titled(steps, direction)}, {direction.variant.name}, on all lines")
+            if selection.interrupted:
+                fit = there.evaluated()
+            elif number >= _LEAST and _idle(selection, direction, there, without):
                 fit = starting_at(root, direction.variant.model)
                 found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
                 continue
-            near = ((number < _LEAST or there.chi_square <= far) and not behind) or root.misfit > _HOPELESS
-            fit = there.finished() if near else there.evaluated()
+            else:
+                near = ((number < _LEAST or there.chi_square <= far) and not behind) or root.misfit > _HOPELESS
+                fit = there.finished() if near else there.evaluated()
             selection.evaluations += fit.evaluations - there.evaluations
         except ReceptanceError:
             continue
+        except KeyboardInterrupt:
+            selection.interrupted = True
+            fit = there.evaluated()
         found.append(selection.explained((*steps, direction.step_name), fit))
+        leading = max(found, key=lambda one: one.evidence)
+        say.leading = f"{' + '.join(cause.id for cause, _ in leading.steps)}, misfit {leading.fit.misfit:.2f}"
     return _best_each(found)
 
 
@@ -291,17 +346,20 @@ def _read_anew(
     chosen: Sequence[Direction],
     seed: int,
     threads: int | None,
-    say: Callable[[str], None],
+    say: Steps,
 ) -> list[Explanation]:
     """Return the explanations by which the data are another quantity: their fits begin anew."""
     found = []
     for direction in chosen:
         if direction.variant.fresh:
-            say(f"{_titled(steps, direction)}, {direction.variant.name}")
             try:
+                say("together" if steps else "causes", f"{_titled(steps, direction)}, {direction.variant.name}")
                 fit = fit_base(direction.variant.model, seed=seed, threads=threads)
             except ReceptanceError:
                 continue
+            except KeyboardInterrupt:
+                selection.interrupted = True
+                break
             selection.evaluations += fit.evaluations
             found.append(selection.explained((*steps, direction.step_name), fit))
     return found
@@ -331,7 +389,7 @@ def _added(
     causes: Sequence[Cause],
     seed: int,
     threads: int | None,
-    say: Callable[[str], None],
+    say: Steps,
 ) -> list[Explanation]:
     """Return the best explanations with one cause more, where one more is worth anything."""
     if not roots or roots[0].evidence <= selection.threshold:
@@ -361,4 +419,6 @@ def _added(
         for one in fitted:
             if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):
                 found.append(one)
+        if selection.interrupted:
+            break
     return _best_each(found)

@@ -12,7 +12,17 @@ if TYPE_CHECKING:
     from receptance.diagnosis.causes import Cause
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
-__all__ = ["SENTENCE", "as_dict", "as_text", "gained", "implausible", "improved", "sizes", "vetoes", "wanting"]
+__all__ = [
+    "as_dict",
+    "as_text",
+    "gained",
+    "implausible",
+    "improved",
+    "sentence",
+    "sizes",
+    "vetoes",
+    "wanting",
+]
 
 _SHOWN = 6
 SENTENCE = {
@@ -23,6 +33,17 @@ SENTENCE = {
     "ambiguous": "The model lacks something; these data cannot tell which of several causes it is.",
     "unexplained": "The model lacks something, and no known cause explains it.",
 }
+
+
+UNFINISHED = "This is what is known so far, and what was not tried may change it: the diagnosis was interrupted"
+
+
+def sentence(verdict: Verdict) -> str:
+    """Return the verdict in one sentence, and where the diagnosis was interrupted if it was."""
+    if verdict.final:
+        return SENTENCE[verdict.verdict]
+    far = verdict.settings["interrupted"]
+    return f"{UNFINISHED} in step {far['step']} of about {far['of_about']}, after {far['seconds']:.0f} s."
 
 
 def as_dict(verdict: Verdict) -> dict[str, Any]:
@@ -37,6 +58,7 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
     found: dict[str, Any] = _plain(
         {
             "verdict": verdict.verdict,
+            "final": verdict.final,
             "causes": [_candidate(one) for one in verdict.causes],
             "ambiguous_between": list(verdict.ambiguous_between),
             "gain": None if verdict.gain is None else asdict(verdict.gain),
@@ -200,11 +222,16 @@ def _candidates(verdict: Verdict) -> list[str]:
 
 def as_text(verdict: Verdict) -> str:
     """Return a short readable answer."""
-    lines = [f"verdict: {verdict.verdict}", SENTENCE[verdict.verdict]]
+    lines = [f"verdict: {verdict.verdict}", sentence(verdict)]
+    if not verdict.final:
+        lines = [f"verdict so far, not final: {verdict.verdict}", sentence(verdict)]
     after = verdict.adequacy_after
     left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
-    lines.append(f"misfit: {verdict.adequacy.misfit:.2f} times what noise and floor explain{left}")
-    times = wanting(verdict)
+    if verdict.final or verdict.selection.base.converged:
+        lines.append(f"misfit: {verdict.adequacy.misfit:.2f} times what noise and floor explain{left}")
+    else:
+        lines.append("the base model is not fitted yet, so nothing is known of causes")
+    times = wanting(verdict) if verdict.final else None
     if verdict.verdict == "unexplained" and times is not None:
         lines.append(f"the model would do if all standard deviations were {times:.2g} times as large as stated")
     for one in verdict.causes:

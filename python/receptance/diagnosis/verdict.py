@@ -165,6 +165,9 @@ class Verdict:
         What would help most.
     undecidable : dict of str to str
         Causes that these data cannot speak about, and what is missing.
+    final : bool
+        False where the diagnosis was interrupted; `notes` and `settings["interrupted"]` say how far it had come. Where
+        not all causes had been tried nothing is "named".
     notes : tuple of str
         What a person should know.
     settings : dict
@@ -186,6 +189,7 @@ class Verdict:
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    final: bool = True
     vetoed: tuple[Candidate, ...] = ()
     rivals: tuple[Candidate, ...] = ()
     rival: Candidate | None = None
@@ -198,6 +202,18 @@ class Verdict:
     def gain(self) -> Gain | None:
         """The first of the gains: in the spectra, or in natural frequencies where only these were measured."""
         return self.gains[0] if self.gains else None
+
+    def unfinished(self, how_far: Mapping[str, float], *, tried: bool) -> Verdict:
+        """Return the verdict of a diagnosis that was interrupted; `tried` says whether all causes had been tried."""
+        note = (
+            f"interrupted after {how_far['seconds']:.0f} s in step {how_far['step']} of about {how_far['of_about']}: "
+            "this answer is not final"
+        )
+        if tried:
+            note += "; all causes were tried, what is missing is advice or improvement on held-out data"
+        answer: Answer = "suspected" if self.verdict == "named" and not tried else self.verdict
+        settings = {**self.settings, "interrupted": dict(how_far)}
+        return replace(self, final=False, verdict=answer, notes=(note, *self.notes), settings=settings)
 
     def improved(self, found: Improvement) -> Verdict:
         """Return the verdict with what was found on data that no fit has seen."""
@@ -310,4 +326,5 @@ class Verdict:
 
     def __repr__(self) -> str:
         names = ", ".join(one.id for one in self.causes)
-        return f"Verdict({self.verdict}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"
+        open_ = "" if self.final else ", not final"
+        return f"Verdict({self.verdict}{open_}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from receptance import _files
 from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
 from receptance.diagnosis.screening import look_alike
-from receptance.diagnosis.showing import SENTENCE, improved, sizes
+from receptance.diagnosis.showing import improved, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
 from receptance.report import figures
 from receptance.report.story import story
@@ -59,7 +59,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
     return environment.get_template("diagnosis.html").render(
         title=title,
         verdict=verdict,
-        sentence=SENTENCE[verdict.verdict],
+        sentence=sentence(verdict),
         story=story(verdict, before, after),
         curves=_curves(verdict),
         modes=[(one, rows.get((one.label, one.mode))) for one in before],

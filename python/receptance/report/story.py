@@ -68,7 +68,8 @@ def _on_causes(verdict: Verdict) -> list[str]:
     if verdict.verdict == "unexplained":
         tried = len(verdict.candidates)
         return [
-            f"None of {tried} known causes explains it. A cause that is not in the catalogue, or several, may act.",
+            f"None of {tried} {'known causes' if verdict.final else 'causes tried so far'} explains it. A cause that "
+            "is not in the catalogue, or several, may act.",
             *_nearest(verdict),
         ]
     names = " and ".join(one.id for one in verdict.causes)
