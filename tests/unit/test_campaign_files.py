@@ -355,3 +355,19 @@ class TestExamples:
         (folder / "medium.csv").write_text("\n".join(lines))
         with pytest.raises(CampaignError, match=r"measurements\.medium\.file: medium\.csv.*line 701"):
             campaign.load(folder)
+
+
+def test_one_file_under_two_names_is_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    noise = 0.02 * (rng.standard_normal(300) + 1j * rng.standard_normal(300))
+    seen = campaign.load(write_copies(tmp_path, values() * np.exp(noise)))
+    assert any("again and m have the same numbers (300 of 300)" in text for text in seen.identify().fit.advice)
+
+
+def write_copies(folder: Path, receptance: np.ndarray) -> Path:
+    write(folder / "m.npz", FRF(frequency_hz=LINES, values=receptance, log_variance=4e-4))
+    tables = "".join(
+        f'[measurements.{name}]\nkind = "frf"\nassembly = "short"\nfile = "m.npz"\n' for name in ("again", "m")
+    )
+    (folder / "campaign.toml").write_text(f"{BASE}{tables}{UNKNOWNS}")
+    return folder

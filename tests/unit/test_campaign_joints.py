@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaign_text import TEXT
+from campaign_text import TEXT, changed, load
 from receptance import FRF, ColletJoint, MicroslipJoint, PointJoint, SpreadJoint, campaign, io
 
 SPREAD = """[joints.joint]
@@ -111,6 +111,28 @@ def test_a_collet(tmp_path: Path) -> None:
     assert starts["joint.outer.k_theta"] == pytest.approx(3e5)
     assert read.effects["short"]["joints.joint.mass"] == {"joint.mass": pytest.approx(2e-3)}
     assert read.effects["short"]["joints.joint.outer.k_y"] == {"joint.outer.k_y": pytest.approx(1e8)}
+
+
+def test_an_unknown_also_holds_for_an_assembly_that_is_held_out(tmp_path: Path) -> None:
+    """No measurement to identify from has the second joint; what is held out is predicted with it."""
+    edits = (
+        ("[joints.joint]\n", '[joints.joint]\n\n[joints.second]\nk_y = "1e9 N/m"\nk_theta = "1e5 N m/rad"\n'),
+        (
+            '[assemblies.long]\nchain = ["tool", "joint", "holder"]',
+            '[assemblies.long]\nchain = ["tool", "second", "holder"]',
+        ),
+        ('upper = "1e10 N/m" }', 'upper = "1e10 N/m", also = { "second.k_y" = 1.0 } }'),
+        ('upper = "1e7 N m/rad" }', 'upper = "1e7 N m/rad", also = { "second.k_theta" = 2.0 } }'),
+    )
+    read = load(tmp_path, changed(*edits))
+    found = read.identify()
+    assert any("no observation's assembly has second.k_theta; it matters for predictions" in n for n in found.notes)
+    predicted = read.predict(found)
+    held_out = next(one for one in predicted.frequencies if one.name == "long")
+    applied = found.fit.apply(read.assemblies["long"])
+    assert applied.get("second.k_theta") == pytest.approx(2.0 * found.fit.values["joint.k_theta"])
+    expected = applied.natural_frequencies(2e4)[:2]
+    np.testing.assert_allclose(held_out.predicted_hz, expected, rtol=1e-6)
 
 
 def test_levels_of_measurements(tmp_path: Path) -> None:
