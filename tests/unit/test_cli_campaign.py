@@ -112,6 +112,46 @@ def test_every_command_with_results_has_json_and_plot(
         assert "--plot" in said, step
 
 
+HOSTILE = r"5 $ \\alpha \\frac{ $ \u001b]0;owned\u0007\u001b[2J\u009b1m\u202e"
+"""As TOML says it: a formula that matplotlib cannot parse, and sequences that a terminal obeys."""
+
+
+def test_a_title_is_only_a_title(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """In a figure no formula, in a terminal no command; the JSON file has it as it is."""
+    text = changed(("A blank in a holder", HOSTILE)).replace("measurements.short]", 'measurements."s$x^$\\u001b[2J"]')
+    write(Path(), text + '\n[settings]\ntolerances = "fit"\nstarts = 2\n')
+    for plot in ("i.svg", "i.png", "i.pdf"):
+        assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", plot) == 0
+        said = capsys.readouterr()
+        assert "5 $ \\alpha \\frac{ $ \\x1b]0;owned" in said.out
+        assert "\\x1b[2J\\x9b1m\\u202e: identified" in said.out
+        assert not set("\x1b\x07\x9b\u202e") & set(said.out + said.err)
+    assert json.loads(Path("i.json").read_text())["campaign"].endswith("\u202e")
+    assert not set(b"\x1b\x07") & set(Path("i.svg").read_bytes())
+    assert call(monkeypatch, "predict", "campaign.toml", "--plot", "p.svg") == 0
+    write(Path(), text.replace("580 GPa", "580 \\u001b[2J"))
+    assert call(monkeypatch, "identify", "campaign.toml") == 2
+    said = capsys.readouterr()
+    assert "\\x1b[2J" in said.err
+    assert "\x1b" not in said.out + said.err
+
+
+def test_results_are_not_lost_with_a_figure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from receptance import plot
+
+    def fails(figure: object, kind: str) -> bytes:
+        raise RuntimeError("no such figure")
+
+    write(Path())
+    monkeypatch.setattr(plot, "as_image", fails)
+    assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", "i.svg") == 1
+    assert "no such figure" in capsys.readouterr().err
+    assert left() == {"campaign.toml", "i.json"}
+    assert "joint.k_y" in json.loads(Path("i.json").read_text())["parameters"]
+
+
 def test_profiles_are_a_second_figure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     write(Path(), TEXT + '\n[settings]\ntolerances = "fit"\nstarts = 2\n')
     assert call(monkeypatch, "identify", "campaign.toml", "--plot", "i.png") == 0

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from receptance._text import printable
 from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
@@ -66,7 +67,7 @@ def main() -> None:
         # Not standalone: an interruption and a mistake are told apart here, by exit code.
         code = app(standalone_mode=False, prog_name="receptance")
     except InputError as error:
-        print(f"receptance: {error}", file=sys.stderr)
+        print(f"receptance: {printable(str(error))}", file=sys.stderr)
         code = 2
     except InterruptedAnswer as error:
         print(f"receptance: {error}", file=sys.stderr)
@@ -87,6 +88,6 @@ def _answer(error: Exception) -> int:
     if callable(show):
         show()
         return int(getattr(error, "exit_code", 2))
-    traceback.print_exception(error)
+    print(printable("".join(traceback.format_exception(error))), end="", file=sys.stderr)
     print("receptance: this is an error of the program, not of what you gave it; please report it", file=sys.stderr)
     return 1

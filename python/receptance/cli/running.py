@@ -12,9 +12,13 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderHook
+from rich.control import Control
+from rich.measure import Measurement
+from rich.segment import Segment
 
 from receptance._files import check_target, write_whole
+from receptance._text import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,10 +151,17 @@ class Targets:
         if self.plot is not None and draw is not None:
             from receptance.plot import as_image
 
-            contents[self.plot] = as_image(draw(), self.kind)
-            if profiles is not None:
-                self.beside = _beside(self.plot, PROFILES)
-                contents[self.beside] = as_image(profiles(), self.kind)
+            try:
+                contents[self.plot] = as_image(draw(), self.kind)
+                if profiles is not None:
+                    self.beside = _beside(self.plot, PROFILES)
+                    contents[self.beside] = as_image(profiles(), self.kind)
+            except BaseException:
+                # What was calculated is not lost with a figure that cannot be drawn.
+                contents = {path: content for path, content in contents.items() if path not in (self.plot, self.beside)}
+                with input_errors():
+                    write_whole(contents)
+                raise
         with input_errors():
             write_whole(contents)
         if self.json_to_output:
@@ -189,8 +200,33 @@ def _image_kind(plot: Path) -> str:
     return kind
 
 
+class _Visible:
+    """Something to print, with control characters written out: titles and names come from files of others."""
+
+    def __init__(self, inner: RenderableType) -> None:
+        self._inner = inner
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
+        for segment in console.render(self._inner, options):
+            yield segment if segment.control else Segment(printable(segment.text), segment.style)
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        return Measurement.get(console, options, self._inner)
+
+
+class _Harmless(RenderHook):
+    """Lets nothing act on the terminal but what this program does to it."""
+
+    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
+        return [_Visible(one) if not isinstance(one, Control) else one for one in renderables]
+
+
 class _Output(Console):
     """The standard output; a reader who has seen enough (`| head`) is no error."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.push_render_hook(_Harmless())
 
     def on_broken_pipe(self) -> None:
         self.quiet = True
@@ -235,4 +271,4 @@ def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("starting", total=None)
-        return work(lambda text: progress.update(task, description=text))
+        return work(lambda text: progress.update(task, description=printable(text)))

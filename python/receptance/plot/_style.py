@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from receptance._text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,11 +21,38 @@ PALE = "#9A9A9A"
 BAD = "#B2182B"
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure that belongs to no window and no global state; inches."""
+def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
+    """Return an empty figure that belongs to no window and no global state; inches.
+
+    Its texts are shown as they are written: titles and names are those of people, and dollar signs in them are no
+    formulas. With `math` they are formulas.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    kind = Figure if math else _literal_figure()
+    return kind(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+@functools.cache
+def _literal_figure() -> type[Figure]:
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+    class LiteralFigure(Figure):
+        """A figure without formulas, but for the powers of ten that matplotlib writes at logarithmic axes."""
+
+        def draw(self, renderer: Any) -> None:
+            for artist in self.findobj(Text):
+                text = artist.get_text()
+                if not text.startswith("$\\mathdefault{"):
+                    shown = printable(text)
+                    if shown != text:
+                        artist.set_text(shown)
+                    if "$" in text:
+                        artist.set_parse_math(False)
+            super().draw(renderer)
+
+    return LiteralFigure
 
 
 def keep_clear(figure: Figure, top: float) -> None:

@@ -35,7 +35,7 @@ def draw_bt50(study: BT50Study) -> Figure:
     matplotlib.figure.Figure
         It belongs to no window; save it with `savefig`.
     """
-    figure = new_figure(16.0, 9.6)
+    figure = new_figure(16.0, 9.6, math=True)
     cells = figure.add_gridspec(2, 3)
     broken = cells[0, 2].subgridspec(2, 1, height_ratios=(1.0, 4.0))
     _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), study)

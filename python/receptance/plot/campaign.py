@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance._text import printable
 from receptance.identification import MeasuredFRF
 from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
 
@@ -234,7 +235,7 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
     tilted = sum(len(name) for _, name in ticks) > 50
     axes.set_xticks(
         [at for at, _ in ticks],
-        [name for _, name in ticks],
+        [printable(name) for _, name in ticks],
         rotation=35 if tilted else 0,
         ha="right" if tilted else "center",
         rotation_mode="anchor",
@@ -270,7 +271,7 @@ def _parameters(axes: Axes, found: CampaignIdentification) -> None:
                 text, (1.0, -index), xytext=(0, 9), textcoords="offset points", ha="center", fontsize=9, color=BAD
             )
         axes.plot(1.0, -index, "|", color=INK, markersize=11)
-        labels.append(f"{address}\n{value:.4g}")
+        labels.append(f"{printable(address)}\n{value:.4g}")
     axes.set_yticks([-i for i in range(len(labels))], labels, fontsize=8 if len(labels) > 6 else 9)
     axes.set_ylim(-len(labels) + 0.4, 0.6)
     axes.set_xscale("log")

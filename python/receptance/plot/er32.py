@@ -36,7 +36,7 @@ def draw_er32(study: ER32Study) -> Figure:
     matplotlib.figure.Figure
         It belongs to no window; save it with `savefig`.
     """
-    figure = new_figure(16.0, 9.6)
+    figure = new_figure(16.0, 9.6, math=True)
     panels = figure.subplots(2, 3)
     _draw_diameter(panels[0, 0], study)
     _draw_torque(panels[0, 1], study)

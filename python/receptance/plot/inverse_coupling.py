@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_inverse_coupling"]
 
 _UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "k_ytheta": "N/rad"}
-_SYMBOLS = {"k_y": "K_y", "k_theta": "K_\\theta", "k_ytheta": "K_{y\\theta}"}
+_SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 _REACH = 1.96
 
 
@@ -75,7 +75,7 @@ def draw_inverse_coupling(found: InverseCoupling, title: str = "") -> Figure:
         typical = found.typical.get(name)
         for column, part in enumerate((value.real, value.imag)):
             axes = figure.add_subplot(grid[row, column])
-            symbol = f"$\\mathrm{{{'Re' if column == 0 else 'Im'}}}\\ {_SYMBOLS[name]}$"
+            symbol = f"{'Re' if column == 0 else 'Im'} {_SYMBOLS[name]}"
             set_up(axes, f"{symbol} [{_UNITS[name]}]", "", "")
             across = None
             if typical is not None:

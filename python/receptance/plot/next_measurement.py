@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance._text import printable
 from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list
         axes.set_xscale("log")
         if high / low < 20.0:
             _plain_ticks(axes)
-    axes.set_yticks(range(len(names)), names, fontsize=9)
+    axes.set_yticks(range(len(names)), list(map(printable, names)), fontsize=9)
     axes.set_ylim(len(names) - 0.5, -0.5)
 
 

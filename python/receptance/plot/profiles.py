@@ -66,7 +66,7 @@ def draw_profiles(profiles: Mapping[str, Profile], title: str = "") -> Figure:
         keep_clear(figure, 1.0 - 0.5 / height)
         figure.text(0.5, 1.0 - 0.26 / height, title, ha="center", va="center", fontsize=14, color=INK)
     for axes, profile in zip(np.ravel(figure.subplots(rows, columns, squeeze=False)), profiles.values(), strict=False):
-        set_up(axes, profile.name, "value, SI units", "rise of $-2\\,\\log L$")
+        set_up(axes, profile.name, "value, SI units", "rise of \u22122 log L")
         axes.set_title(f"{profile.name}\n{profile.statement}", fontsize=10, loc="left", color=INK)
         wide = bool(np.all(profile.values > 0.0) and profile.values[-1] > _WIDE * profile.values[0])
         axes.plot(*_curve(profile, wide), color=COLOURS[0], linewidth=1.3)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["draw_over_levels", "draw_series"]
 
 _NORMAL = 1.96
-_LAWS = {"constant": "constant", "linear": "$K_0 + a F$", "power": "$K_0 + a F^n$"}
+_RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+_LAWS = {"constant": "constant", "linear": "K\u2080 + a F", "power": "K\u2080 + a F\u207f"}
 
 
 def draw_series(found: CampaignIdentification) -> Figure:
@@ -86,7 +87,7 @@ def _unit(name: str, series: ForceSeries) -> tuple[float, str]:
     power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
     if -3 < power <= 3:
         return 1.0, unit
-    return 10.0**-power, f"10$^{{{power}}}$ {unit}"
+    return 10.0**-power, f"10{str(power).translate(_RAISED)} {unit}"
 
 
 def _legend(axes: Axes, series: ForceSeries) -> None:

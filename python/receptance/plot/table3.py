@@ -37,7 +37,7 @@ def draw_table3(study: Table3Study) -> Figure:
     matplotlib.figure.Figure
         It belongs to no window; save it with `savefig`.
     """
-    figure = new_figure(14.0, 9.4)
+    figure = new_figure(14.0, 9.4, math=True)
     keep_clear(figure, 0.94)
     title = "Table 3 found by the program: VIRTUAL, all measurements simulated"
     figure.text(0.5, 0.97, title, ha="center", va="center", fontsize=15, color=INK)

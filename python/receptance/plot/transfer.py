@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance._text import printable
 from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
         if np.isfinite(high):
             axes.plot([low, high], [row, row], color=colour, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
         axes.plot(mode.error_percent, row, "o" if mode.inside else "D", color=colour, markersize=5)
-    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.set_yticks(range(len(labels)), list(map(printable, labels)), fontsize=8)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.plot([], [], "o", color=COLOURS[0], markersize=5, label="measured is inside the interval")
     axes.plot([], [], "D", color=BAD, markersize=5, label="it is not")
