@@ -185,6 +185,17 @@ def test_noise_of_an_accelerometer_at_low_frequencies_is_told_and_bands_leave_it
     assert wrong.lobes.depth.min() < 0.75 * expected.depth.min()
 
 
+def test_tips_without_lines_are_mistakes(tmp_path: Path) -> None:
+    write_tip(tmp_path)
+    narrow = MEASURED.replace('"2 %" }', '"2 %", bands = [["1 kHz", "1001 Hz"]] }')
+    with pytest.raises(CampaignError, match=r"cuts\.slot: stability: x has 1 usable lines, expected at least 2"):
+        load(tmp_path, narrow).stability()
+    other = 'y = { file = "tip.csv", bands = [["2 kHz", "3 kHz"]] }'
+    apart = MEASURED.replace('"2 %" }', '"2 %", bands = [["1 kHz", "1.5 kHz"]] }').replace('y = "rigid"', other)
+    with pytest.raises(CampaignError, match=r"cuts\.slot: stability: y shares 0 lines with the other FRFs"):
+        load(tmp_path, apart).stability()
+
+
 def test_bands_belong_to_what_was_measured(tmp_path: Path) -> None:
     tip = 'x = { assembly = "longest" }'
     text = changed(*DAMPED) + PREDICTED.replace(tip, tip.replace(" }", ', bands = [["1 kHz", "2 kHz"]] }'), 1)

@@ -55,6 +55,7 @@ def identified(machine: Any) -> Any:
         ("overhang [mm]", "overhnag [mm]", 'there is no column "overhang"'),
         ("T2,shrink", '"' + "T" * 140_000 + '",shrink', "line 3: cannot be split into cells: field larger than field"),
         ("teeth", "teth", 'is no known column (did you mean "teeth"?)'),
+        ("teeth", "teth", 'column "teth" is no known column (did you mean "teeth"?)'),
         ("teeth,torque [N m]", "bore [mm],teeth", "line 3, T2: inner_diameter is 0.04 m"),
     ],
 )
@@ -74,6 +75,15 @@ def test_several_mistakes_come_together(tmp_path: Path) -> None:
         Catalogue(load(tmp_path, holders=HOLDERS.replace("12,steel", "12,stel")))
     with pytest.raises(CampaignError, match='is "taper", the name of something else'):
         Catalogue(load(tmp_path, holders=HOLDERS.replace("shrink", "taper")))
+    for text in ("", " \n"):
+        with pytest.raises(
+            CampaignError, match=r"file is empty, expected a first line such as name,holder,material,over"
+        ):
+            Catalogue(load(tmp_path, tools=text))
+    with pytest.raises(CampaignError) as error:
+        Catalogue(load(tmp_path, tools=HOLDERS))
+    assert 'there is no column "name", "overhang", "diameter", expected a first line such as ' in str(error.value)
+    assert 'and it is "holder,length [mm],' in str(error.value)
     with pytest.raises(CampaignError, match="there is no row below the header"):
         Catalogue(load(tmp_path, tools=TOOLS.splitlines()[0]))
     with pytest.raises(CampaignError, match=r'catalogue\.machine\[0\]: is "tapr", which is not a part or a joint'):
@@ -300,6 +310,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     depths = list(csv.DictReader(Path("d.csv").read_text().splitlines()))
     assert {(row["name"], row["teeth"]) for row in depths} == {("T1", "4"), ("T2", "4"), ("T3", "2")}
     assert all(0.0 < float(row["stable depth [mm]"]) <= 1.05 * float(row["limit [mm]"]) for row in depths)
+    for folder, words in (("m.csv", "m.csv is a file, expected a folder"), ("none", "there is no folder none")):
+        assert call(monkeypatch, "catalogue", ".", "--frfs", folder) == 2
+        assert words in capsys.readouterr().err
     assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv") == 2
     assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -118,6 +120,7 @@ def test_agreement_needs_standard_deviations(
         (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
         (["--points", "4000"], "use --sample"),
         (["--store", "none/s.zarr"], "there is no folder none"),
+        (["--store", "."], "holds no sweep; expected a store that a sweep has written, or a name"),
     ],
 )
 def test_mistakes_are_answered_in_words(
@@ -161,3 +164,25 @@ def test_a_damaged_store_is_mended_and_told(
     assert "tried.zarr: the chunk misfit/c/0 is damaged" in second.err
     assert not first.err
     assert second.out == first.out
+
+
+def test_a_full_disk_names_the_chunk_and_the_store(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("sweep", campaign, "--sample", "40", "--store", "tried.zarr")
+    replace = os.replace
+
+    def full(source: Path, target: Path) -> None:
+        if str(target).endswith("misfit/c/0"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        replace(source, target)
+
+    with monkeypatch.context() as until:
+        until.setattr("os.replace", full)
+        assert call(monkeypatch, *arguments) == 2
+    said = capsys.readouterr().err
+    assert "tried.zarr/misfit/c/0: No space left on device" in said
+    assert "the store tried.zarr keeps what is done; the same command goes on" in said
+    assert not list(Path("tried.zarr").rglob("*.part"))
+    assert call(monkeypatch, *arguments) == 0
+    assert "40 candidates" in capsys.readouterr().out

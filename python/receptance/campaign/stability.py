@@ -166,8 +166,8 @@ def stability_of_campaign(
     for cut in chosen:
         say(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
-        tips = Tips(campaign, identified, draws, directions, threads)
         try:
+            tips = Tips(campaign, identified, draws, directions, threads)
             found.append(_lobes(cut, tips, speeds, asked, threads, say))
         except ValueError as error:
             raise CampaignError.about(campaign.file, f"cuts.{cut.name}: {error}") from error

@@ -15,7 +15,7 @@ from receptance._files import read_whole
 from receptance.campaign.conditions import parse_condition
 from receptance.campaign.problems import CampaignError, Problem, Problems
 from receptance.campaign.quantities import KINDS, parse, shown
-from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.campaign.suggestions import did_you_mean
 
 __all__ = ["HolderRow", "ToolRow", "read_holders", "read_tools"]
 
@@ -161,6 +161,8 @@ def _opened(
         text = read_whole(file).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CampaignError.about(file, f"byte {error.start} is not UTF-8, expected a CSV file in UTF-8") from None
+    if not text.strip():
+        raise CampaignError.about(file, f"the file is empty, expected a first line such as {_example(columns, needed)}")
     first = text.partition("\n")[0]
     decimal_comma = first.count(";") > first.count(",")
     lines = csv.reader(io.StringIO(text, newline=""), delimiter=";" if decimal_comma else ",")
@@ -201,29 +203,34 @@ def _columns(
     for cell in header:
         match = _HEADER.fullmatch(cell.strip())
         name, unit = (match["name"].strip(), (match["unit"] or "").strip()) if match else (cell.strip(), "")
-        at = (f"column {shown(cell.strip())}",)
+        at = f"column {shown(cell.strip())}"
         if name in {other for other, _ in names}:
-            problems.add(at, "is there twice")
+            problems.add((), f"{at} is there twice")
         if name in known and known[name].startswith("a length"):
             if not unit:
-                problems.add(at, f'has no unit, expected one such as "{name} [mm]"')
+                problems.add((), f'{at} has no unit, expected one such as "{name} [mm]"')
             elif not (name == "effective diameter" and unit == "%"):
                 _check_unit(at, unit, problems)
         elif name not in known and not unit and did_you_mean(name, known):
-            problems.add(at, f"is no known column{did_you_mean(name, known)}; other columns need a unit")
+            problems.add((), f"{at} is no known column{did_you_mean(name, known)}; other columns need a unit")
         names.append((name, unit))
     there = {name for name, _ in names}
-    for name in needed:
-        if name not in there:
-            problems.add((), f'there is no column "{name}", expected {one_of(needed)}')
+    missing = [f'"{name}"' for name in needed if name not in there]
+    if missing:
+        text = f"expected a first line such as {_example(known, needed)}, and it is {shown(','.join(header))}"
+        problems.add((), f"there is no column {', '.join(missing)}, {text}")
     return names
 
 
-def _check_unit(at: tuple[str, ...], unit: str, problems: Problems) -> None:
+def _example(columns: Mapping[str, str], needed: tuple[str, ...]) -> str:
+    return ",".join(f"{name} [mm]" if columns[name].startswith("a length") else name for name in needed)
+
+
+def _check_unit(at: str, unit: str, problems: Problems) -> None:
     try:
         parse(f"1 {unit}", KINDS["a length"])
     except ValueError as error:
-        problems.add(at, str(error).replace(f'"1 {unit}"', f'in "{unit}"'))
+        problems.add((), f"{at} " + str(error).replace(f'"1 {unit}"', f'in "{unit}"'))
 
 
 def _values(

@@ -69,8 +69,13 @@ def catalogue(
     if out is not None and depths is not None and out.resolve() == depths.resolve():
         raise InputError(f"--out and --depths both name {out}; give two files")
     for folder in (figures, frfs):
-        if folder is not None and not folder.is_dir():
-            raise InputError(f"there is no folder {folder}")
+        if folder is None:
+            continue
+        if not folder.is_dir():
+            what = f"{folder} is a file" if folder.exists() else f"there is no folder {folder}"
+            raise InputError(f"{what}, expected a folder to write one file for each tool to")
+        with input_errors():
+            check_target(folder / "NAME")
     from receptance.campaign import CampaignError
 
     begun = time.perf_counter()

@@ -92,7 +92,8 @@ def sweep(
             found = with_progress(
                 lambda say: run(read, candidates, misfit, store=store, progress=lambda told: say(str(told)))
             )
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, OSError):
+            # A full disk as well.
             if store is not None and store.is_dir():
                 print(
                     f"receptance: the store {store} keeps what is done; the same command goes on with it",

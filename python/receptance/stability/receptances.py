@@ -150,9 +150,11 @@ def _shared(x: FRF | None, y: FRF | None, xy: FRF | None) -> tuple[NDArray[np.fl
     for name, entry in found.items():
         lines = lines[np.isin(lines, entry.frequency_hz)]
         if lines.size < 2:
-            raise ValueError(
-                f"stability: {name} shares {lines.size} lines with the other FRFs, expected at least 2; resample one"
-            )
+            own = entry.frequency_hz.size
+            what = f"shares {lines.size} lines with the other FRFs, expected at least 2; resample one"
+            if own < 2 or len(found) == 1:
+                what = f"has {own} usable lines, expected at least 2"
+            raise ValueError(f"stability: {name} {what}")
     return lines, {name: entry.subset(np.isin(entry.frequency_hz, lines)) for name, entry in found.items()}
 
 

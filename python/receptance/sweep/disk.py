@@ -89,6 +89,7 @@ class Lock:
             except OSError as error:
                 raise SweepError(
                     f"sweep: cannot write to the folder {path.parent}: {error.strerror}; give a store in another folder"
+                    + (" (`receptance.sweep.open_sweep` reads one without writing)" if path.exists() else "")
                 ) from error
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

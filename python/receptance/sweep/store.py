@@ -32,6 +32,7 @@ _FORMAT = 2
 _SAME = 1e-9
 """Relative difference up to which candidates are the same: processors may differ in the last bits."""
 _MOST_BYTES = 2 * 2**30
+_EXPECTED = "expected a store that a sweep has written, or a name that is not taken yet"
 
 
 class Target(Protocol):
@@ -341,7 +342,7 @@ def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except (GroupNotFoundError, NotADirectoryError):
-        raise SweepError(f"{path} holds no sweep") from None
+        raise SweepError(f"{path} holds no sweep; {_EXPECTED}") from None
     except SweepError:
         raise
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -364,7 +365,7 @@ def _said(path: Path) -> dict[str, Any]:
     with _reading(path):
         said = dict(zarr.open_group(path, mode="r").attrs).get(_RECORD)
     if not isinstance(said, dict):
-        raise SweepError(f"{path} holds no sweep")
+        raise SweepError(f"{path} holds no sweep; {_EXPECTED}")
     if said.get("format") != _FORMAT:
         raise SweepError(
             f"{path} holds no sweep of this version of the program: it has format {said.get('format')}, expected "
