@@ -54,7 +54,6 @@ def identified(machine: Any) -> Any:
         ("overhang [mm]", "overhang [N]", "a force, expected a length"),
         ("overhang [mm]", "overhnag [mm]", 'there is no column "overhang"'),
         ("T2,shrink", '"' + "T" * 140_000 + '",shrink', "line 3: cannot be split into cells: field larger than field"),
-        ("teeth", "teth", 'is no known column (did you mean "teeth"?)'),
         ("teeth", "teth", 'column "teth" is no known column (did you mean "teeth"?)'),
         ("teeth,torque [N m]", "bore [mm],teeth", "line 3, T2: inner_diameter is 0.04 m"),
     ],

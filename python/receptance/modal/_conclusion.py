@@ -28,22 +28,24 @@ _VISIBLE = 0.2
 
 def conclude(
     fit: PoleFit,
+    modes: NDArray[np.bool_],
     lines: Lines,
     terms: tuple[int, ...],
     scatter: Scatter,
     orders: list[NDArray[np.complex128]],
     wanted: int | tuple[float, ...] | None,
 ) -> tuple[ModalFit, list[str]]:
-    """Return the result, and those of its notes that are to be warned of."""
+    """Return the result, and those of its notes that are to be warned of; `modes` of the poles are no background."""
     shape = np.asarray(lines.frf.values).shape[1:]
     sigma = float(lines.frf.decay_rate)
     factor, freedom, correlation, notes = _spread(fit, lines)
     of_poles, remark = scaled(fit.of_poles, factor), list[str]()
     if not _exact(fit, lines):
         of_poles, freedom, remark = _between_entries(fit, of_poles, freedom)
-    place = np.argsort(fit.poles.imag)
-    poles, count = fit.poles[place], fit.poles.size
-    both = np.concatenate([place, count + place])
+    place = np.flatnonzero(modes)
+    place = place[np.argsort(np.abs(fit.poles[place]))]
+    poles, count = fit.poles[place], place.size
+    both = np.concatenate([place, fit.poles.size + place])
     frequency, damping, covariance = modal_values(poles, of_poles[np.ix_(both, both)])
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     constant = np.empty((count, fit.coefficients.shape[0]), dtype=np.complex128)
@@ -53,10 +55,11 @@ def conclude(
             joint = scaled(joint_with_residue(fit, int(mode), entry), factor)
             residue = complex(fit.residues[mode, entry])
             constant[row, entry], of_constant[row, entry] = constants(complex(fit.poles[mode]), residue, joint)
-    outside = fit.coefficients[:, 2 * count :]
+    outside = fit.coefficients[:, 2 * fit.poles.size :]
     decay = sigma - poles.real
     aloud = [*_missing(frequency, lines, wanted), *_doubts(fit, frequency, damping, spread[count:])]
-    said = [*lines.notes, *notes, *remark, *aloud, *_remarks(frequency, decay, lines)]
+    quietly = [*_remarks(frequency, decay, lines), *_others(fit.poles[~modes], lines)]
+    said = [*lines.notes, *notes, *remark, *aloud, *quietly]
     result = ModalFit(
         frequency_hz=frequency,
         frequency_standard_error_hz=spread[:count],
@@ -70,6 +73,8 @@ def conclude(
             term: (outside[:, 2 * index] + 1j * outside[:, 2 * index + 1]).reshape(shape)
             for index, term in enumerate(terms)
         },
+        outside_poles=fit.poles[~modes],
+        outside_residue=fit.residues[~modes].reshape(-1, *shape),
         lines_in_band=np.maximum(decay, 0.0) / np.pi / _spacing(lines, poles.imag / (2.0 * np.pi)),
         frf=lines.frf,
         scatter=_scatter(fit, lines, scatter).reshape(shape),
@@ -170,11 +175,14 @@ def _missing(frequency: NDArray[np.float64], lines: Lines, wanted: int | tuple[f
             f"{wanted} modes were asked for, {frequency.size} found: no further pole in the band improves the fit; "
             "give the frequencies as modes"
         ]
+    from scipy.optimize import linear_sum_assignment
+
+    far = np.abs(np.array(wanted)[:, None] - frequency)
+    met = {int(row) for row, column in zip(*linear_sum_assignment(far), strict=True) if np.isfinite(far[row, column])}
     return [
-        f"no mode was found near {place:g} Hz, but one at {found:.6g} Hz; the band seems to hold others than those "
-        "asked for"
-        for place, found in zip(wanted, frequency, strict=True)
-        if abs(found - place) > reach_of(place, lines)
+        f"no mode was found within {reach_of(place, lines):.3g} Hz of {place:g} Hz"
+        for index, place in enumerate(wanted)
+        if index not in met
     ]
 
 
@@ -191,6 +199,14 @@ def _doubts(
         if z <= 0.0:
             said.append(f"the damping ratio of the mode at {f:.6g} Hz is {z:.2g} +- {spread:.1g}, not above zero")
     return said
+
+
+def _others(poles: NDArray[np.complex128], lines: Lines) -> list[str]:
+    f = np.sort(np.abs(poles) / (2.0 * np.pi))
+    inside = [f"{one:.6g}" for one in f if lines.frequency_hz[0] <= one <= lines.frequency_hz[-1]]
+    if not inside:
+        return []
+    return [f"the band holds further modes that were not asked for; fitted as background: {', '.join(inside)} Hz"]
 
 
 def _remarks(frequency: NDArray[np.float64], decay: NDArray[np.float64], lines: Lines) -> list[str]:

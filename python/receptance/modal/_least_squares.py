@@ -12,6 +12,10 @@ if TYPE_CHECKING:
 
 _STEPS = 200
 _TOLERANCE = 1e-13
+_ROUNDING = 1e-14
+"""A step of poles over their distance to the lines that is no step."""
+_BLOCK = 64
+"""Candidates whose columns are held at one time."""
 
 
 @dataclass(frozen=True)
@@ -111,11 +115,23 @@ class PoleModel:
         return np.concatenate([raised * (own + other), 1j * raised * (own - other)], axis=1)
 
     def slopes(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """`(4, n, M)`: of the two columns of each pole, by the pole's real, then by its imaginary part."""
+        """`(n, 2M)`: of each pole the derivatives of its two columns by its real part.
+
+        With them T and G, the derivatives of the columns by the imaginary part are G and -T.
+        """
         own, other = 1.0 / (self.s[:, None] - poles) ** 2, 1.0 / (self.s[:, None] - poles.conj()) ** 2
         raised = self.s[:, None] ** self.power
-        total, gap = raised * (own + other), 1j * raised * (own - other)
-        return np.stack([total, gap, gap, -total])
+        return np.concatenate([raised * (own + other), 1j * raised * (own - other)], axis=1)
+
+    @property
+    def decay_rate(self) -> float:
+        """Of the exponential window: how far the lines are from the imaginary axis."""
+        return float(self.s[0].real)
+
+    @property
+    def spacing(self) -> float:
+        """Smallest distance of the lines in rad/s."""
+        return float(np.min(np.diff(self.s.imag)))
 
 
 @dataclass(frozen=True)
@@ -152,60 +168,95 @@ class PoleProblem:
     weights: NDArray[np.float64]
     shared: float = 1.0
 
-    def fit(self, start: NDArray[np.complex128], *, tolerance: float = _TOLERANCE, steps: int = _STEPS) -> PoleFit:
-        """Return the fit that a Levenberg-Marquardt search from these poles ends at; without poles the background's."""
-        from scipy.optimize import least_squares
+    def fit(
+        self,
+        start: NDArray[np.complex128],
+        *,
+        low: NDArray[np.complex128] | None = None,
+        high: NDArray[np.complex128] | None = None,
+        tolerance: float = _TOLERANCE,
+        steps: int = _STEPS,
+    ) -> PoleFit:
+        """Return the fit that a Levenberg-Marquardt search from these poles ends at; without poles the background's.
 
+        Parameters
+        ----------
+        start : ndarray
+            `(M,)` first poles.
+        low, high : ndarray, optional
+            `(M,)` bounds of the real and of the imaginary parts.
+        tolerance : float, optional
+            The search ends where a step is expected to lower the sum of squares by less than this share of it.
+        steps : int, optional
+            Most evaluations.
+        """
         count = start.size
-        if count == 0:
-            return self._conclude(start, self._groups(), True)
-        # Poles move by some of their distance to the axis.
-        scale = np.maximum(np.abs(start.real), 1e-6 * np.abs(start))
         groups = self._groups()
-        kept: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-
-        def poles_at(x: NDArray[np.float64]) -> NDArray[np.complex128]:
-            return np.asarray(start + scale * (x[:count] + 1j * x[count:]))
-
-        def evaluate(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            key = x.tobytes()
-            if key not in kept:
-                kept.clear()
-                kept[key] = self._project(poles_at(x), scale, groups)
-            return kept[key]
-
-        def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
-            return evaluate(x)[0]
-
-        def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
-            return evaluate(x)[1]
-
-        found = least_squares(
-            residuals,
-            np.zeros(2 * count),
-            jac=jacobian,
-            method="lm",
-            ftol=tolerance,
-            xtol=tolerance,
-            gtol=tolerance,
-            max_nfev=steps,
-        )
-        return self._conclude(poles_at(found.x), groups, bool(found.status > 0))
+        if count == 0:
+            return self._conclude(start, groups, True)
+        least = -np.full(count, complex(np.inf, np.inf)) if low is None else low
+        most = np.full(count, complex(np.inf, np.inf)) if high is None else high
+        ends = _parts(least), _parts(most)
+        x = np.clip(_parts(start), *ends)
+        size, slope, bending = self._evaluate(_whole(x), groups)
+        damping, converged = 1e-3, False
+        for _ in range(steps):
+            # A pole at a bound that the sum of squares pushes against stays there.
+            free = ~(((x <= ends[0]) & (slope > 0.0)) | ((x >= ends[1]) & (slope < 0.0)))
+            scale = np.sqrt(np.diag(bending))
+            scale = np.where(scale > 0.0, scale, 1.0)[free]
+            if not free.any():
+                converged = True
+                break
+            scaled = bending[np.ix_(free, free)] / np.outer(scale, scale)
+            step = np.zeros(2 * count)
+            step[free] = -np.linalg.lstsq(scaled + damping * np.eye(scale.size), slope[free] / scale, rcond=None)[0]
+            step[free] /= scale
+            # In one step no pole moves farther than it is from the lines: the linearisation ends there.
+            away = np.maximum(np.abs(self.model.decay_rate - x[:count]), self.model.spacing)
+            step /= max(1.0, float(np.max(np.abs(step) / np.tile(away, 2))))
+            new = np.clip(x + step, *ends)
+            step = new - x
+            expected = -(2.0 * slope @ step + step @ bending @ step)
+            tried = self._evaluate(_whole(new), groups)
+            better = size - tried[0]
+            if better >= 0.0:
+                x, (size, slope, bending) = new, tried
+                damping = max(damping * (0.1 if better > 0.5 * expected else 1.0), 1e-12)
+            else:
+                damping = max(damping, 1e-6) * 10.0
+            small = float(np.max(np.abs(step) / np.tile(away, 2))) <= _ROUNDING
+            if (better >= 0.0 and expected <= tolerance * size) or small or damping > 1e10:
+                converged = True
+                break
+        return self._conclude(_whole(x), groups, converged)
 
     def gains(self, poles: NDArray[np.complex128], candidates: NDArray[np.complex128]) -> NDArray[np.float64]:
         """By how much each candidate, added to these poles, would lower the sum of the squared residuals."""
         gains = np.zeros(candidates.size)
         basis = self.model.basis(poles)
         for group in self._groups():
-            w = group.weight[:, None]
-            q = _orthonormal(_stacked(w * basis))
-            y = _stacked(w * self.values[:, group.entries] * group.factor)
-            left = y - q @ (q.T @ y)
-            for index in range(candidates.size):
-                pair = _stacked(w * self.model.of_poles(candidates[index : index + 1]))
-                pair = _orthonormal(pair - q @ (q.T @ pair))
-                gains[index] += float(np.sum((pair.T @ left) ** 2))
+            solved = _Solved.of(self, group, basis)
+            for first in range(0, candidates.size, _BLOCK):
+                own = candidates[first : first + _BLOCK]
+                columns = _stacked(group.weight[:, None] * self.model.of_poles(own))
+                columns /= np.maximum(np.linalg.norm(columns, axis=0), np.finfo(np.float64).tiny)
+                columns -= solved.q @ (solved.q.T @ columns)
+                a, b = columns[:, : own.size], columns[:, own.size :]
+                # Of what a and b explain together, from their Gram matrix of two by two.
+                aa, bb, ab = (np.einsum("ij,ij->j", x, y) for x, y in ((a, a), (b, b), (a, b)))
+                left = columns.T @ solved.residual
+                ya, yb = left[: own.size], left[own.size :]
+                top = bb * np.sum(ya**2, axis=1) + aa * np.sum(yb**2, axis=1) - 2.0 * ab * np.sum(ya * yb, axis=1)
+                known = aa * bb - ab**2
+                good = known > 1e-12 * np.maximum(aa, bb) ** 2
+                gains[first : first + _BLOCK] += np.where(good, top / np.where(good, known, 1.0), 0.0)
         return gains
+
+    def left_over(self, poles: NDArray[np.complex128]) -> float:
+        """Sum of the squared residuals with the best residues for these poles."""
+        basis = self.model.basis(poles)
+        return float(sum(np.sum(_Solved.of(self, group, basis).residual ** 2) for group in self._groups()))
 
     @property
     def square(self) -> float:
@@ -214,34 +265,45 @@ class PoleProblem:
 
     def _groups(self) -> list[_Group]:
         groups: list[_Group] = []
-        left = list(range(self.values.shape[1]))
-        while left:
+        left = np.arange(self.values.shape[1])
+        while left.size:
             sizes = self.weights[:, left].max(axis=0)
             sizes = np.where(sizes > 0.0, sizes, 1.0)
-            shapes = self.weights[:, left] / sizes
-            same = np.all(np.abs(shapes - shapes[:, :1]) <= 1e-12 * shapes[:, :1], axis=0)
-            chosen = [entry for entry, alike in zip(left, same, strict=True) if alike]
-            groups.append(_Group(np.array(chosen), shapes[:, 0], sizes[same]))
-            left = [entry for entry in left if entry not in chosen]
+            first = self.weights[:, left[0]] / sizes[0]
+            same = np.all(np.abs(self.weights[:, left] / sizes - first[:, None]) <= 1e-12 * first[:, None], axis=0)
+            groups.append(_Group(left[same], first, sizes[same]))
+            left = left[~same]
         return groups
 
-    def _project(
-        self, poles: NDArray[np.complex128], scale: NDArray[np.float64], groups: list[_Group]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the residuals with the best residues for these poles, and their derivative."""
-        basis, slopes = self.model.basis(poles), self.model.slopes(poles) * scale
-        residuals, jacobians = [], []
+    def _evaluate(
+        self, poles: NDArray[np.complex128], groups: list[_Group]
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Return the sum of squares with the best residues, half its gradient, and the Gauss-Newton matrix.
+
+        Entries of one group share the columns that the residues multiply, so that the matrices over lines are formed
+        once and only those over modes once per entry: neither time nor memory grow with lines times entries times
+        modes.
+        """
+        basis, slopes = self.model.basis(poles), self.model.slopes(poles)
+        count = poles.size
+        size, slope, bending = 0.0, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
         for group in groups:
             solved = _Solved.of(self, group, basis)
-            residuals.append(solved.residual.T.ravel())
-            moved = solved.moved(slopes)
-            moved -= np.einsum("ij,jpe->ipe", solved.q, np.einsum("ij,ipe->jpe", solved.q, moved))
-            jacobians.append(-moved.transpose(2, 0, 1).reshape(-1, moved.shape[1]))
-        return np.concatenate(residuals), np.concatenate(jacobians)
+            size += float(np.sum(solved.residual**2))
+            outside = solved.outside(slopes)
+            pull, gram = outside.T @ solved.residual, outside.T @ outside
+            for half, (a, b) in enumerate(solved.turns(count)):
+                slope[half * count : (half + 1) * count] -= np.sum(a * pull[:count] + b * pull[count:], axis=1)
+                for other, (c, d) in enumerate(solved.turns(count)):
+                    block = gram[:count, :count] * (a @ c.T) + gram[:count, count:] * (a @ d.T)
+                    block += gram[count:, :count] * (b @ c.T) + gram[count:, count:] * (b @ d.T)
+                    bending[half * count : (half + 1) * count, other * count : (other + 1) * count] += block
+        return size, slope, bending
 
     def _conclude(self, poles: NDArray[np.complex128], groups: list[_Group], converged: bool) -> PoleFit:
         basis, slopes = self.model.basis(poles), self.model.slopes(poles)
-        entries, size, count = self.values.shape[1], basis.shape[1], 2 * poles.size
+        entries, size, modes = self.values.shape[1], basis.shape[1], poles.size
+        count = 2 * modes
         coefficients, scores = np.zeros((entries, size)), np.zeros((entries, count))
         # Of the coefficients with the poles held, their slopes by the poles, and what links both errors.
         own, by_poles, link = (np.zeros((entries, size, each)) for each in (size, count, count))
@@ -249,21 +311,29 @@ class PoleProblem:
         freedom = 2.0 * np.count_nonzero(self.weights)
         for group in groups:
             solved = _Solved.of(self, group, basis)
-            moved = solved.moved(slopes)
             back = np.linalg.pinv(solved.r) / solved.norms[:, None]
             spread = self._with_shared(solved.q)
             seen = solved.q.T @ spread
+            inside, outside = solved.q.T @ solved.moved(slopes), solved.outside(slopes)
+            gram, shared = outside.T @ outside, outside.T @ self._with_shared(outside)
+            crossed, pull = spread.T @ outside, outside.T @ solved.residual
+            (a, b), (c, d) = solved.turns(modes)
+            of_coefficients = back @ seen @ back.T
             for place, entry in enumerate(group.entries):
+                # How the columns of the slopes make up the derivative by the real and by the imaginary parts.
+                turn = np.block(
+                    [
+                        [np.diag(a[:, place]), np.diag(c[:, place])],
+                        [np.diag(b[:, place]), np.diag(d[:, place])],
+                    ]
+                )
                 coefficients[entry] = solved.coefficients[:, place]
-                inside = solved.q.T @ moved[:, :, place]
-                # Rounding makes a difference of two squares negative; a product of a matrix with itself never is.
-                outside = moved[:, :, place] - solved.q @ inside
-                informations[entry] = outside.T @ outside
-                squares[entry] = outside.T @ self._with_shared(outside)
-                scores[entry] = -outside.T @ solved.residual[:, place]
-                own[entry] = back @ seen @ back.T / group.factor[place] ** 2
-                by_poles[entry] = -back @ inside / group.factor[place]
-                link[entry] = back @ (spread.T @ outside) / group.factor[place]
+                informations[entry] = turn.T @ gram @ turn
+                squares[entry] = turn.T @ shared @ turn
+                scores[entry] = -turn.T @ pull[:, place]
+                own[entry] = of_coefficients / group.factor[place] ** 2
+                by_poles[entry] = -back @ (inside @ turn) / group.factor[place]
+                link[entry] = back @ (crossed @ turn) / group.factor[place]
                 freedom -= float(np.trace(seen))
         inverse = _inverse(informations.sum(axis=0))
         fitted = basis @ coefficients.T
@@ -333,13 +403,28 @@ class _Solved:
         return cls(q, r, norms, solution, y - q @ inside, group.weight, group.factor)
 
     def moved(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """`(2n, 2M, entries)`: how the fitted values move with the poles while the residues stay."""
-        count = slopes.shape[2]
+        """`(2n, 2M)`: the slopes' columns with the weights."""
+        return _stacked(self.weight[:, None] * slopes)
+
+    def outside(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """`(2n, 2M)`: the part of them that no residues explain."""
+        moved = self.moved(slopes)
+        return np.asarray(moved - self.q @ (self.q.T @ moved))
+
+    def turns(self, count: int) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]:
+        """What multiplies both halves of the slopes' columns, `(M, entries)` each: by real, then by imaginary parts."""
         a, b = self.coefficients[:count] * self.factor, self.coefficients[count : 2 * count] * self.factor
-        w = self.weight[:, None, None]
-        by_real = w * (slopes[0][:, :, None] * a + slopes[1][:, :, None] * b)
-        by_imaginary = w * (slopes[2][:, :, None] * a + slopes[3][:, :, None] * b)
-        return _stacked(np.concatenate([by_real, by_imaginary], axis=1))
+        return (a, b), (-b, a)
+
+
+def _parts(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Real parts, then imaginary parts."""
+    return np.concatenate([values.real, values.imag])
+
+
+def _whole(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the complex numbers of `_parts`."""
+    return np.asarray(parts[: parts.size // 2] + 1j * parts[parts.size // 2 :])
 
 
 def _stacked(values: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.modal._conclusion import conclude
 from receptance.modal._lines import Lines, lines_of
-from receptance.modal._polynomials import stabilisation
+from receptance.modal._polynomials import of_parts, referenced, stabilisation, stable
 from receptance.modal._selection import Scatter, Search, refined, weights_of
 from receptance.modal.modal_fit import ModalFit
 
@@ -24,19 +24,20 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_modes"]
 
-Background = Literal["both", "above", "below", "none", "wide"]
+Background = Literal["both", "above", "below", "none"]
 _TERMS: dict[Background, tuple[int, ...]] = {
     "both": (-2, 0),
     "above": (0,),
     "below": (-2,),
     "none": (),
-    "wide": (-4, -2, 0, 2),
 }
-_MANY = 20
+_MANY = 100
 """Most modes that are looked for where their number is not given."""
 _PEAKS = 40
 """Most peaks that are candidates."""
-_LINES = 4000
+_FEW_ORDERS = 10
+"""Fewer orders do not show which candidates are stable."""
+_LINES = 16000
 """Modes are looked for on about so many lines at most; the last fit takes all."""
 
 
@@ -53,13 +54,15 @@ def fit_modes(
 ) -> ModalFit:
     """Poles, damping and residues of all modes in a band, common to all entries of an FRF, with standard errors.
 
-    Candidates for poles come from the least-squares complex frequency estimator (LSCF: a rational function with one
-    denominator for all entries) of every order up to `order`. Modes are added one by one, the candidate that explains
-    most first, and after each one all poles are fitted anew by nonlinear least squares on the complex lines, the
-    residues being solved for at each step (variable projection). That last fit is the maximum-likelihood estimate
-    for Gaussian noise with the lines' own weights: it has no bias from the polynomials, its scatter reaches the
-    Cramer-Rao bound, and its derivative gives the standard errors. Under an exponential window the lines are complex
-    and the poles come out without it.
+    Candidates for poles are those that several orders of the poly-reference least-squares complex frequency estimator
+    (p-LSCF) agree on, over the whole band and over parts of it, and the peaks. Modes are added one by one, the
+    candidate that explains most first, and after each one all poles are fitted again by nonlinear least squares on the
+    complex lines; the residues are solved for at each step (variable projection), and every pole stays in its part of
+    the complex plane. Poles outside the band are fitted as well where they lower the misfit by more than their
+    parameters cost: near a band's end a constant does not represent them, and the modes in the band would be biased.
+    The last fit is the maximum-likelihood estimate for Gaussian noise with the lines' own weights: it has no bias from
+    the polynomials, its scatter reaches the Cramer-Rao bound, and its derivative gives the standard errors. Under an
+    exponential window the lines are complex and the poles come out without it.
 
     Parameters
     ----------
@@ -67,14 +70,15 @@ def fit_modes(
         Any number of responses and excitations, in any form.
     modes : int or sequence of float, optional
         How many modes, or near which frequencies in Hz. By default as many as lower the misfit by more than
-        their parameters cost (Bayesian information criterion). With very little noise any misfit of the model is
-        then significant (a mode that moved between two hits is taken for two): give the number where you know it.
+        their parameters cost (Bayesian information criterion) and are at least a tenth of a half-power band apart.
+        With very little noise any misfit of the model is then significant (a mode that moved between two hits is taken
+        for two): give the number where you know it. Near given frequencies means within 3 % or five lines; other modes
+        in the band are then fitted as background.
     low_hz, high_hz : float, optional
         The band. Only usable lines inside are fitted; a band with a few half-power bands around its modes is enough.
-    background : {"both", "above", "below", "none", "wide"}, optional
-        What stands for modes outside the band: a constant receptance for those above, one over s squared for those
-        below, each with a complex coefficient per entry. "wide" is both with one more power of s squared each, for a
-        band that ends near a mode outside.
+    background : {"both", "above", "below", "none"}, optional
+        Where modes outside the band are. Those far above are a constant receptance, those far below one over s
+        squared, each with a complex coefficient per entry; of those near the band up to two on each side are poles.
     scatter : {"absolute", "relative"}, optional
         Where the FRF states no variance: whether noise is of one size on all lines of an entry, or in proportion to
         the magnitude. Its size is taken from the residuals, for each entry.
@@ -101,7 +105,7 @@ def fit_modes(
 
     References
     ----------
-    LSCF: Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002; Guillaume et al., IMAC 21 (2003). Variable
+    p-LSCF: Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002; Guillaume et al., IMAC 21 (2003). Variable
     projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; Kaufman, BIT 15 (1975) 49. Number of modes:
     Schwarz, Ann. Stat. 6 (1978) 461. Entries that disagree: Liang and Zeger, Biometrika 73 (1986) 13.
 
@@ -143,22 +147,22 @@ def fit_modes(
         _inside(owner, wanted, lines)
 
     thin = lines.thinned(_LINES)
+    shape = np.asarray(lines.frf.values).shape
+    values, weights = referenced(lines.values.reshape(shape), weights_of(lines, scatter, None).reshape(shape))
     highest_order = min(order, lines.frequency_hz.size // 2 - 1)
-    orders = stabilisation(thin.frequency_hz, thin.values, weights_of(thin, scatter, None), highest_order)
-    search = Search(thin, terms, scatter, _candidates(orders, lines, highest), highest)
-    if wanted is None:
-        fit = search.all(min(_MANY, most))
-    elif isinstance(wanted, int):
-        fit = search.first(wanted)
-    else:
-        fit = search.near(wanted)
-    fit = refined(lines, terms, scatter, fit)
-    if fit.poles.size == 0:
+    orders = stabilisation(lines.frequency_hz, values, weights, highest_order)
+    found = [stable(orders), *of_parts(lines.frequency_hz, values, weights), _at_peaks(lines)]
+    if wanted is not None or highest_order < _FEW_ORDERS:
+        found += reversed(orders)
+    search = Search(thin, terms, scatter, _candidates(found, lines, highest), highest, wanted, min(_MANY, most))
+    poles, fit = refined(lines, terms, scatter, search.poles(), highest)
+    poles = search.assigned(poles)
+    if not np.any(poles.role >= 0):
         raise ValueError(
             f"{owner}: no mode between {lines.frequency_hz[0]:g} and {lines.frequency_hz[-1]:g} Hz stands out of the "
             "scatter; give the frequencies as modes, or another band"
         )
-    result, aloud = conclude(fit, lines, terms, scatter, orders, wanted)
+    result, aloud = conclude(fit, poles.role >= 0, lines, terms, scatter, orders, wanted)
     for text in aloud:
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
     return result
@@ -192,18 +196,18 @@ def _whole(owner: str, name: str, value: Any) -> int:
     return int(value)
 
 
-def _candidates(orders: list[NDArray[np.complex128]], lines: Lines, highest_damping: float) -> NDArray[np.complex128]:
-    """Poles in rad/s: those of all orders, the highest first, and the peaks, without what is nearly the same twice.
-
-    Polynomials see what peaks hide, and lose modes whose half-power band is a small part of the band: the peaks have
-    those.
-    """
-    kept: list[complex] = []
-    for found in [*reversed(orders), _at_peaks(lines)]:
-        for apparent in found[found.imag <= highest_damping * found.real]:
-            if all(abs(apparent - other) > 0.1 * apparent.imag for other in kept):
-                kept.append(complex(apparent))
-    return 2j * np.pi * np.array(kept, dtype=np.complex128) + lines.frf.decay_rate
+def _candidates(found: list[NDArray[np.complex128]], lines: Lines, highest_damping: float) -> NDArray[np.complex128]:
+    """Poles in rad/s from apparent ones in Hz, the first of those that are nearly the same."""
+    f = lines.frequency_hz
+    every = np.concatenate(found)
+    every = every[(every.imag <= highest_damping * every.real) & (every.real > f[0]) & (every.real < f[-1])]
+    kept: list[int] = []
+    left = np.ones(every.size, dtype=bool)
+    for index, pole in enumerate(every):
+        if left[index]:
+            kept.append(index)
+            left &= np.abs(every - pole) > 0.1 * np.maximum(every.imag, pole.imag)
+    return np.asarray(2j * np.pi * every[kept] + lines.frf.decay_rate)
 
 
 def _at_peaks(lines: Lines) -> NDArray[np.complex128]:

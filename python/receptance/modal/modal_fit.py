@@ -41,8 +41,11 @@ class ModalFit:
     residue : ndarray
         `(M, n_out, n_in)` complex A_r of the receptance.
     background : dict of int to ndarray
-        `(n_out, n_in)` complex coefficient of each power of s in the receptance: -2 (and -4) for the modes below, 0
-        (and 2) for those above the band.
+        `(n_out, n_in)` complex coefficient of each power of s in the receptance: -2 for the modes far below the
+        band, 0 for those far above it.
+    outside_poles, outside_residue : ndarray
+        `(K,)` in rad/s and `(K, n_out, n_in)`: poles that stand for modes near the band, and, where frequencies were
+        given, for other modes in it. They are part of the background.
     lines_in_band : ndarray
         `(M,)` width of the half-power band over the distance of the lines, both as measured.
     frf : FRF
@@ -75,6 +78,8 @@ class ModalFit:
     modal_constant_standard_error: NDArray[np.complex128]
     residue: NDArray[np.complex128]
     background: dict[int, NDArray[np.complex128]]
+    outside_poles: NDArray[np.complex128]
+    outside_residue: NDArray[np.complex128]
     lines_in_band: NDArray[np.float64]
     frf: FRF
     scatter: NDArray[np.float64]
@@ -102,9 +107,12 @@ class ModalFit:
             Whether what stands for modes outside the band is added; it holds in the band only.
         """
         s = 2j * np.pi * np.atleast_1d(_checks.unmasked("", "frequency_hz", frequency_hz)).astype(np.complex128)
-        own = 1.0 / (s[:, None] - self.poles)
-        other = 1.0 / (s[:, None] - self.poles.conj())
-        total = np.einsum("nr,roi->noi", own, self.residue) + np.einsum("nr,roi->noi", other, self.residue.conj())
+        poles, residue = self.poles, self.residue
+        if background:
+            poles = np.concatenate([poles, self.outside_poles])
+            residue = np.concatenate([residue, self.outside_residue])
+        own, other = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
+        total = np.tensordot(own, residue, 1) + np.tensordot(other, residue.conj(), 1)
         if background:
             for term, coefficient in self.background.items():
                 total = total + s[:, None, None] ** term * coefficient

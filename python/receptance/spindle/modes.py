@@ -206,7 +206,9 @@ def start_from(
         damping = float(np.clip(damping, 1e-4, _HIGHEST_DAMPING))
         shape = {"y": y.real, "theta": theta.real, "y_imaginary": y.imag, "theta_imaginary": theta.imag}
         kept.append(Mode(frequency_hz=float(frequency), damping_ratio=damping, **shape))
-    residual = fit.background.get(0, np.zeros((2, 2))).real
+    # Modes above the band, near it or not, are a constant at the first line.
+    first = fit.frf.complex_frequency_hz[:1]
+    residual = (fit.receptance(first) - fit.receptance(first, background=False))[0].real
     high = float(np.asarray(found.frequency_hz).real[-1])
     # Modes above the band are no constant at its end: one mode there takes the curvature.
     w = 2.0 * np.pi * _ABOVE * high

@@ -146,7 +146,7 @@ def measure_radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[st
     """Measure and identify one level; as `measure_axial`."""
     plain, windowed, left_out = rig.measure(seed)
     low, high = RADIAL_BAND_HZ
-    modes = fit_modes(windowed.select(low_hz=low, high_hz=high), 2, background="wide")
+    modes = fit_modes(windowed.select(low_hz=low, high_hz=high), 2)
     # The ratio of both points' constants for the one hit, with its scatter to first order.
     first, second = modes.modal_constant[:, 0, 0], modes.modal_constant[:, 1, 0]
     ratio = first / second
