@@ -55,7 +55,7 @@ def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
     names = [table.columns[index].name for index in channels]
     if isinstance(options.unit, str) and options.unit != SI and len(names) > 1:
         raise FileFormatError(several_channels(names, options.unit))
-    units, notes = [], []
+    units, notes = [], list(table.notes)
     for index in channels:
         column = table.columns[index]
         given = options.channel_unit(column.name)
@@ -106,7 +106,8 @@ def _coherence(table: Table, index: int) -> NDArray[np.float64]:
 
 
 def _unread(table: Table) -> list[str]:
-    return [f"column {column.name!r} was not read" for column in table.columns if column.role == "channel"]
+    unread = (f"column {column.name!r} was not read" for column in table.columns if column.role == "channel")
+    return [*table.notes, *unread]
 
 
 def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:
