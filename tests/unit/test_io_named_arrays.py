@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import signal
+import struct
 import time
 import zipfile
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from receptance import FRF, ReceptanceWarning
+from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import Coherence, FileFormatError, TimeSeries, isolated, read, read_all, read_frf, write
 
 LINES = np.array([10.0, 20.0, 30.0])
@@ -73,8 +74,87 @@ def test_parts_apart_and_matrices(path: Path) -> None:
         read(path, variables={"frequency_hz": "f", "values": "square"}, unit="m/N")
     with pytest.raises(FileFormatError, match=r"has shape \(3, 2, 2\)|has shape"):
         read(path, variables={"frequency_hz": "re", "values": "cube", "coherence": "square"}, unit="m/N")
-    with pytest.raises(FileFormatError, match="expected 'values', or 'real' and 'imaginary'"):
+    with pytest.raises(FileFormatError, match="expected 'values', 'real' and 'imaginary', or 'magnitude'"):
         read(path, variables={"frequency_hz": "f", "real": "re"}, unit="m/N")
+
+
+def test_columns_of_arrays(path: Path) -> None:
+    """Analysers that write [axis, value] in two columns, a complex axis, or one column a channel without names."""
+    t = np.arange(100) / 512.0
+    save(
+        path,
+        {
+            "X1": np.column_stack([t, np.sin(t)]),
+            "X2": np.column_stack([t, np.cos(t)]),
+            "H1_2": np.column_stack([LINES, NUMBERS]),
+            "C1_2": np.column_stack([LINES, [0.9, 0.8, 0.7]]),
+            "many": np.outer(NUMBERS, np.arange(1.0, 5.0)),
+            "f": LINES,
+        },
+    )
+    in_units: dict[str, Any] = {"unit": {"hammer": "N", "tip": "g"}}
+    series = read(path, variables={"time_s": "X1[:,0]", "hammer": "X1[:,1]", "tip": "X2[:, 1]"}, **in_units)
+    assert isinstance(series, TimeSeries)
+    assert series.sample_rate_hz == pytest.approx(512.0)
+    assert np.array_equal(series.channel("hammer"), np.sin(t))
+    for variables, options in (
+        ({"time_s": "X1", "hammer": "X1", "tip": "X2"}, {}),
+        ({"hammer": "X1", "tip": "X2"}, {"sample_rate_hz": 512.0}),
+    ):
+        with pytest.raises(FileFormatError, match=r"has shape \(100, 2\), expected one column.*\[:,1\]"):
+            read(path, variables=variables, **in_units, **options)
+    frf = read_frf(
+        path,
+        variables={"frequency_hz": "H1_2[:,0]", "values": "H1_2[:,1]", "coherence": "C1_2[:,1]"},
+        unit="m/N",
+    )
+    assert np.array_equal(frf.frequency_hz, LINES)
+    assert np.array_equal(frf.values.ravel(), NUMBERS)
+    assert frf.coherence is not None
+    with pytest.raises(FileFormatError, match=r"'H1_2\[:,0\]' is its first column"):
+        read(path, variables={"frequency_hz": "H1_2", "values": "H1_2"}, unit="m/N")
+    with pytest.raises(FileFormatError, match=r"has shape \(3, 2\), so there is no column 2 in it; columns"):
+        read(path, variables={"frequency_hz": "f", "values": "H1_2[:,2]"}, unit="m/N")
+    with pytest.raises(FileFormatError, match=r"select one column, counted from 0: 'many\[:,0\]'"):
+        read(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N")
+    third = read_frf(path, variables={"frequency_hz": "f", "values": "many[:,2]"}, unit="m/N")
+    assert np.array_equal(third.values.ravel(), 3.0 * NUMBERS)
+    places = [Coordinate("tip", 0.01 * i, "y") for i in range(4)]
+    roving = read_frf(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N", excitations=places)
+    assert roving.values.shape == (3, 1, 4)
+    assert np.array_equal(roving.values[:, 0, 2], 3.0 * NUMBERS)
+    seen = read_frf(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N", responses=places)
+    assert seen.values.shape == (3, 4, 1)
+
+
+def test_magnitude_and_phase_apart(path: Path) -> None:
+    save(path, {"f": LINES, "mag": np.abs(NUMBERS), "deg": np.degrees(np.angle(NUMBERS)), "rad": np.angle(NUMBERS)})
+    for role, name in (("phase_deg", "deg"), ("phase_rad", "rad")):
+        frf = read_frf(path, variables={"frequency_hz": "f", "magnitude": "mag", role: name}, unit="m/N")
+        np.testing.assert_allclose(frf.values.ravel(), NUMBERS, rtol=1e-14)
+    with pytest.raises(FileFormatError, match="or 'magnitude' and 'phase_deg' or 'phase_rad'"):
+        read(path, variables={"frequency_hz": "f", "magnitude": "mag"}, unit="m/N")
+
+
+def test_mat_files_with_strings_of_matlab(tmp_path: Path) -> None:
+    """An object of MATLAB (a string, a table) beside the numbers; scipy.io.whosmat cannot list it."""
+
+    def element(kind: int, content: bytes) -> bytes:
+        return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+    inner = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1)) + element(1, b"")
+    inner += element(6, np.arange(6, dtype="<u4").tobytes())
+    texts = b"".join(element(1, text) for text in (b"note", b"MCOS", b"string"))
+    opaque = element(14, element(6, struct.pack("<II", 17, 0)) + texts + element(14, inner))
+    path = save(tmp_path / "analyser.mat", {"f": LINES, "H": NUMBERS})
+    content = path.read_bytes()
+    path.write_bytes(content[:128] + opaque + content[128:])
+    with pytest.raises(TypeError):
+        scipy.io.whosmat(path)
+    frf = read_frf(path, variables=FRF_VARIABLES, unit="m/N")
+    assert np.array_equal(frf.values.ravel(), NUMBERS)
+    with pytest.raises(FileFormatError, match=r"It holds f \(1x3 float64\), H \(1x3 complex128\)"):
+        read(path)
 
 
 def test_names_that_speak_for_themselves(path: Path) -> None:

@@ -87,6 +87,29 @@ def test_f_and_t_behind_the_first_column_are_channels(tmp_path: Path) -> None:
     assert (series.channels, series.quantities) == (("f", "T"), ("force", ""))
 
 
+BEFORE = "Analyser,Model 4\nDate,12.3.2024,09:15\nTime,averages\nFrequency range: 0 to 20 Hz\n\n"
+
+
+@pytest.mark.parametrize("unit_row", [False, True])
+def test_lines_before_the_header(unit_row: bool, tmp_path: Path) -> None:
+    header = "Frequency,H real,H imag,Coh\nHz,m/N,m/N,\n" if unit_row else "Freq [Hz],Real [m/N],Imag [m/N],Coh\n"
+    rows = "10,1,-2,0.9\n20,3,4,0.8\n"
+    options = {"quantity": "receptance"}
+    frf = read_frf(text_file(tmp_path, BEFORE + header + rows), **options)
+    assert frf.values.ravel().tolist() == [1 - 2j, 3 + 4j]
+    assert frf.coherence is not None
+    assert frf.coherence.ravel().tolist() == [0.9, 0.8]
+    assert frf.notes == ("4 lines before line 6 were not read",)
+    given = ["frequency [Hz]", "real [m/N]", "imag [m/N]", "coherence"]
+    same = read_frf(text_file(tmp_path, BEFORE + rows), columns=given)
+    assert same.values.ravel().tolist() == [1 - 2j, 3 + 4j]
+    assert same.notes == ("4 lines before line 6 were not read",)
+    series = read(text_file(tmp_path, BEFORE + "Time [s];hammer [N]\n0,0;1,5\n0,1;2\n"))
+    assert isinstance(series, TimeSeries)
+    assert series.values.ravel().tolist() == [1.5, 2.0]
+    assert series.notes == ("4 lines before line 6 were not read",)
+
+
 WRONG = [
     (
         "frequency [Hz],real [m/N],imag [m/N]\nHz,um/N,um/N\n1,2,3\n",

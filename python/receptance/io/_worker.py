@@ -29,14 +29,28 @@ class _RefusedError(Exception):
 
 def _names_wanted(name: str, wanted: list[str] | None) -> bool:
     """Return whether a top-level variable is to be loaded."""
-    return bool(OWN.fullmatch(name)) if wanted is None else any(re.split(r"[./[]", w)[0] == name for w in wanted)
+    return bool(OWN.fullmatch(name)) if wanted is None else name in _bases(wanted)
+
+
+def _bases(wanted: list[str]) -> list[str]:
+    """Return the top-level variables that hold what is wanted."""
+    return [re.split(r"[./[]", name)[0] for name in wanted]
 
 
 def _mat(path: str, wanted: list[str] | None) -> Iterator[tuple[str, Any]]:
     import scipy.io
 
     try:
-        held = scipy.io.whosmat(path)
+        try:
+            held: list[tuple[str, tuple[int, ...], str]] = list(scipy.io.whosmat(path))
+        except TypeError:
+            # whosmat cannot list objects of MATLAB such as strings and tables; loadmat leaves them out.
+            loaded = scipy.io.loadmat(path, variable_names=None if wanted is None else _bases(wanted))
+            held = [
+                (name, value.shape, "struct" if value.dtype.names else str(value.dtype))
+                for name, value in loaded.items()
+                if isinstance(value, np.ndarray) and not isinstance(value, scipy.io.matlab.MatlabOpaque)
+            ]
         # Structs are opened too where nothing is asked for, to list what is in them.
         names = [name for name, _, kind in held if _names_wanted(name, wanted) or (wanted is None and kind == "struct")]
         loaded = scipy.io.loadmat(path, variable_names=names, simplify_cells=True) if names else {}

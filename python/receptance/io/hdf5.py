@@ -11,7 +11,7 @@ import numpy as np
 from receptance.frf import FRF
 from receptance.io.coherence import Coherence
 from receptance.io.isolated import load
-from receptance.io.named import items_of, things_of
+from receptance.io.named import items_of, things_of, wanted_names
 from receptance.io.options import ReadOptions
 from receptance.io.time_series import TimeSeries
 
@@ -35,5 +35,5 @@ def hdf5_bytes(things: Sequence[FRF | TimeSeries | Coherence]) -> bytes:
 
 def read_hdf5(path: Path, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
     """Return the measurements in an HDF5 file: those this library wrote, else the data sets that `variables` names."""
-    contents = load(path, "hdf5", None if options.variables is None else list(options.variables.values()))
+    contents = load(path, "hdf5", wanted_names(options))
     return things_of(contents.arrays | contents.texts, options, separator="/", listed=contents.listed)

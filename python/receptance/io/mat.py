@@ -10,7 +10,7 @@ from typing import Any
 from receptance.frf import FRF
 from receptance.io.coherence import Coherence
 from receptance.io.isolated import load
-from receptance.io.named import items_of, things_of
+from receptance.io.named import items_of, things_of, wanted_names
 from receptance.io.options import ReadOptions
 from receptance.io.time_series import TimeSeries
 
@@ -32,5 +32,5 @@ def mat_bytes(things: Sequence[FRF | TimeSeries | Coherence]) -> bytes:
 
 def read_mat(path: Path, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
     """Return the measurements in a MAT file: those this library wrote, else the variables that `variables` names."""
-    contents = load(path, "mat", None if options.variables is None else list(options.variables.values()))
+    contents = load(path, "mat", wanted_names(options))
     return things_of(contents.arrays | contents.texts, options, separator=".", listed=contents.listed)

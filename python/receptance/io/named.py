@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +19,22 @@ from receptance.io.time_series import TimeSeries
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["items_of", "things_of"]
+__all__ = ["items_of", "things_of", "wanted_names"]
 
 _PREFIXES = {"frf": "frf", "time series": "time", "coherence": "coherence"}
-_FRF_KEYS = ("frequency_hz", "values", "real", "imaginary", "coherence")
+_FRF_KEYS = (
+    "frequency_hz",
+    "values",
+    "real",
+    "imaginary",
+    "magnitude",
+    "phase_deg",
+    "phase_rad",
+    "coherence",
+)
+_PARTS = ({"values"}, {"real", "imaginary"}, {"magnitude", "phase_deg"}, {"magnitude", "phase_rad"})
+_COLUMN = re.compile(r"(?P<name>.+)\[:, ?(?P<column>[0-9]{1,9})\]")
+"""A column of a two-dimensional array, counted from 0."""
 _MOST_LISTED = 30
 
 
@@ -92,6 +105,16 @@ def _owners(name: str, separator: str) -> list[str]:
     return ["", owner] if owner else [""]
 
 
+def wanted_names(options: ReadOptions) -> list[str] | None:
+    """Return the names of the arrays that the options ask for, None where they name none."""
+    if options.variables is None:
+        return None
+    columns = {name: _COLUMN.fullmatch(name) for name in options.variables.values()}
+    return list(
+        dict.fromkeys(name for text, match in columns.items() for name in (text, match["name"] if match else text))
+    )
+
+
 class _MissingError(Exception):
     """Something that is not there: what is there follows."""
 
@@ -99,16 +122,17 @@ class _MissingError(Exception):
 def _foreign(arrays: Mapping[str, NDArray[Any]], options: ReadOptions) -> FRF | TimeSeries | Coherence:
     """Return what arrays of another program are, as `variables` says; names as this library's own say it themselves."""
     chosen = dict(options.variables) if options.variables is not None else {k: k for k in _FRF_KEYS if k in arrays}
-    if "frequency_hz" in chosen and {"values", "real", "coherence"} & set(chosen):
+    if "frequency_hz" in chosen and {"values", "real", "magnitude", "coherence"} & set(chosen):
         return _foreign_frf(arrays, chosen, options)
     if options.variables is not None and "frequency_hz" not in chosen:
         return _foreign_time_series(arrays, chosen, options)
     raise _MissingError(
         "this file was not written by receptance, so it has to be said which of its variables is what, and in which "
         "unit: variables={'frequency_hz': ..., 'values': ..., 'coherence': ...} with unit='m/s^2/N', say, for an FRF "
-        "('real' and 'imaginary' instead of 'values' where they are apart), variables={'time_s': ..., 'hammer': ..., "
-        "'tip': ...} with unit={'hammer': 'N', 'tip': 'm/s^2'} for time records; on the command line "
-        "--variable frequency_hz=NAME and so on. It holds "
+        "('real' and 'imaginary', or 'magnitude' and 'phase_deg' or 'phase_rad', instead of 'values' where they are "
+        "apart), variables={'time_s': ..., 'hammer': ..., 'tip': ...} with unit={'hammer': 'N', 'tip': 'm/s^2'} for "
+        "time records; 'NAME[:,1]' is the second column of NAME; on the command line --variable frequency_hz=NAME and "
+        "so on. It holds "
     )
 
 
@@ -120,13 +144,26 @@ def _listed(shapes: Mapping[str, str]) -> str:
 
 def _get(arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], role: str) -> NDArray[Any]:
     array = arrays.get(chosen[role])
+    column = _COLUMN.fullmatch(chosen[role])
+    if array is None and column is not None and column["name"] in arrays:
+        whole = arrays[column["name"]]
+        if whole.ndim != 2 or int(column["column"]) >= whole.shape[1]:
+            raise FileFormatError(
+                f"the variable {column['name']!r} for {role!r} has shape {whole.shape}, so there is no column "
+                f"{column['column']} in it; columns are counted from 0"
+            )
+        array = whole[:, int(column["column"])]
     if array is None:
         raise _MissingError(f"there are no numbers named {chosen[role]!r} for {role!r}; the file holds ")
+    if role != "values" and array.dtype.kind == "c" and not np.any(array.imag):
+        # An axis beside complex values in one array is complex as well.
+        array = array.real
     kinds = "iufc" if role == "values" else "iuf"
     if array.dtype.kind not in kinds:
         raise FileFormatError(
             f"the variable {chosen[role]!r} for {role!r} is of {array.dtype}, expected "
             f"{'complex' if role == 'values' else 'real'} numbers"
+            + (f"; {chosen[role] + '[:,0]'!r} is its first column" if array.ndim == 2 else "")
         )
     return array
 
@@ -137,17 +174,26 @@ def _foreign_frf(
     unknown = sorted(set(chosen) - set(_FRF_KEYS))
     if unknown:
         raise FileFormatError(f"variables names {unknown[0]!r}, expected some of {', '.join(_FRF_KEYS)} for an FRF")
-    lines = _get(arrays, chosen, "frequency_hz").astype(np.float64).ravel()
+    lines = _one_column(arrays, chosen, "frequency_hz")
     parts: dict[str, NDArray[Any]] = {}
     for role in chosen:
         if role != "frequency_hz":
-            parts[role] = _by_line(_get(arrays, chosen, role), lines.size, chosen[role])
+            parts[role] = _by_line(_get(arrays, chosen, role), lines.size, chosen[role], options)
     coherence = parts.pop("coherence", None)
     if not parts:
         return Coherence(frequency_hz=lines, values=coherence if coherence is not None else [])
-    if set(parts) not in ({"values"}, {"real", "imaginary"}):
-        raise FileFormatError(f"variables names {', '.join(chosen)}, expected 'values', or 'real' and 'imaginary'")
-    values = parts["values"] if "values" in parts else joined(parts["real"], parts["imaginary"])
+    if set(parts) not in _PARTS:
+        raise FileFormatError(
+            f"variables names {', '.join(chosen)}, expected 'values', 'real' and 'imaginary', or 'magnitude' and "
+            "'phase_deg' or 'phase_rad'"
+        )
+    if "values" in parts:
+        values = parts["values"]
+    elif "real" in parts:
+        values = joined(parts["real"], parts["imaginary"])
+    else:
+        phase = parts["phase_rad"] if "phase_rad" in parts else np.deg2rad(parts["phase_deg"])
+        values = parts["magnitude"] * np.exp(1j * phase)
     resolved = resolve_frf(options, declared=None, form=None, directions=None)
     notes = without_phase(values)
     kind = resolved.kind
@@ -162,7 +208,19 @@ def _foreign_frf(
     )
 
 
-def _by_line(array: NDArray[Any], n: int, name: str) -> NDArray[Any]:
+def _one_column(arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], role: str) -> NDArray[np.float64]:
+    """Return an axis or a time record: an array that has one dimension, or of which all others are one."""
+    array = _get(arrays, chosen, role)
+    if array.ndim and array.size != max(array.shape):
+        name = chosen[role]
+        raise FileFormatError(
+            f"the variable {name!r} for {role!r} has shape {array.shape}, expected one column; "
+            + (f"name the column, counted from 0: {name + '[:,1]'!r}, say" if array.ndim == 2 else "select it first")
+        )
+    return array.astype(np.float64).ravel()
+
+
+def _by_line(array: NDArray[Any], n: int, name: str, options: ReadOptions) -> NDArray[Any]:
     """Return an array as (n, responses, excitations)."""
     squeezed = array.squeeze() if array.ndim > 1 else array
     if squeezed.ndim == 0:
@@ -175,9 +233,16 @@ def _by_line(array: NDArray[Any], n: int, name: str) -> NDArray[Any]:
             f"({n}, responses, excitations)"
         )
     if squeezed.ndim == 2:
+        count = squeezed.shape[1]
+        responses, excitations = (len(side or ()) for side in (options.responses, options.excitations))
+        if responses == count and excitations <= 1:
+            return squeezed[:, :, None]
+        if excitations == count and responses <= 1:
+            return squeezed[:, None, :]
         raise FileFormatError(
             f"the variable {name!r} has shape {array.shape}: whether its columns are responses or excitations is not "
-            f"said; make it ({n}, responses, excitations)"
+            f"said; select one column, counted from 0: {name + '[:,0]'!r}, say, or give the {count} responses= or "
+            f"excitations= that the columns are"
         )
     return squeezed if squeezed.ndim == 3 else squeezed[:, None, None]
 
@@ -188,7 +253,7 @@ def _foreign_time_series(
     names = [name for name in chosen if name != "time_s"]
     if not names:
         raise FileFormatError("variables names no channel, expected the time records beside 'time_s'")
-    columns = {name: _get(arrays, chosen, name).astype(np.float64).ravel() for name in names}
+    columns = {name: _one_column(arrays, chosen, name) for name in names}
     sizes = {name: column.size for name, column in columns.items()}
     if len(set(sizes.values())) > 1:
         raise FileFormatError(f"the channels have different numbers of samples: {sizes}")
@@ -203,7 +268,7 @@ def _foreign_time_series(
             )
         units.append(unit)
     if "time_s" in chosen:
-        seconds = _get(arrays, chosen, "time_s").astype(np.float64).ravel()
+        seconds = _one_column(arrays, chosen, "time_s")
         if seconds.size != next(iter(sizes.values())):
             raise FileFormatError(f"there are {seconds.size} times for {next(iter(sizes.values()))} samples")
         if seconds.size == 0 or not np.all(np.isfinite(seconds)):

@@ -55,7 +55,8 @@ def read(
         Read an FRF without its coherence, where that is worth nothing.
     variables : mapping, optional
         For NPZ, MAT and HDF5 files of other programs, which of their variables is what: "frequency_hz" and "values"
-        (or "real" and "imaginary") and "coherence" of an FRF, "time_s" and the names of the channels of time records.
+        (or "real" and "imaginary", or "magnitude" and "phase_deg" or "phase_rad") and "coherence" of an FRF, "time_s"
+        and the names of the channels of time records. "NAME[:,1]" is the second column of a variable.
     columns : sequence of str, optional
         Header of a table that has none.
     sample_rate_hz : float, optional

@@ -30,7 +30,7 @@ _FRF = re.compile(
     rf"(?:(?P<form>{_FORMS}|frf|h)\s+)?(?P<part>{_PART})(?:\s+part)?(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",
     re.IGNORECASE,
 )
-_OTHER = re.compile(rf"(?P<what>coherence|{'|'.join(QUALITIES)})(?:\s+(?P<entry>.+))?", re.IGNORECASE)
+_OTHER = re.compile(rf"(?P<what>coherence|coh|{'|'.join(QUALITIES)})(?:\s+(?P<entry>.+))?", re.IGNORECASE)
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
 _PARENTHESES = re.compile(r"(?P<name>[^()]*?)\s*\((?P<unit>.*)\)", re.DOTALL)
 
@@ -68,7 +68,7 @@ def parse_column(text: str) -> Column:
     other = _OTHER.fullmatch(name)
     if other:
         what = other["what"].lower()
-        return Column(name, unit, QUALITIES.get(what, what), entry=other["entry"] or "")
+        return Column(name, unit, QUALITIES.get(what, "coherence"), entry=other["entry"] or "")
     frf = _FRF.fullmatch(name)
     if frf:
         role = next(role for role, words in _PARTS.items() if frf["part"].lower() in words)

@@ -26,6 +26,8 @@ MARK = "# receptance: "
 """Begins the line in which this library keeps what columns cannot hold."""
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
 _LONGEST_NAME = 1000
+_MOST_BEFORE = 1000
+"""Lines in which a header is looked for."""
 _MAY_BE_INFINITE = ("log_variance", "degrees_of_freedom")
 
 
@@ -65,6 +67,9 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
+    skipped = _before_the_header(lines, options.columns)
+    lines = lines[skipped:]
+    notes = (f"{skipped} lines before line {lines[0][0]} were not read",) if skipped else ()
     delimiter = _delimiter(*lines[0])
     rows = _split(lines, delimiter)
     header, names = rows[0]
@@ -109,8 +114,8 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     declared = None if about is None else about.get("rows")
     if isinstance(declared, int):
         check_count(whole, len(rows), declared, lines[-1][0])
-        return table
-    return replace(table, notes=tuple(doubts_of_end(whole, lines[-len(rows) :])))
+        return replace(table, notes=notes)
+    return replace(table, notes=(*notes, *doubts_of_end(whole, lines[-len(rows) :])))
 
 
 def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str) -> bool:
@@ -150,6 +155,40 @@ def _same_unit(one: str, other: str) -> bool:
     except UnitError:
         return one == other
     return (first.factor, first.dimension) == (second.factor, second.dimension)
+
+
+def _before_the_header(lines: Sequence[tuple[int, str]], given: Sequence[str] | None) -> int:
+    """Return how many lines there are before the header, or before the table where the header is given.
+
+    A header names a frequency or a time and has a row of numbers, one for each name, below it, with at most one row of
+    units between. A given header fits the first line with as many columns.
+    """
+    for index, (line, text) in enumerate(lines[:_MOST_BEFORE]):
+        for sign in "\t;,":
+            names = _fields(line, text, sign)
+            if given is not None:
+                if len(names) == len(given):
+                    return index
+            elif any(parse_column(name).role in ("frequency", "time") for name in names) and (
+                index == 0
+                or any(
+                    len(row) == len(names) and all(_is_number(field, sign) for field in row)
+                    for row in (_fields(*below, sign) for below in lines[index + 1 : index + 3])
+                )
+            ):
+                return index
+    return 0
+
+
+def _fields(line: int, text: str, delimiter: str) -> list[str]:
+    """Return the columns of a line, without empty ones at its end; none where there is no delimiter."""
+    try:
+        ((_, fields),) = _split([(line, text)], delimiter)
+    except FileFormatError:
+        return []
+    while fields and not fields[-1].strip():
+        fields.pop()
+    return fields if len(fields) > 1 else []
 
 
 def _delimiter(line: int, text: str) -> str:
