@@ -196,6 +196,12 @@ def test_standard_deviations_that_are_far_off_are_said(correlated):
         assert words in "".join(said)
 
 
+def test_a_fit_with_as_many_unknowns_as_numbers_says_nothing_of_their_spread():
+    modes = simulate_modes(make_assembly(), upper_hz=12e3, standard_deviation_hz=5.0)
+    assert modes.frequency_hz.size == 2
+    assert not any("standard deviations explain" in text for text in identify(modes, STIFFNESSES).advice)
+
+
 def test_not_converging_is_a_field_with_advice():
     result = identify(simulate(make_assembly()), STIFFNESSES, starts=2, max_evaluations=2)
     assert not result.converged

@@ -82,7 +82,7 @@ def conclude(
             *_on_starts(runs, best, same, elsewhere),
             *_on_bounds(best.variables, variables),
             *_on_spread(inverse, correlation, variables.names),
-            *(_on_misfit(parts, task.independent_numbers()) if known else ()),
+            *(_on_misfit(parts, sum(task.independent_numbers()), count) if known else ()),
             *_on_copies(observed),
         ],
         notes=notes,
@@ -164,22 +164,25 @@ def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], n
     return advice
 
 
-def _on_misfit(residuals: Sequence[NDArray[np.float64]], independent: Sequence[float]) -> list[str]:
+def _on_misfit(residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int) -> list[str]:
     """Compare residuals with what is expected of them: one for each independent number, however many lines share it."""
     from scipy.special import chdtr  # the light part of scipy.stats
 
-    chi_square, expected = sum(float(np.sum(part**2)) for part in residuals), sum(independent)
-    rms = float(np.sqrt(chi_square / expected))
+    chi_square = sum(float(np.sum(part**2)) for part in residuals)
+    rms = float(np.sqrt(chi_square / independent))
     if rms > _UNEXPLAINED:
         return [
             f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
             "standard deviations are too small, and the standard errors are then too small as well"
         ]
-    if rms < 1.0 / _UNEXPLAINED and chdtr(expected, chi_square) < _RARE:
+    # Every fitted number may have taken one up, errors of tolerances as well.
+    left = independent - fitted
+    if left > 0.0 and chi_square < left / _UNEXPLAINED**2 and chdtr(left, chi_square) < _RARE:
+        share = float(np.sqrt(chi_square / left))
         return [
-            f"the residuals are only {rms:.2g} times what the standard deviations explain: these are stated too large "
-            "(a percentage for a share, or a limit for a standard deviation?), and the standard errors are too large "
-            "as well; or the data have no noise"
+            f"the residuals are only {share:.2g} times what the standard deviations explain: these are stated too "
+            "large (a percentage for a share, or a limit for a standard deviation?), and the standard errors are too "
+            "large as well; or the data have no noise"
         ]
     return []
 
