@@ -420,6 +420,21 @@ def test_what_a_function_closes_over_and_refers_to_is_part_of_it(
             run(reduce, name)
 
 
+def test_a_changed_module_of_the_users_own_is_another_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    for number, differs in (("3", False), ("3", False), ("4", True)):
+        (tmp_path / "sweep_helpers.py").write_text(f"LINE = {number}\ndef one(h):\n    return abs(h[:, LINE])\n")
+        monkeypatch.delitem(sys.modules, "sweep_helpers", raising=False)
+        reduce = made("import sweep_helpers\ndef reduce(h): return sweep_helpers.one(h)")
+        output = FrequencyResponse(frequency_hz=LINES, reduce=reduce, name="peak")
+        if differs:
+            with pytest.raises(SweepError, match="another sweep: it differs in output peak"):
+                sweep(pair(), drawn(6), output, store=tmp_path / "s")
+        else:
+            sweep(pair(), drawn(6), output, store=tmp_path / "s")
+
+
 def test_a_function_is_the_same_in_the_next_process(tmp_path: Path) -> None:
     script = """
         import sys

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["deviation_share", "integrated", "observe", "placed", "read", "weighed", "within"]
 
+_MOST = 0.9
+"""Share of the lines of a band below which a note says how many are used; a few are lost at antiresonances always."""
 _SHARE = 'a standard deviation of the FRF in percent, such as "2 %"'
 
 
@@ -121,7 +123,7 @@ def placed(frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excita
 
 
 def within(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
-    """Return the FRF with its usable lines inside the bands alone as usable ones, and a note where these end earlier.
+    """Return the FRF with its usable lines inside the bands alone as usable ones, and a note where these are few.
 
     Raises
     ------
@@ -144,7 +146,7 @@ def within(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
                 f"{last:g} Hz"
             )
         count, of = np.count_nonzero(inside), np.count_nonzero(asked)
-        if count < of:
+        if count < _MOST * of:
             first, last = lines[inside][[0, -1]]
             notes.append(
                 f"of the band from {low:g} to {high:g} Hz {count} of {of} lines are used, from {first:g} to {last:g} "
