@@ -309,6 +309,22 @@ def test_another_material_is_named(stated: Material, true: Material, name: str) 
     assert {"tool_modulus", "tool_density"} <= set(cause.look_alikes)
 
 
+def test_a_material_beside_something_unknown_is_not_hidden() -> None:
+    """A carbide tool modelled as steel, with data that nothing explains: what comes nearest is said in words."""
+    rng = np.random.default_rng(6)
+    wavy = [
+        altered(one, receptance=one.receptance * np.exp(0.05 * np.sin(LINES / 40.0 + rng.uniform(0.0, 6.0))))
+        for one in of_material(STEEL, GRADE)
+    ]
+    verdict = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_material", "tool_modulus"], most=1)
+    assert verdict.verdict == "unexplained"
+    text = verdict.summary()
+    assert "nearest of the plausible causes: tool_material (cemented carbide): the tool is of cemented carbide" in text
+    only = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
+    assert "vetoed: tool_modulus takes the misfit from" in only.summary()
+    assert "where -13.9 % to +16.2 % is plausible" in only.summary()
+
+
 def test_what_no_material_has_is_vetoed_and_a_heavier_grade_is_no_other_material() -> None:
     heavier = replace(CARBIDE, density=1.06 * CARBIDE.density)
     verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)

@@ -234,6 +234,10 @@ def as_text(verdict: Verdict) -> str:
     times = wanting(verdict) if verdict.final else None
     if verdict.verdict == "unexplained" and times is not None:
         lines.append(f"the model would do if all standard deviations were {times:.2g} times as large as stated")
+    near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
+    if verdict.verdict == "unexplained" and near is not None:
+        lines += ["", f"nearest of the plausible causes: {near.id} ({near.variant}): {near.meaning}"]
+        lines.append(f"  size: {sizes(verdict, near) or 'no number'}; it leaves a misfit of {near.misfit:.2f}")
     for one in verdict.causes:
         lines += ["", f"{one.id} ({one.group}; {one.variant}): {one.meaning}"]
         lines.append(f"  size: {sizes(verdict, one) or 'no number'}")
