@@ -207,7 +207,9 @@ def _new_factor(text: str, unit: str, kind: Kind) -> float:
 def _unit(text: str, unit: str, expected: str) -> Any:
     written = _NEWTON_METRE.sub(r"\1 \2", _POWER.sub(r"\1^\2", unit))
     try:
-        return _units().parse_units(written)
+        found = _units().parse_units(written)
+        found.dimensionality  # noqa: B018, that of "N m/dB" cannot be had
+        return found
     except Exception as error:
         # What pint raises for odd text is not one family of exceptions.
         name = getattr(error, "unit_names", None)
