@@ -105,7 +105,12 @@ def on_workers(
     options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
     for number in list(numbers) * rounds:
         # One cluster at a time: workers and schedulers that wait take some of the processors too.
-        with LocalCluster(n_workers=number, **options) as cluster, Client(cluster) as client:
+        # Its folder is removed with it; dask leaves its own in the system's temporary folder.
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            LocalCluster(n_workers=number, local_directory=folder, **options) as cluster,
+            Client(cluster) as client,
+        ):
             sweep(frf.assembly, drawn(200 * number, seed), Misfit(frf), block=50, client=client)
             title = f"dask, {number} worker{'s' if number > 1 else ''} of one thread"
             yield number, *run(frf, count, seed, title, client=client)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from campaign_text import TEXT, changed, load, write
+from command_line import call
 from receptance import campaign
 from receptance.campaign import CampaignError
 
@@ -250,3 +251,55 @@ def test_tables_of_frequencies(table: str, words: str | None, tmp_path: Path) ->
     error = mistakes(tmp_path, text)
     assert words in str(error)
     assert error.problems[0].path == ("measurements", "short", "file")
+
+
+_DEEP = 900 * "[" + 900 * "]"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            'torque = "135 N m"',
+            "overhang = inf",
+            "assemblies.short.conditions.overhang: is inf, expected a finite number",
+        ),
+        (
+            'torque = "135 N m"',
+            "overhang = nan",
+            "assemblies.short.conditions.overhang: is nan, expected a finite number",
+        ),
+        ('length = "60 mm"', 'length = "60 N m/dB"', 'is "60 N m/dB", with the unknown unit "delta_decibel"'),
+        ("[unknowns]", "[[unknowns]]", "unknowns: is a list of 1, expected a table"),
+        ('torque = "135 N m"', f"torque = {_DEEP}", "tables and lists are in each other more than 20 deep"),
+        ("[unknowns]", f"[{'a.' * 900}a]\nx = 1\n[unknowns]", "tables and lists are in each other more than 20 deep"),
+        ("= 0.22", f"= {400 * '1'}", "materials.carbide.poisson_ratio: is a whole number beyond 64 bits"),
+        ('torque = "135 N m"', f"torque = {400 * '1'}", "conditions.torque: is a whole number beyond 64 bits"),
+        ("= 0.22", f"= {5000 * '1'}", "this cannot be read: Exceeds the limit"),
+    ],
+    ids=lambda text: text[:20],
+)
+def test_what_ended_as_an_error_of_the_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+) -> None:
+    write(tmp_path, changed((old, new)))
+    assert call(monkeypatch, "identify", str(tmp_path)) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mode", ["propagate", "fit"])
+def test_a_tolerance_of_zero_is_no_error(tmp_path: Path, mode: str) -> None:
+    """What is known exactly may be said so; everything is as without that tolerance."""
+    settings = f'\n[settings]\ntolerances = "{mode}"\nstarts = 1\nprofiles = false\n'
+    ends = []
+    for old, new in (
+        ('length = "0.05 mm", ', ""),
+        ('length = "0.05 mm"', 'length = "0 mm"'),
+        ('length = "0.05 mm"', 'length = "0 %"'),
+    ):
+        found = load(tmp_path, changed((old, new)) + settings)
+        fit = found.identify()
+        ends.append([*fit.interval("joint.k_theta"), *found.predict(fit).frequencies[0].scatter.total])
+        assert "parts.tool.segments[0].length" not in fit.fit.errors
+    assert ends[1] == pytest.approx(ends[0])
+    assert ends[2] == pytest.approx(ends[0])

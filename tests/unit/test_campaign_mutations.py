@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import os
 import tomllib
 import warnings
@@ -47,6 +48,7 @@ ODD: list[Any] = [
         "..",
         "/",
     ),
+    *(math.inf, -math.inf, math.nan, 10**400, -(2**70), 1e-308, [{}], [{"a": 1}], "inf mm", "1e400 mm", "0 %"),
 ]
 
 
@@ -55,6 +57,8 @@ def spelt(value: Any) -> str:
         return "{ " + ", ".join(f"{json.dumps(key)} = {spelt(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(spelt, value)) + "]"
+    if isinstance(value, float) and not math.isfinite(value):
+        return repr(value)  # "inf" and "nan", as TOML writes them
     return json.dumps(value)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -150,6 +151,32 @@ def test_results_are_not_lost_with_a_figure(
     assert "no such figure" in capsys.readouterr().err
     assert left() == {"campaign.toml", "i.json"}
     assert "joint.k_y" in json.loads(Path("i.json").read_text())["parameters"]
+
+
+def test_an_interval_that_says_nothing_is_called_that(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Readings that are uncertain by as much as they are determine nothing, and no prediction is "within" that."""
+    write(Path(), changed(('standard_deviation = "2 Hz"', 'standard_deviation = "9 kHz"')))
+    assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json") == 0
+    said = capsys.readouterr().out
+    assert "not determined" in said
+    assert not re.search(r"e[+-]\d{3}", said)
+    parameters = json.loads(Path("i.json").read_text())["parameters"]
+    assert [one["determined"] for one in parameters.values()] == [False, False]
+    assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json", "--plot", "p.png") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "says nothing" in said
+    assert "0 of 0 within the 95 % intervals; 2 intervals are too wide to say anything" in said
+    assert not re.search(r"e[+-]\d{3}", said)
+    (long,) = (one for one in json.loads(Path("p.json").read_text())["natural_frequencies"] if one["name"] == "long")
+    assert long["within"] == [None, None]
+    assert long["interval_says_nothing"] == [True, True]
+    write(Path())
+    assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json") == 0
+    (long,) = (one for one in json.loads(Path("p.json").read_text())["natural_frequencies"] if one["name"] == "long")
+    assert None not in long["within"]
+    assert long["interval_says_nothing"] == [False, False]
 
 
 def test_profiles_are_a_second_figure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,7 @@ from receptance import (
     identify,
 )
 from receptance.identification import Law, Power, Tolerance, transfer
+from receptance.identification.peaks import match_peaks
 from receptance.plot import draw_transfer
 
 TRUE = {"joint.k_y": 3e8, "joint.k_theta": 8e4, "joint.c_y": 300.0, "joint.c_theta": 0.08}
@@ -266,3 +267,21 @@ def test_forms() -> None:
     assert len(draw_transfer(found, "three overhangs").axes) == 4
     with pytest.raises(ValueError, match="nothing was predicted"):
         draw_transfer(replace(found, splits=()))
+
+
+@pytest.mark.parametrize("stated", [None, 0.01], ids=["no standard deviations", "far too small ones"])
+def test_noise_is_no_peak(stated: float | None) -> None:
+    """Where the response is below the noise, the highest of its lines are not listed as measured peaks."""
+    lines = np.linspace(300.0, 9000.0, 1500)
+    true = assembled(0.06).receptance(lines)
+    elastic = assembled(0.06).natural_frequencies(9000.0)
+    given = None if stated is None else np.full(lines.size, stated)
+    clean = [peak.measured_hz for peak in match_peaks(lines, true, true, given)]
+    assert clean == pytest.approx(elastic, rel=2e-3)
+    level = 0.5 * np.median(np.abs(true[lines > 5500.0]))
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        measured = true + level * (rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size))
+        found = [peak.measured_hz for peak in match_peaks(lines, measured, true, given) if peak.measured_hz is not None]
+        assert 1 <= len(found) <= elastic.size, f"seed {seed}: {found}"
+        assert all(np.min(np.abs(elastic / f - 1.0)) < 0.01 for f in found), f"seed {seed}: {found}"

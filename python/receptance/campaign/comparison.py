@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.identification.peaks import Peak
+from receptance.identification.spread import says_nothing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["Peak", "PredictedFRF", "PredictedFrequencies"]
 
 _DECIBEL = 20.0 / np.log(10.0)
+_FACTOR = 10.0
+"""By which a magnitude may be larger or smaller before its band says nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +61,15 @@ class PredictedFrequencies:
         half = reach * self.scatter.total
         return np.maximum(self.predicted_hz - half, 0.0), self.predicted_hz + half
 
+    def says_nothing(self, reach: float) -> NDArray[np.bool_]:
+        """Return which intervals are too wide to say anything, `(m,)`."""
+        return says_nothing(self.predicted_hz, reach * self.scatter.total)
+
     def within(self, reach: float) -> NDArray[np.bool_]:
-        """Return whether the measured ones are where predictions and readings let them be; empty if not measured."""
+        """Return whether the measured ones are where predictions and readings let them be; empty if not measured.
+
+        Where `says_nothing`, the answer has no meaning.
+        """
         if self.measured_hz is None:
             return np.empty(0, dtype=np.bool_)
         reading = 0.0 if self.measured_deviation_hz is None else self.measured_deviation_hz
@@ -71,12 +81,14 @@ class PredictedFrequencies:
     def as_dict(self, reach: float) -> dict[str, Any]:
         """Return the numbers by name."""
         low, high = self.interval_hz(reach)
+        nothing = self.says_nothing(reach)
         found: dict[str, Any] = {
             "name": self.name,
             "assembly": self.assembly,
             "modes": self.modes,
             "predicted_hz": self.predicted_hz,
             "interval_hz": [low, high],
+            "interval_says_nothing": nothing,
             "standard_error_hz": self.scatter.total,
             "standard_error_of_fit_hz": self.scatter.fit,
             "change_for_one_deviation_hz": self.scatter.errors,
@@ -86,7 +98,7 @@ class PredictedFrequencies:
                 "measured_hz": self.measured_hz,
                 "measured_deviation_hz": self.measured_deviation_hz,
                 "error_percent": self.errors_percent,
-                "within": self.within(reach),
+                "within": [None if wide else bool(yes) for wide, yes in zip(nothing, self.within(reach), strict=True)],
             }
         return found
 
@@ -147,15 +159,26 @@ class PredictedFRF:
         return float(_DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
 
     def share_within(self, reach: float) -> float | None:
-        """Return the share of lines on which the magnitude is where prediction and noise let it be."""
+        """Return the share of lines on which the magnitude is where prediction and noise let it be.
+
+        Of the lines whose band says something; None without any.
+        """
         if self.measured is None:
             return None
         noise = 0.0 if self.measured_deviation is None else self.measured_deviation
-        return float(np.mean(np.abs(self.log_ratio.real) <= reach * np.hypot(self.scatter.total, noise)))
+        inside = np.abs(self.log_ratio.real) <= reach * np.hypot(self.scatter.total, noise)
+        told = ~self.says_nothing(reach)
+        return float(np.mean(inside[told])) if told.any() else None
+
+    def says_nothing(self, reach: float) -> NDArray[np.bool_]:
+        """Return on which lines the band is too wide to say anything: a factor of ten to either side, `(n,)`."""
+        wide: NDArray[np.bool_] = ~(reach * self.scatter.total < np.log(_FACTOR))
+        return wide
 
     def as_dict(self, reach: float) -> dict[str, Any]:
         """Return the numbers by name."""
-        low, high = self.band(reach)
+        nothing = self.says_nothing(reach)
+        low, high = (np.where(nothing, np.nan, side) for side in self.band(reach))
         found: dict[str, Any] = {
             "name": self.name,
             "assembly": self.assembly,
@@ -173,6 +196,7 @@ class PredictedFRF:
                 "measured": self.measured,
                 "rms_decibel": self.rms_decibel,
                 "share_within": self.share_within(reach),
+                "share_of_lines_where_the_band_says_nothing": float(np.mean(nothing)),
                 "peaks": [
                     {
                         "measured_hz": peak.measured_hz,
@@ -181,6 +205,9 @@ class PredictedFRF:
                         "standard_error_hz": peak.deviation_hz,
                         "error_percent": peak.error_percent,
                         "within": peak.within(reach),
+                        "interval_says_nothing": peak.predicted_hz is not None
+                        and peak.deviation_hz is not None
+                        and bool(says_nothing(peak.predicted_hz, reach * peak.deviation_hz)),
                     }
                     for peak in self.peaks
                 ],

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from receptance.campaign.quantities import parse_any
+from receptance.campaign.quantities import parse_any, shown
 
 __all__ = ["Condition", "parse_condition"]
 
@@ -37,7 +38,7 @@ def parse_condition(written: str | float) -> Condition:
     >>> parse_condition("5 kN")
     Condition(value=5000.0, unit='kg m/s^2', written='5 kN')
     """
-    if isinstance(written, str):
-        value, unit = parse_any(written)
-        return Condition(value, unit, written)
-    return Condition(float(written), "", f"{written:g}")
+    value, unit = parse_any(written) if isinstance(written, str) else (float(written), "")
+    if not math.isfinite(value):
+        raise ValueError(f"is {shown(written)}, expected a finite number")
+    return Condition(value, unit, written if isinstance(written, str) else f"{written:g}")

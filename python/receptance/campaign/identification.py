@@ -92,6 +92,12 @@ class CampaignIdentification:
             factor = float(np.exp(np.float64(reach * spread / value)))
         return (value / factor if np.isfinite(factor) else 0.0), value * factor
 
+    def determined(self, address: str) -> bool:
+        """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
+        unknown = self.fit.unknowns[self.fit.addresses.index(address)]
+        low, high = self.interval(address)
+        return low > unknown.lower or high < unknown.upper
+
     def as_dict(self) -> dict[str, Any]:
         """Return the result as what JSON holds: an infinite number is None."""
         fit, campaign = self.fit, self.campaign
@@ -108,6 +114,7 @@ class CampaignIdentification:
                         "interval_95": fit.interval(address),
                         "standard_error_with_tolerances": together[address],
                         "interval_95_with_tolerances": self.interval(address),
+                        "determined": self.determined(address),
                     }
                     for address, value in fit.values.items()
                     if address not in fit.errors

@@ -47,9 +47,9 @@ def build_joint(name: str, campaign: CampaignTable, built: Built, workshop: Work
     """Return a joint, or None after its mistakes are added."""
     table = campaign.joints[name]
     path: Path = ("joints", name)
-    wrong = [str(problem.path[1]) for problem in workshop.problems.found if problem.path[:1] == ("unknowns",)]
-    if any(address.startswith(f"{name}.") for address in wrong):
-        return None  # what is wrong with the unknown has been said; that the joint lacks it only follows from that
+    wrong = [problem.path[1:2] for problem in workshop.problems.found if problem.path[:1] == ("unknowns",)]
+    if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
+        return None  # what is wrong with the unknowns has been said; that the joint lacks one only follows from that
     if table.kind == "spread":
         return _spread(name, table, built, workshop)
     if table.kind == "collet":

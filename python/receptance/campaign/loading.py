@@ -49,6 +49,9 @@ _SECTIONS = (
     "unknowns",
 )
 _MOST_SPEEDS = 20_000
+_DEEPEST = 20
+_TOO_DEEP = f"tables and lists are in each other more than {_DEEPEST} deep, expected a campaign"
+_LARGEST = 2**63
 _NEEDED = ("materials", "parts", "assemblies")
 """Sections without which there is nothing to describe; a file with cuts may have measured tips alone."""
 
@@ -208,10 +211,33 @@ def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
         where = f" (column {match[2]})" if match else ""
         problem = Problem((), f"this is not TOML: {what}{where}", int(match[1]) if match else None)
         raise CampaignError(file, [problem]) from None
+    except RecursionError:
+        raise CampaignError.about(file, _TOO_DEEP) from None
+    except ValueError as error:  # a whole number with thousands of digits
+        raise CampaignError.about(file, f"this cannot be read: {str(error).partition(';')[0]}") from None
     try:
-        return data, lines_of(text)
-    except (ValueError, IndexError):  # the values are right; only where they stand could not be told
-        return data, {}
+        lines = lines_of(text)
+    except (ValueError, IndexError, RecursionError):  # the values are right; only where they stand could not be told
+        lines = {}
+    problems = Problems(lines)
+    _check_values(data, problems)
+    if problems.found:
+        raise CampaignError(file, problems.told())
+    return data, lines
+
+
+def _check_values(data: dict[str, Any], problems: Problems) -> None:
+    """Add what a campaign never has, and what would end later steps: deep nesting, and numbers beyond 64 bits."""
+    waiting: list[tuple[Path, Any]] = [((), data)]
+    while waiting:
+        path, value = waiting.pop()
+        if len(path) > _DEEPEST:
+            problems.add(path[:1], _TOO_DEEP)
+        elif isinstance(value, (dict, list)):
+            inside = value.items() if isinstance(value, dict) else enumerate(value)
+            waiting += [((*path, key), one) for key, one in inside]
+        elif isinstance(value, int) and abs(value) >= _LARGEST:
+            problems.add(path, "is a whole number beyond 64 bits, which TOML does not have, expected a smaller one")
 
 
 def _validated(

@@ -86,8 +86,12 @@ class Moved:
 
 
 def tolerances_of(effects: Effects, labels: str | None = None) -> list[Tolerance]:
-    """Return the errors of an assembly as tolerances, perhaps of one observation alone."""
-    return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in effects.items()]
+    """Return the errors of an assembly as tolerances, perhaps of one observation alone.
+
+    What is stated with a standard deviation of zero is exact, and no error.
+    """
+    some = {name: {a: d for a, d in moves.items() if d} for name, moves in effects.items()}
+    return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in some.items() if moves]
 
 
 class Propagation:

@@ -14,6 +14,7 @@ from receptance.campaign.problems import path_text
 from receptance.cli._tables import ends, head, print_sentences, table
 from receptance.cli.series_tables import left_over_levels, measured_over_levels, series_of, tied_over_levels
 from receptance.identification import MeasuredFRF
+from receptance.identification.spread import SAYS_NOTHING, says_nothing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,6 +27,8 @@ __all__ = ["print_identification", "print_prediction"]
 _TIED = 0.9
 _ABOUT_DATA = "measurements."
 _NOTHING = 1e-3
+_MANY = 1e3
+"""Standard errors of more times the value are not printed."""
 
 
 def print_identification(console: Console, found: CampaignIdentification) -> None:
@@ -103,10 +106,9 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     for address, value in fit.values.items():
         if address in fit.errors or address.split(" @ ")[0] in found.series:
             continue
-        low, high = found.interval(address)
-        cells = [address, _number(value, 5), _number(fit.standard_errors[address], 2)]
-        cells += [_number(together[address], 2)] if toleranced else []
-        rows.append([*cells, ends((low, high if np.isfinite(high) else None), ".4g")])
+        cells = [address, _number(value, 5), _error(fit.standard_errors[address], value)]
+        cells += [_error(together[address], value)] if toleranced else []
+        rows.append([*cells, _within_bounds(found, address)])
     columns = ["<parameter", "value", "standard error\nfrom the data", "95 % interval"]
     if toleranced:
         columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
@@ -141,6 +143,17 @@ def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
         yield Text(f"Correlated beyond {_TIED:g}: {'; '.join(tied)}\n")
 
 
+def _within_bounds(found: CampaignIdentification, address: str) -> str:
+    """Return an interval as text; an end beyond the bounds of the unknown is open, for it was not looked for there."""
+    unknown = found.fit.unknowns[found.fit.addresses.index(address)]
+    low, high = found.interval(address)
+    if not found.determined(address):
+        return "not determined"
+    if high >= unknown.upper or not np.isfinite(high):
+        return f"{low:.4g} on"
+    return f"up to {high:.4g}" if low <= unknown.lower else ends((low, high), ".4g")
+
+
 def _ends(lower: float, upper: float) -> str:
     """Return an interval as text, open sides in words."""
     if np.isinf(upper):
@@ -150,11 +163,14 @@ def _ends(lower: float, upper: float) -> str:
 
 def _verdict(found: CampaignPrediction) -> str:
     """Return in a line how the predictions of natural frequencies and peaks did."""
-    inside = [bool(yes) for one in found.frequencies for yes in one.within(found.reach)]
+    told = [one for one in found.frequencies if one.measured_hz is not None]
+    inside = [bool(yes) for one in told for yes in one.within(found.reach)[~one.says_nothing(found.reach)]]
     inside += [yes for frf in found.frfs for peak in frf.peaks if (yes := peak.within(found.reach)) is not None]
+    rest = len(found.errors_percent) - len(inside)
+    wide = f"; {rest} intervals are too wide to say anything" if rest else ""
     return (
         f"Held out: {len(found.errors_percent)} natural frequencies and peaks, predicted {found.rms_percent:.2f} % rms "
-        f"off; {sum(inside)} of {len(inside)} within the {100.0 * found.level:g} % intervals"
+        f"off; {sum(inside)} of {len(inside)} within the {100.0 * found.level:g} % intervals{wide}"
     )
 
 
@@ -164,7 +180,7 @@ def _compared_frequencies(found: CampaignPrediction) -> Iterable[Group]:
         if one.measured_hz is None:
             continue
         low, high = one.interval_hz(found.reach)
-        inside = one.within(found.reach)
+        inside, nothing = one.within(found.reach), one.says_nothing(found.reach)
         for i, mode in enumerate(one.modes):
             rows.append(
                 (
@@ -172,9 +188,9 @@ def _compared_frequencies(found: CampaignPrediction) -> Iterable[Group]:
                     str(mode),
                     f"{one.measured_hz[i]:.1f}",
                     f"{one.predicted_hz[i]:.1f}",
-                    f"{low[i]:.1f} to {high[i]:.1f}",
+                    SAYS_NOTHING if nothing[i] else f"{low[i]:.1f} to {high[i]:.1f}",
                     f"{one.errors_percent[i]:+.2f}",
-                    "yes" if inside[i] else "no",
+                    "" if nothing[i] else "yes" if inside[i] else "no",
                     _largest({name: change[i] for name, change in one.scatter.errors.items()}, one.scatter.fit[i]),
                 )
             )
@@ -221,7 +237,8 @@ def _compared_frfs(found: CampaignPrediction) -> Iterable[Group]:
             frf.name,
             str(frf.frequency_hz.size),
             f"{frf.rms_decibel:.2f}",
-            f"{100.0 * (frf.share_within(found.reach) or 0.0):.1f}",
+            SAYS_NOTHING if (share := frf.share_within(found.reach)) is None else f"{100.0 * share:.1f}",
+            f"{100.0 * float(np.mean(frf.says_nothing(found.reach))):.1f}",
         )
         for frf in held_out
     ]
@@ -231,8 +248,10 @@ def _compared_frfs(found: CampaignPrediction) -> Iterable[Group]:
             "lines",
             "magnitude off\n[dB rms]",
             f"lines within {100.0 * found.level:g} %\nof band and noise [%]",
+            "lines where the band\nsays nothing [%]",
         )
-        yield table("FRFs held out", columns, rows)
+        count = len(columns) if any(row[-1] != "0.0" for row in rows) else len(columns) - 1
+        yield table("FRFs held out", columns[:count], [row[:count] for row in rows])
 
 
 def _unmeasured(found: CampaignPrediction) -> Iterable[Group]:
@@ -241,6 +260,7 @@ def _unmeasured(found: CampaignPrediction) -> Iterable[Group]:
         if one.measured_hz is not None:
             continue
         low, high = one.interval_hz(found.reach)
+        nothing = one.says_nothing(found.reach)
         for i, mode in enumerate(one.modes):
             cause = _largest({name: change[i] for name, change in one.scatter.errors.items()}, one.scatter.fit[i])
             rows.append(
@@ -248,7 +268,7 @@ def _unmeasured(found: CampaignPrediction) -> Iterable[Group]:
                     one.name if i == 0 else "",
                     str(mode),
                     f"{one.predicted_hz[i]:.1f}",
-                    f"{low[i]:.1f} to {high[i]:.1f}",
+                    SAYS_NOTHING if nothing[i] else f"{low[i]:.1f} to {high[i]:.1f}",
                     cause,
                 )
             )
@@ -264,6 +284,8 @@ def _level(found: CampaignPrediction) -> str:
 def _peak_interval(predicted_hz: float | None, deviation_hz: float | None, reach: float) -> str:
     if predicted_hz is None or deviation_hz is None:
         return ""
+    if says_nothing(predicted_hz, reach * deviation_hz):
+        return SAYS_NOTHING
     return f"{predicted_hz - reach * deviation_hz:.1f} to {predicted_hz + reach * deviation_hz:.1f}"
 
 
@@ -287,6 +309,11 @@ def _rms(residual: NDArray[np.float64]) -> str:
 
 def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}g}" if np.isfinite(value) else "not determined"
+
+
+def _error(error: float, value: float) -> str:
+    """Return a standard error; one of many times the value says no more than that nothing is known."""
+    return "not determined" if abs(error) >= _MANY * abs(value) > 0.0 else _number(error, 2)
 
 
 def _list(console: Console, title: str, texts: Sequence[str]) -> None:

@@ -17,9 +17,12 @@ from receptance.cli._tables import table
 from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.identification.spread import SAYS_NOTHING
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
     from rich.console import Console
 
     from receptance.campaign import Campaign
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["catalogue"]
 
 _SHOWN = 20
+_WIDE = 100.0
 _DRAWS = 60
 """For the bands of figures, where a resonance may move by more than its width."""
 
@@ -222,6 +226,12 @@ def _print_names(console: Console, found: list[Reduced]) -> None:
         console.print(Text(text), soft_wrap=True)
 
 
+def _interval(ends: NDArray[np.float64], form: str) -> str:
+    """Return an interval of a logarithm; one over a factor of ten to either side says nothing."""
+    low, high = ends.tolist()
+    return f"{low:{form}} to {high:{form}}" if high < _WIDE * low else SAYS_NOTHING
+
+
 def _print(console: Console, found: list[Reduced], seconds: float) -> None:
     rows = []
     for one in found[:_SHOWN]:
@@ -234,11 +244,11 @@ def _print(console: Console, found: list[Reduced], seconds: float) -> None:
                 one.name,
                 one.holder,
                 f"{one.values[0]:.0f}",
-                f"{ends[0, 0]:.0f} to {ends[0, 1]:.0f}",
+                _interval(ends[0], ".0f"),
                 f"{100 * one.values[1]:.2f}",
-                f"{100 * ends[1, 0]:.2f} to {100 * ends[1, 1]:.2f}",
+                _interval(100.0 * ends[1], ".2f"),
                 f"{1e-6 * one.values[2]:.3g}",
-                f"{1e-6 * ends[2, 0]:.3g} to {1e-6 * ends[2, 1]:.3g}",
+                _interval(1e-6 * ends[2], ".3g"),
             ]
         )
     columns = ["<tool", "<holder", "Hz", "interval", "damping %", "interval", "N/\u00b5m", "interval"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from receptance.cli._tables import head, print_sentences, table
+from receptance.identification.spread import SAYS_NOTHING
 
 if TYPE_CHECKING:
     from rich.console import Console, Group
@@ -48,8 +49,8 @@ def _mode(mode: TransferredMode) -> tuple[str, ...]:
         f"{mode.measured_hz:.1f}",
         "none" if mode.predicted_hz is None else f"{mode.predicted_hz:.1f}",
         "" if mode.error_percent is None else f"{mode.error_percent:+.2f}",
-        "" if ends is None else f"{ends[0]:.1f} to {ends[1]:.1f}",
-        "yes" if mode.inside else "no",
+        "" if ends is None else SAYS_NOTHING if mode.says_nothing else f"{ends[0]:.1f} to {ends[1]:.1f}",
+        {True: "yes", False: "no", None: ""}[mode.inside],
     )
 
 
@@ -77,4 +78,7 @@ def _verdict(found: Transfer) -> str:
     hits, count = found.inside
     rms, bias = found.rms_percent, found.bias_percent
     errors = "" if rms is None or bias is None else f"{rms:.2f} % rms, {bias:+.2f} % on average; "
-    return f"{errors}{hits} of {count} measured natural frequencies are in their {100.0 * found.level:g} % intervals."
+    rest = len(found.modes) - count
+    wide = f" {rest} intervals are too wide to say anything." if rest else ""
+    level = f"{100.0 * found.level:g} %"
+    return f"{errors}{hits} of {count} measured natural frequencies are in their {level} intervals.{wide}"

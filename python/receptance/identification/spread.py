@@ -9,9 +9,20 @@ import numpy as np
 from receptance import _checks
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["covariance_of", "quantile", "variance_factor"]
+__all__ = ["SAYS_NOTHING", "covariance_of", "quantile", "says_nothing", "variance_factor"]
+
+SAYS_NOTHING = "says nothing"
+"""What is printed in the place of an interval that says nothing."""
+_WIDE = 0.5
+"""Half of an interval of a frequency as a share of the frequency, from which on it says nothing: modes lie nearer."""
+
+
+def says_nothing(frequency_hz: ArrayLike, half_hz: ArrayLike) -> NDArray[np.bool_]:
+    """Return whether intervals of frequencies, from half widths in Hz, are too wide to say anything."""
+    half = np.asarray(half_hz, dtype=np.float64)
+    return ~(half < _WIDE * np.abs(np.asarray(frequency_hz, dtype=np.float64)))
 
 
 def quantile(level: float, degrees_of_freedom: int | None) -> float:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.identification.spread import SAYS_NOTHING, says_nothing
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -67,9 +69,18 @@ class TransferredMode:
         return max(self.predicted_hz - half, 0.0), self.predicted_hz + half
 
     @property
-    def inside(self) -> bool:
-        """Whether it is there; a peak that was not predicted is not."""
+    def says_nothing(self) -> bool:
+        """Whether the interval of the prediction is too wide to say anything."""
+        if self.predicted_hz is None or self.deviation_hz is None:
+            return False
+        return bool(says_nothing(self.predicted_hz, self.reach * self.deviation_hz))
+
+    @property
+    def inside(self) -> bool | None:
+        """Whether it is there; a peak that was not predicted is not. None where the interval says nothing."""
         ends = self.interval_hz
+        if self.says_nothing:
+            return None
         return ends is not None and ends[0] <= self.measured_hz <= ends[1]
 
 
@@ -210,8 +221,9 @@ class Transfer:
 
     @property
     def inside(self) -> tuple[int, int]:
-        """How many natural frequencies are in their intervals, of how many."""
-        return sum(mode.inside for mode in self.modes), len(self.modes)
+        """How many natural frequencies are in their intervals, of how many whose interval says something."""
+        told = [mode.inside for mode in self.modes if mode.inside is not None]
+        return sum(told), len(told)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -267,7 +279,8 @@ class Transfer:
             "rms_percent": self.rms_percent,
             "bias_percent": self.bias_percent,
             "inside": self.inside[0],
-            "modes": self.inside[1],
+            "modes": len(self.modes),
+            "intervals_that_say_nothing": len(self.modes) - self.inside[1],
             "splits": [_split_as_dict(split, self.level) for split in self.splits],
         }
 
@@ -284,7 +297,7 @@ class Transfer:
         parts = [f"{len(self.splits)} splits"]
         if self.rms_percent is not None:
             hits, count = self.inside
-            parts.append(f"{count} modes predicted to {self.rms_percent:.3g} % rms")
+            parts.append(f"{len(self.modes)} modes predicted to {self.rms_percent:.3g} % rms")
             parts.append(f"{hits} of {count} in their {100.0 * self.level:g} % intervals")
         if self.frfs:
             worst = max(frf.distance_decibel for frf in self.frfs)
@@ -300,8 +313,8 @@ def _row(mode: TransferredMode) -> tuple[str, ...]:
         f"{mode.measured_hz:.1f}",
         "none" if mode.predicted_hz is None else f"{mode.predicted_hz:.1f}",
         "" if mode.error_percent is None else f"{mode.error_percent:+.2f}",
-        "" if ends is None else f"{ends[0]:.1f} to {ends[1]:.1f}",
-        "yes" if mode.inside else "no",
+        "" if ends is None else SAYS_NOTHING if mode.says_nothing else f"{ends[0]:.1f} to {ends[1]:.1f}",
+        {True: "yes", False: "no", None: ""}[mode.inside],
     )
 
 

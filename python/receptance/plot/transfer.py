@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance._text import printable
+from receptance.identification.spread import SAYS_NOTHING
 from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
 
 if TYPE_CHECKING:
@@ -103,6 +104,12 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
             axes.annotate(
                 "no prediction", (0.0, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=BAD
             )
+            continue
+        if mode.says_nothing:
+            axes.plot(mode.error_percent, row, "o", color=PALE, markerfacecolor="white", markersize=5)
+            place, offset = (mode.error_percent, row), (6, -3)
+            text = f"interval {SAYS_NOTHING}"
+            axes.annotate(text, place, xytext=offset, textcoords="offset points", fontsize=8, color=PALE)
             continue
         low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in mode.interval_hz)
         colour = COLOURS[0] if mode.inside else BAD
