@@ -197,6 +197,10 @@ def _split(lines: Any, problems: Problems) -> Iterator[tuple[int, list[str]]]:
 def _columns(
     header: list[str], known: Mapping[str, str], needed: tuple[str, ...], problems: Problems
 ) -> list[tuple[str, str]]:
+    if not any(cell.strip().startswith(needed) for cell in header):
+        # What stands there is not shown: the file may be anything.
+        problems.add((), f"none of the {len(header)} columns is one of these: {one_of(needed)}")
+        return []
     names: list[tuple[str, str]] = []
     for cell in header:
         match = _HEADER.fullmatch(cell.strip())
