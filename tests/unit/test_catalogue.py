@@ -83,6 +83,10 @@ def test_several_mistakes_come_together(tmp_path: Path) -> None:
         Catalogue(load(tmp_path, tools=HOLDERS))
     assert 'there is no column "name", "overhang", "diameter", expected a first line such as ' in str(error.value)
     assert 'and it is "holder,length [mm],' in str(error.value)
+
+    with pytest.raises(CampaignError, match="none of the 2 columns is one of these: ") as error:
+        Catalogue(load(tmp_path, tools="S3CRET,S3CRET\n"))
+    assert "S3CRET" not in str(error.value)
     with pytest.raises(CampaignError, match="there is no row below the header"):
         Catalogue(load(tmp_path, tools=TOOLS.splitlines()[0]))
     with pytest.raises(CampaignError, match=r'catalogue\.machine\[0\]: is "tapr", which is not a part or a joint'):
@@ -342,20 +346,23 @@ def test_every_tool_has_files_of_its_own(tmp_path: Path, monkeypatch: pytest.Mon
     head, row, *_ = TOOLS.splitlines()
     load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in names)]) + "\n")
     monkeypatch.chdir(tmp_path)
-    Path("figures").mkdir()
     Path("frfs").mkdir()
-    arguments = ["--out", "m.csv", "--depths", "d.csv", "--cut", "slot", "--figures", "figures", "--frfs", "frfs"]
-    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--frfs", "frfs") == 0
     assert "names of files that are not those of their tools: a/b as a_b-3, " in capsys.readouterr().out
     written = sorted(path.name.casefold() for path in Path("frfs").iterdir())
     assert len(set(written)) == len(names)
     assert {read_frf(path).label for path in Path("frfs").iterdir()} == set(names)
-    assert {path.stem for path in Path("figures").iterdir()} == {path.stem for path in Path("frfs").iterdir()}
     assert read_frf("frfs/a_b.csv").label == "a_b"
     assert read_frf("frfs/T.csv").label == "T"
-    for name in ("m.csv", "d.csv"):
-        cells = {row["name"] for row in csv.DictReader(Path(name).read_text().splitlines())}
-        assert cells == {f"'{name}" if name[0] in "=@" else name for name in names}
+    cells = {row["name"] for row in csv.DictReader(Path("m.csv").read_text().splitlines())}
+    assert cells == {f"'{name}" if name[0] in "=@" else name for name in names}
+    few = ["=1+2", "_1+2"]
+    load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in few)]) + "\n")
+    Path("figures").mkdir()
+    arguments = ["--depths", "d.csv", "--cut", "slot", "--figures", "figures"]
+    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert {path.name for path in Path("figures").iterdir()} == {"1+2.png", "1+2-2.png"}
+    assert {row["name"] for row in csv.DictReader(Path("d.csv").read_text().splitlines())} == {"'=1+2", "_1+2"}
 
 
 def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

@@ -15,7 +15,7 @@ from receptance._files import read_whole
 from receptance.campaign.conditions import parse_condition
 from receptance.campaign.problems import CampaignError, Problem, Problems
 from receptance.campaign.quantities import KINDS, parse, shown
-from receptance.campaign.suggestions import did_you_mean
+from receptance.campaign.suggestions import did_you_mean, one_of
 
 __all__ = ["HolderRow", "ToolRow", "read_holders", "read_tools"]
 
@@ -199,6 +199,10 @@ def _split(lines: Any, problems: Problems) -> Iterator[tuple[int, list[str]]]:
 def _columns(
     header: list[str], known: Mapping[str, str], needed: tuple[str, ...], problems: Problems
 ) -> list[tuple[str, str]]:
+    if not any(cell.strip().startswith(needed) for cell in header):
+        # What stands there is not shown: the file may be anything.
+        problems.add((), f"none of the {len(header)} columns is one of these: {one_of(needed)}")
+        return []
     names: list[tuple[str, str]] = []
     for cell in header:
         match = _HEADER.fullmatch(cell.strip())
