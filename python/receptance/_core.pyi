@@ -40,6 +40,7 @@ __all__ = [
     "instruction_set",
     "joint_normal_matrix",
     "joint_residual",
+    "log_determinant",
     "models_normal_matrix",
     "models_rows",
     "natural_frequencies",
@@ -74,6 +75,16 @@ def receptance(
     terminals: NDArray[np.float64] | None = None,
     beyond: NDArray[np.complex128] | None = None,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
+def log_determinant(
+    angular_frequency: _Lines,
+    motion: int,
+    segments: NDArray[np.float64],
+    joints: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    grounds: NDArray[np.float64],
+    overlaps: NDArray[np.float64] | None = None,
+    added: NDArray[np.complex128] | None = None,
+) -> NDArray[np.complex128]: ...
 def natural_frequencies(
     upper: float,
     most: int,

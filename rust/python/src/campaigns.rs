@@ -1,7 +1,7 @@
 //! The functions of the extension that fit parameters of whole models.
 
 use crate::arrays::{c_contiguous, contiguous, index, indices, parameter, response_and_excitation, table};
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use crate::functions::shaped;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2};
@@ -159,8 +159,7 @@ pub fn models_normal_matrix<'py>(
         return Err(PyValueError::new_err(format!("variables: {} values, expected {count}", x.len())));
     }
     let size = count + 1;
-    let found = py
-        .detach(|| campaign.normal_matrix(x, &vec![true; count], threads))
+    let found = detached(py, || campaign.normal_matrix(x, &vec![true; count], threads))?
         .unwrap_or(vec![f64::NAN; size * size]);
     Ok(shaped(Array2::from_shape_vec((size, size), found))?.into_pyarray(py))
 }
@@ -188,7 +187,7 @@ pub fn models_rows<'py>(
     if x.len() != count || free.len() != count {
         return Err(PyValueError::new_err(format!("variables: {} values, expected {count}", x.len())));
     }
-    let Some(found) = py.detach(|| campaign.rows(x, free, threads)) else { return Ok(None) };
+    let Some(found) = detached(py, || campaign.rows(x, free, threads))? else { return Ok(None) };
     let shape = (found.residual.len(), free.iter().filter(|free| **free).count());
     let jacobian = shaped(Array2::from_shape_vec(shape, found.jacobian))?;
     Ok(Some((Array1::from_vec(found.residual).into_pyarray(py), jacobian.into_pyarray(py))))
@@ -229,8 +228,7 @@ pub fn fit_models<'py>(
     let starts = c_contiguous("starts", &starts)?;
     let free = contiguous("free", free.as_slice())?;
     let stop = Stop { tolerance, evaluations };
-    let ends = py
-        .detach(|| receptance_core::fit_models(&campaign, free, starts, stop, threads))
+    let ends = detached(py, || receptance_core::fit_models(&campaign, free, starts, stop, threads))?
         .map_err(CoreError::from)?;
     let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
     let integers = |each: fn(&receptance_core::End) -> i64| -> Vec<i64> { ends.iter().map(each).collect() };

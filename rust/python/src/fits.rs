@@ -1,7 +1,7 @@
 //! The functions of the extension that fit a joint to reduced receptances.
 
 use crate::arrays::{Lines, c_contiguous, contiguous, indices};
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use crate::functions::shaped;
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3};
@@ -64,7 +64,8 @@ pub fn joint_normal_matrix<'py>(
     let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
     let reference = seven("reference", contiguous("reference", reference.as_slice())?)?;
     let reduced = reduced(&reduction, &angular_frequency, &measured, &weights, reference)?;
-    let matrix = py.detach(|| reduced.normal_matrix(&joint, &columns, threads)).map_err(CoreError::from)?;
+    let matrix =
+        detached(py, || reduced.normal_matrix(&joint, &columns, threads))?.map_err(CoreError::from)?;
     let size = columns.len() + 1;
     Ok(shaped(Array2::from_shape_vec((size, size), matrix))?.into_pyarray(py))
 }
@@ -86,7 +87,7 @@ pub fn joint_residual<'py>(
     let joint = seven("joint", contiguous("joint", joint.as_slice())?)?;
     let reference = seven("reference", contiguous("reference", reference.as_slice())?)?;
     let reduced = reduced(&reduction, &angular_frequency, &measured, &weights, reference)?;
-    let residual = py.detach(|| reduced.residual(&joint, threads)).map_err(CoreError::from)?;
+    let residual = detached(py, || reduced.residual(&joint, threads))?.map_err(CoreError::from)?;
     Ok(shaped(Array2::from_shape_vec((2, reduced.lines()), residual))?.into_pyarray(py))
 }
 
@@ -161,8 +162,7 @@ pub fn fit_joint<'py>(
     let variables = Variables { logarithmic, lower: &bounds[..count], upper: &bounds[count..] };
     let starts = c_contiguous("starts", &starts)?;
     let stop = Stop { tolerance, evaluations };
-    let ends = py
-        .detach(|| receptance_core::fit_joint(&observed, variables, starts, stop, threads))
+    let ends = detached(py, || receptance_core::fit_joint(&observed, variables, starts, stop, threads))?
         .map_err(CoreError::from)?;
     let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
     let mut normal = vec![f64::NAN; ends.len() * (count + 1) * (count + 1)];

@@ -1,7 +1,7 @@
 //! The functions of the extension.
 
 use crate::arrays::{Lines, contiguous, coordinates, indices, model, parameters};
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4, ShapeError};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyReadonlyArray1, PyReadonlyArray2};
@@ -65,7 +65,8 @@ pub fn receptance<'py>(
         added: numbers("added", added.as_ref())?,
         terminals: self::terminals(terminals.as_ref(), beyond.as_ref())?,
     };
-    let result = py.detach(|| core_receptance(&model, &lines, &request, threads)).map_err(CoreError::from)?;
+    let result =
+        detached(py, || core_receptance(&model, &lines, &request, threads))?.map_err(CoreError::from)?;
     let (n, p) = (lines.len(), request.parameters.len());
     let (rows, columns) = (request.responses.len(), request.excitations.len());
     let h = shaped(Array3::from_shape_vec((n, rows, columns), result.receptance))?;
@@ -91,12 +92,35 @@ pub fn natural_frequencies<'py>(
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
     let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
     let parameters = self::parameters(&parameters)?;
-    let found = py
-        .detach(|| receptance_core::natural_frequencies(&model, upper, most, &parameters))
+    let found = detached(py, || receptance_core::natural_frequencies(&model, upper, most, &parameters))?
         .map_err(CoreError::from)?;
     let shape = (found.angular.len(), parameters.len());
     let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
     Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
+}
+
+/// Logarithm of the determinant whose zeros are the complex natural angular frequencies, up to a constant and
+/// multiples of 2 pi i; NaN where it is zero. `added` as in `receptance`.
+#[pyfunction]
+#[pyo3(signature = (angular_frequency, motion, segments, joints, masses, grounds, overlaps=None, added=None))]
+#[allow(clippy::too_many_arguments)]
+pub fn log_determinant<'py>(
+    py: Python<'py>,
+    angular_frequency: Lines<'py>,
+    motion: usize,
+    segments: PyReadonlyArray2<'py, f64>,
+    joints: PyReadonlyArray2<'py, f64>,
+    masses: PyReadonlyArray2<'py, f64>,
+    grounds: PyReadonlyArray2<'py, f64>,
+    overlaps: Option<PyReadonlyArray2<'py, f64>>,
+    added: Option<PyReadonlyArray1<'py, Complex64>>,
+) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
+    let lines = angular_frequency.frequencies(1.0)?;
+    let model = model(motion, &segments, &joints, &masses, &grounds, overlaps.as_ref())?;
+    let added = numbers("added", added.as_ref())?;
+    let found = detached(py, || receptance_core::log_determinant(&model, &lines, &added))?
+        .map_err(CoreError::from)?;
+    Ok(Array1::from_vec(found).into_pyarray(py))
 }
 
 /// Name of the instruction set that the kernels run on here.
@@ -138,9 +162,10 @@ pub fn reduce_joint<'py>(
     };
     let (response, excitation) = (one("response", &response)?, one("excitation", &excitation)?);
     let ends = self::terminals(terminals.as_ref(), beyond.as_ref())?;
-    let found = py
-        .detach(|| receptance_core::reduce_joint(&model, joint, &lines, response, excitation, ends, threads))
-        .map_err(CoreError::from)?;
+    let found = detached(py, || {
+        receptance_core::reduce_joint(&model, joint, &lines, response, excitation, ends, threads)
+    })?
+    .map_err(CoreError::from)?;
     let shape = (found.rows, found.values.len() / found.rows);
     Ok(shaped(Array2::from_shape_vec(shape, found.values))?.into_pyarray(py))
 }

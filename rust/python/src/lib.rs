@@ -19,7 +19,7 @@ mod _core {
     #[pymodule_export]
     use super::fits::{fit_joint, joint_normal_matrix, joint_residual};
     #[pymodule_export]
-    use super::functions::{instruction_set, natural_frequencies, receptance, reduce_joint};
+    use super::functions::{instruction_set, log_determinant, natural_frequencies, receptance, reduce_joint};
     #[pymodule_export]
     use super::sweeps::{sweep_joint, sweep_joint_misfit, sweep_models, sweep_models_misfit};
 }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{Lines, c_contiguous, contiguous, response_and_excitation, table};
 use crate::campaigns::{Ties, tied};
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use crate::fits::seven;
 use num_complex::Complex64;
 use numpy::{
@@ -37,11 +37,11 @@ impl Output<'_> {
         match self {
             Self::Complex(mut out) => {
                 let out = filled(&mut out, shape)?;
-                py.detach(|| receptances(out))
+                detached(py, || receptances(out))?
             }
             Self::Real(mut out) => {
                 let out = filled(&mut out, shape)?;
-                py.detach(|| magnitudes(out))
+                detached(py, || magnitudes(out))?
             }
         }
         .map_err(CoreError::from)?;
@@ -93,8 +93,8 @@ pub fn sweep_joint_misfit<'py>(
     let measured = contiguous("measured", measured.as_slice())?;
     let weights = contiguous("weights", weights.as_slice())?;
     let misfit = kind(logarithmic);
-    let found =
-        py.detach(|| sweep.misfits(joints, measured, weights, misfit, threads)).map_err(CoreError::from)?;
+    let found = detached(py, || sweep.misfits(joints, measured, weights, misfit, threads))?
+        .map_err(CoreError::from)?;
     Ok(found.into_pyarray(py))
 }
 
@@ -161,8 +161,8 @@ pub fn sweep_models_misfit<'py>(
     let measured = contiguous("measured", measured.as_slice())?;
     let weights = contiguous("weights", weights.as_slice())?;
     let misfit = kind(logarithmic);
-    let found =
-        py.detach(|| sweep.misfits(values, measured, weights, misfit, threads)).map_err(CoreError::from)?;
+    let found = detached(py, || sweep.misfits(values, measured, weights, misfit, threads))?
+        .map_err(CoreError::from)?;
     Ok(found.into_pyarray(py))
 }
 
