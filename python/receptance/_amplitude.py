@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from receptance._flatten import Flat
     from receptance.microslip import MicroslipJoint
 
-__all__ = ["Slots", "evaluate", "force_amplitudes", "natural_weights"]
+__all__ = ["Slots", "added_stiffness", "evaluate", "force_amplitudes", "natural_weights"]
 
 Solve = Callable[
     ["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.complex128]"],
@@ -153,6 +153,12 @@ def evaluate(
     slope = _level_slopes(partials[:, count:, 0], through[:, count:, 0], motion, slots, rows, levels, force)
     moved = through[:, :count] * slots.slope(levels)[:, None, None, :]
     return h[:, :count], partials[:, :count] + np.einsum("nres,nsm->nrem", moved, slope)
+
+
+def added_stiffness(flat: Flat, lines: int) -> NDArray[np.complex128]:
+    """Return what slip at the stated levels adds to all joints on so many lines, as the core takes it."""
+    slots = Slots([joint for _, _, joint in flat.microslips])
+    return _on_joints(flat, slots.added(np.broadcast_to(slots.level, (lines, slots.count))))
 
 
 def natural_weights(

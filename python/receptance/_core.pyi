@@ -81,6 +81,7 @@ class Model:
     def natural_frequencies(
         self, upper: float, most: int, parameters: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def log_determinant(self, lines: Lines, by_line: ByLine | None = None) -> NDArray[np.complex128]: ...
     def reduced_to_joint(
         self,
         joint: int,

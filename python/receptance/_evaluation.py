@@ -9,7 +9,7 @@ import numpy as np
 
 from receptance import _core
 from receptance._addresses import interfaces_by_name
-from receptance._amplitude import evaluate, force_amplitudes, natural_weights
+from receptance._amplitude import added_stiffness, evaluate, force_amplitudes, natural_weights
 from receptance._flatten import TERMINALS
 from receptance.terminals import ENTRIES
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance._flatten import Flat
 
-__all__ = ["by_line", "modes", "responses"]
+__all__ = ["by_line", "log_determinant", "modes", "responses"]
 
 _CORE_TERMINALS = 5
 """The core's number of the table of receptances beyond terminals."""
@@ -112,3 +112,14 @@ def modes(
             model = flat.model(motion)
         angular, slope = model.natural_frequencies(upper, 2**31, asked)
     return angular, slope if weights is None else slope @ weights
+
+
+def log_determinant(flat: Flat, lines: NDArray[np.complex128], motion: int = 0) -> NDArray[np.complex128]:
+    """Return the logarithm of the determinant that is zero at the complex natural frequencies, joints at their levels.
+
+    `lines` are complex ones in Hz with a positive real part. The logarithm is that up to a constant and multiples of
+    2 pi i; it is NaN where the determinant is zero.
+    """
+    added = _core.ByLine(added_stiffness(flat, lines.size)) if flat.microslips else None
+    with interfaces_by_name(flat):
+        return flat.model(motion).log_determinant(_core.Lines(lines, tau), added)

@@ -25,7 +25,7 @@ from receptance._addresses import (
     value_in,
     value_in_segment,
 )
-from receptance._evaluation import by_line, modes, responses
+from receptance._evaluation import by_line, log_determinant, modes, responses
 from receptance._flatten import MOTIONS, Element, Flat, Motion
 from receptance._placing import distinct, flattened, places_of, rows_of
 from receptance.beams import Part
@@ -366,6 +366,10 @@ class Assembly:
         rows, matrix = self._weights(flat, addresses)
         angular, slope = modes(flat, upper, rows, MOTIONS[self.motion])
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
+
+    def _log_determinant(self, lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Logarithm, up to a constant, of the determinant that is zero at the complex natural frequencies in Hz."""
+        return log_determinant(self._flatten(()), lines, MOTIONS[self.motion])
 
     def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
         if points not in self._flats:

@@ -1,14 +1,14 @@
 """Complex modes of an assembly: natural frequencies, damping ratios and dynamic stiffness, with derivatives.
 
-The receptance goes to infinity at complex frequencies. Each is sought by Newton's method from the undamped natural
-frequency, moved by what the losses make of it to first order, on a receptance that every mode has a share in. Residues
-and derivatives are means over a small circle around the pole: G = R / (w - w_r) + ..., dG/dp = R w_r' / (w - w_r)^2 +
-R' / (w - w_r) + ....
+The poles of the receptances are the zeros of a determinant. Newton's method starts from the undamped natural
+frequencies, moved by what the losses make of them to first order; a count by the argument principle finds the poles
+that it has not reached. Residues and derivatives are means over a small circle around the pole:
+G = R / (w - w_r) + ..., dG/dp = R w_r' / (w - w_r)^2 + R' / (w - w_r) + ....
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import tau
 from typing import TYPE_CHECKING
@@ -17,33 +17,31 @@ import numpy as np
 
 from receptance import _checks
 from receptance._addresses import listed
-from receptance.beams import Part
-from receptance.coordinates import Coordinate
+from receptance._poles import Sector, zeros
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
+    from receptance.coordinates import Coordinate
 
 __all__ = ["DampedModes", "damped_modes"]
 
-_ITERATIONS = 25
-_CLOSE = 1e-11
-"""Relative step at which a pole is found."""
-_SAME = 1e-7
-"""Relative distance within which poles are one."""
-_OTHERS = (1.0, 2.0, 0.5)
-"""Times the damping of a start that others begin with where it led nowhere."""
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""
 _CIRCLE = 8
 """Points around a pole: what is regular there falls out to the power of their number."""
 _RADIUS = 0.05
 """Of the circle, over the distance to the nearest other pole."""
-_FAR = 0.15
-"""A pole this far from its start, as a share of it, belongs to something else, unless damping is as large."""
 _REACH = 1.2
 """Times the limit up to which undamped natural frequencies are starts: damping moves poles down."""
+_LARGEST_RATIO = 0.9
+"""Damping ratio above which modes are left out."""
+_LOWEST = 1e-3
+"""Poles are counted from this share of the lowest start on; rigid-body motion is at zero."""
+_BELOW = -0.5
+"""Angle from the real axis at which the sector of the count begins: passive structures have no poles below the axis,
+and far from poles few points suffice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +60,7 @@ class DampedModes:
     residue : ndarray
         `(k,)` complex R of G = sum over modes of R / (w - w_r), in m/N rad/s.
     missed : int
-        How many undamped modes below the limit no pole was found for: heavily damped ones.
+        How many modes were counted (by the argument principle) and not found; 0 unless poles coincide.
     log_slopes : ndarray
         `(k, 3, p)` derivatives of the logarithms of frequency, damping ratio and dynamic stiffness, per SI unit of the
         parameters that were asked for.
@@ -117,7 +115,8 @@ def damped_modes(
     Returns
     -------
     DampedModes
-        Modes damped by more than nine tenths of critical are left out.
+        Modes damped by more than nine tenths of critical are left out. All others are counted, also those of strong
+        dashpots that no undamped mode is near.
 
     Raises
     ------
@@ -136,10 +135,9 @@ def damped_modes(
     limit = _checks.positive("damped_modes", "upper_hz", upper_hz, unit="Hz")
     wanted = listed(parameters)
     starts = _starts(assembly, _REACH * limit)
-    poles = _poles(assembly, starts, threads)
-    poles = poles[(np.abs(poles) <= limit) & (poles.imag < 0.9 * np.abs(poles))]
-    # One near the limit may have been moved beyond it.
-    missed = max(0, int(np.count_nonzero(starts.real <= limit / _REACH)) - poles.size)
+    lowest = _LOWEST * float(np.abs(starts).min(initial=limit))
+    sector = Sector(lowest, limit, _BELOW, float(np.arcsin(_LARGEST_RATIO)))
+    poles, missed = zeros(assembly._log_determinant, sector, starts)
     return _described(assembly, poles, wanted, (response, excitation), threads, missed)
 
 
@@ -161,78 +159,11 @@ def _starts(assembly: Assembly, limit: float) -> NDArray[np.complex128]:
     return np.asarray(found + 1j * np.minimum(moved, 2.0 * found))
 
 
-def _poles(assembly: Assembly, starts: NDArray[np.complex128], threads: int | None) -> NDArray[np.complex128]:
-    """Complex frequencies in Hz at which the receptance is infinite, one for each start at most."""
-    # A mode may be invisible at the tip, but not at all ends of all parts.
-    parts = [name for name, element in assembly.elements.items() if isinstance(element, Part)]
-    places = [Coordinate(name, at, "y") for name in parts for at in (0.0, "end")]
-
-    def inverse(pairs: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """1 / G at pairs of lines `(m, 2)`, between the shapes in which the response there is largest."""
-        order, ascending = _ascending(pairs.ravel())
-        found = np.empty((pairs.size, len(places), len(places)), np.complex128)
-        found[order] = assembly.receptance(ascending, response=places, excitation=places, threads=threads)
-        both = found.reshape(len(pairs), 2, len(places), len(places))
-        left, _, right = np.linalg.svd(both[:, 0])
-        shares = np.einsum("mi,msij,mj->ms", left[:, :, 0].conj(), both, right[:, 0, :].conj())
-        return np.asarray(1.0 / shares)
-
-    found = _newton(inverse, starts, np.zeros(0, np.complex128))
-    poles = _distinct(found[np.isfinite(found)])
-    # Where two starts ran to one pole, or nowhere, the ones that are known are divided out.
-    for start in starts[_undecided(found)]:
-        if len(poles) >= starts.size:
-            break
-        tried = start.real + 1j * start.imag * np.array(_OTHERS)
-        more = _newton(inverse, tried, poles)
-        poles = _distinct(np.concatenate([poles, more[np.isfinite(more)]]))
-    return poles
-
-
-def _newton(
-    inverse: Callable[[NDArray[np.complex128]], NDArray[np.complex128]],
-    starts: NDArray[np.complex128],
-    known: NDArray[np.complex128],
-) -> NDArray[np.complex128]:
-    """Zeros of 1 / G from their starts, NaN where none is found near; the known ones are none."""
-    zeros, found = starts.copy(), np.full(starts.size, np.nan, np.complex128)
-    left = np.arange(starts.size)
-    for _ in range(_ITERATIONS):
-        if not left.size:
-            break
-        at = zeros[left]
-        step = _STEP * np.abs(at)
-        below, above = inverse(np.stack([at - step, at + step], axis=1)).T
-        slope = (above - below) / (step * (above + below)) - np.sum(1.0 / (at[:, None] - known), axis=1)
-        # Far from the pole the step may lead anywhere.
-        most = 0.1 * np.abs(at)
-        move = -1.0 / slope
-        move *= np.minimum(1.0, most / np.maximum(np.abs(move), 1e-300))
-        zeros[left] = at + move
-        done = np.abs(move) <= _CLOSE * np.abs(at)
-        found[left[done]] = zeros[left[done]]
-        left = left[~done & (zeros[left].real > 0.0)]
-    near = np.abs(found - starts) <= _FAR * np.abs(starts) + 2.0 * starts.imag
-    return np.where(near, found, np.nan)
-
-
-def _undecided(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    """Which are not finite, or the same as another one."""
-    same = np.abs(poles[:, None] - poles[None, :]) <= _SAME * np.abs(poles[None, :])
-    return np.asarray(~np.isfinite(poles) | (same.sum(axis=1) > 1))
-
-
 def _ascending(lines: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
     """Return the order of lines by their real part, and them so, equal ones apart by rounding."""
     order = np.argsort(lines.real, kind="stable")
     found = lines[order]
     return order, found + 1e-15 * np.arange(found.size) * found.real
-
-
-def _distinct(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    ascending = poles[np.argsort(np.abs(poles))]
-    apart = np.abs(np.diff(ascending)) > _SAME * np.abs(ascending[1:])
-    return np.asarray(ascending[np.concatenate([[True], apart])] if ascending.size else ascending)
 
 
 def _described(

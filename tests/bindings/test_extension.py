@@ -7,6 +7,7 @@ import inspect
 import multiprocessing
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
@@ -20,11 +21,17 @@ import pytest
 import receptance
 from properties.test_invariance import rich
 from receptance import (
+    STEEL,
     Assembly,
+    Part,
+    PointJoint,
     ReceptanceError,
     ReceptanceWarning,
     ResonanceError,
+    Section,
+    Segment,
     SingularInterfaceError,
+    SpreadJoint,
     _core,
 )
 
@@ -139,6 +146,69 @@ def test_other_threads_run_during_a_call() -> None:
     within = sum(before + 1e-3 < at < after - 1e-3 for at in ticks)
     assert after - before > 0.02, "the call is too short to see anything"
     assert within >= 5, f"{within} ticks in {after - before:.3f} s"
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
+    """2000 fits over 20,000 lines take minutes; a raising handler ends them within a second."""
+
+    class AlarmError(Exception):
+        pass
+
+    def ring(*_: object) -> None:
+        raise AlarmError
+
+    bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    own = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5, name="joint"), Part([bar], name="rest")])
+    f = np.linspace(100.0, 6000.0, 20_000)
+    rng = np.random.default_rng(1)
+    exact = own.receptance(f)
+    measured = exact * (1.0 + 0.01 * rng.standard_normal(f.size))
+    reduction, w = own.reduced_to_joint("joint", f)
+    joint = np.array([[1e8, 1e5, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    variables = np.array([[0.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0]])
+    bounds = np.array([[5.0, 2.0], [11.0, 8.0]])
+    starts = rng.uniform([6.0, 3.0], [10.0, 7.0], (2000, 2))
+    before = signal.signal(signal.SIGALRM, ring)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        began = time.perf_counter()
+        with pytest.raises(AlarmError):
+            _core.fit_joint(
+                [reduction],
+                [w],
+                [measured],
+                [np.ones(f.size)],
+                joint,
+                joint,
+                variables,
+                np.array([True, True]),
+                bounds,
+                starts,
+                1e-12,
+                500,
+                threads,
+            )
+        assert time.perf_counter() - began < 1.3
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    # What comes after is not disturbed.
+    assert np.array_equal(own.receptance(f), exact)
+
+
+def test_a_limit_that_has_no_square_is_refused() -> None:
+    """1e-320 Hz did not return: the search for a frequency below all modes never got below it."""
+    shank = Section(outer_diameter=0.012, material=STEEL)
+    sleeve = Section(outer_diameter=0.035, inner_diameter=0.012, material=STEEL)
+    tool = Part([Segment(length=0.01, outer_diameter=0.012, material=STEEL)], name="tool")
+    holder = Part([Segment(length=0.02, outer_diameter=0.04, material=STEEL)], name="holder")
+    joint = SpreadJoint(length=0.05, k_y=2e8, k_theta=2e4, shank=shank, sleeve=sleeve, name="joint")
+    own = Assembly([tool, joint, holder])
+    with pytest.raises(ValueError, match="expected a finite number of at least 1e-100 rad/s"):
+        own.natural_frequencies(1e-320)
+    assert own.natural_frequencies(1e-6).size == 0
 
 
 def test_calls_from_several_threads_agree() -> None:

@@ -70,6 +70,44 @@ def natural_frequencies(tables: Tables, limit_hz: float, refinement: float = 1.0
     return frequencies[frequencies < limit_hz]
 
 
+def complex_frequencies(tables: Tables, limit_hz: float, refinement: float = 1.0) -> NDArray[np.complex128]:
+    """Return the complex natural frequencies below a limit with the dashpots of joints and grounds.
+
+    Parameters
+    ----------
+    tables : Tables
+        The model, with mass at every node; loss factors are ignored.
+    limit_hz : float
+        Largest magnitude [Hz].
+    refinement : float, optional
+        As in `natural_frequencies`.
+
+    Returns
+    -------
+    ndarray
+        Those with a positive real part, ascending by magnitude [Hz]. With x the strains times the root of the
+        stiffness, x' = G v and v' = -G^T x - C v: the eigenvalues of this matrix are i w themselves, not their squares,
+        so that low modes keep their digits.
+    """
+    strain, inertia = _factors(tables, 2.0 * np.pi * limit_hz, refinement)
+    dampers = np.zeros((strain.shape[1],) * 2)
+    for row in tables.joints:
+        index = np.array([2 * int(row[0]), 2 * int(row[0]) + 1, 2 * int(row[1]), 2 * int(row[1]) + 1])
+        c = np.array([[row[5], row[7]], [row[7], row[6]]])
+        dampers[np.ix_(index, index)] += np.block([[c, -c], [-c, c]])
+    for row in tables.grounds:
+        index = np.array([2 * int(row[0]), 2 * int(row[0]) + 1])
+        dampers[np.ix_(index, index)] += [[row[4], row[6]], [row[6], row[5]]]
+    triangular = np.linalg.qr(inertia, mode="r")
+    dynamic = np.linalg.qr(linalg.solve_triangular(triangular, strain.T, trans="T").T, mode="r")
+    half = linalg.solve_triangular(triangular, dampers, trans="T")
+    damping = linalg.solve_triangular(triangular, half.T, trans="T")
+    whole = np.block([[np.zeros((len(dynamic),) * 2), dynamic], [-dynamic.T, -damping]])
+    w = -1j * linalg.eigvals(whole) / (2.0 * np.pi)
+    w = w[(w.real > 1e-6 * np.abs(w)) & (np.abs(w) < limit_hz) & (np.abs(w) > 1e-6 * limit_hz)]
+    return np.asarray(w[np.argsort(np.abs(w))])
+
+
 def _singular_values(matrix: FloatArray) -> FloatArray:
     """Return one singular value a column, of a matrix whose rows may differ by many orders of magnitude."""
     n_rows, n_columns = matrix.shape

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from oracle import elements, tables
+from oracle.tables import Tables
 from receptance import (
     CARBIDE,
     STEEL,
@@ -15,7 +19,9 @@ from receptance import (
     Part,
     PointJoint,
     PointMass,
+    Section,
     Segment,
+    SpreadJoint,
     damped_modes,
 )
 
@@ -128,6 +134,93 @@ def test_random_machines_miss_no_visible_pole() -> None:
             nearest = int(np.argmin(np.abs(found.poles_hz - pole)))
             assert abs(found.poles_hz[nearest] - pole) < 1e-6 * abs(pole)
             assert abs(found.residue[nearest] / (2.0 * np.pi) - residue) < 1e-4 * abs(residue)
+
+
+def strongly_damped(rng: np.random.Generator) -> tuple[Assembly, Tables]:
+    """A machine with dashpots up to many times critical, as an assembly and as the reference takes it."""
+    chain: list[Any] = []
+    rows: dict[str, list[list[float]]] = {"segments": [], "joints": [], "grounds": []}
+    springs: list[GroundSpring] = []
+    node = -1
+    count = int(rng.integers(2, 5))
+    for part in range(count):
+        node += 1
+        name = f"part{part}"
+        diameter = float(rng.uniform(0.01, 0.03)) * (1 + part)
+        lengths = rng.uniform(1.0, 5.0, int(rng.integers(1, 3))) * diameter
+        segments = [Segment(length=length, outer_diameter=diameter, material=STEEL) for length in lengths.tolist()]
+        first = node
+        for segment in segments:
+            material = (STEEL.youngs_modulus, STEEL.density, STEEL.poisson_ratio)
+            rows["segments"].append(tables.segment(node, node + 1, segment.length, diameter, material))
+            node += 1
+        chain.append(Part(segments, name=name))
+        for at in [first, node] if part == count - 1 else [node] if rng.random() < 0.3 else []:
+            k, c = spring(rng, diameter)
+            place = 0.0 if at == first else "end"
+            springs.append(
+                GroundSpring(part=name, position=place, k_y=k[0], k_theta=k[1], c_y=c[0], c_theta=c[1], name=f"g{at}")
+            )
+            rows["grounds"].append([at, *k, 0.0, *c, 0.0, 0.0])
+        if part < count - 1:
+            k, c = spring(rng, diameter)
+            chain.append(PointJoint(k_y=k[0], k_theta=k[1], c_y=c[0], c_theta=c[1], name=f"joint{part}"))
+            rows["joints"].append(tables.joint(node, node + 1, *k, c=(*c, 0.0)))
+    return Assembly(chain, springs), tables.make(**rows)
+
+
+def spring(rng: np.random.Generator, diameter: float) -> tuple[list[float], list[float]]:
+    """Stiffness and dashpot, the latter from a hundredth to thirty times k / w at 1 kHz."""
+    k_y = float(10.0 ** rng.uniform(6.0, 9.0))
+    k = [k_y, k_y * diameter**2 * float(10.0 ** rng.uniform(-1.0, 0.5))]
+    return k, [value / (2.0 * np.pi * 1e3) * float(10.0 ** rng.uniform(-2.0, 1.5)) for value in k]
+
+
+def test_strong_dashpots_against_a_quadratic_eigenproblem() -> None:
+    """Against finite elements, which know neither waves nor determinants: as many poles, and the same ones."""
+    print(f"seed {SEED}")
+    rng = np.random.default_rng(SEED)
+    limit = 5e3
+    lowest, poles = [], 0
+    for draw in range(25):
+        own, reference = strongly_damped(rng)
+        expected = elements.complex_frequencies(reference, 1.5 * limit)
+        expected = expected[expected.imag <= 0.9 * np.abs(expected)]
+        found = damped_modes(own, limit)
+        # Of those within rounding of the limit the reference has the same number or not.
+        inside = expected[np.abs(expected) <= limit * (1.0 + 1e-6)]
+        assert found.missed == 0, f"draw {draw}"
+        assert len(found) == len(inside), f"draw {draw}: {found.poles_hz} instead of {inside}"
+        np.testing.assert_allclose(found.poles_hz, inside, rtol=1e-6, err_msg=f"draw {draw}")
+        lowest.append(found.damping_ratio[0])
+        poles += len(found)
+    assert poles > 100
+    # Lightly damped lowest poles of machines with strong dashpots are among them.
+    assert np.any(np.abs(np.array(lowest) - 0.01) < 0.005)
+
+
+@pytest.mark.parametrize("points", [None, 3])
+def test_spread_joints_without_damping(points: int | None) -> None:
+    """The count of complex poles and the count of undamped modes agree; with dashpots nothing is missed either."""
+    tool = Part([Segment(length=0.06, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.09, outer_diameter=0.04, material=STEEL)], name="holder")
+    shank = Section(outer_diameter=0.012, material=CARBIDE)
+    sleeve = Section(outer_diameter=0.035, inner_diameter=0.012, material=STEEL)
+    joint = SpreadJoint(length=0.03, k_y=2e8, k_theta=2e4, shank=shank, sleeve=sleeve, points=points, name="joint")
+    own = Assembly([tool, joint, holder], [GroundSpring(part="holder", position="end", k_y=1e8, k_theta=1e5, name="g")])
+    modes = damped_modes(own, 30e3)
+    assert modes.missed == 0
+    np.testing.assert_allclose(modes.poles_hz, own.natural_frequencies(30e3), rtol=1e-8)
+    strong = own.replace({"joint.c_y": 3e4, "joint.c_theta": 3.0, "g.c_y": 5e4, "g.c_theta": 20.0})
+    modes = damped_modes(strong, 30e3)
+    assert modes.missed == 0
+    assert len(modes) >= 5
+    around = modes.poles_hz[:, None] * (1.0 + 1e-6 * np.exp(2j * np.pi * np.arange(4) / 4))
+    lines = np.sort(around.ravel())
+    g = strong.receptance(lines)
+    nearest = np.abs(lines[:, None] - modes.poles_hz[None, :]).argmin(axis=1)
+    pole = np.mean(np.abs(g * (lines - modes.poles_hz[nearest])) / np.abs(modes.residue[nearest] / (2.0 * np.pi)))
+    assert pole == pytest.approx(1.0, abs=1e-2)
 
 
 def test_what_it_refuses_and_what_it_leaves_out() -> None:

@@ -131,15 +131,17 @@ impl<S: Simd, const D: usize> Block<S, D> {
     ) {
         let overlap = &self.overlaps[row];
         let weights: [f64; D] = overlap.weights_behind(!forward);
-        let wanted = if observer.counts() { Wanted::Count } else { Wanted::Plane };
+        let wanted = observer.wanted();
         let passed = overlap.pass(&plane, forward, wanted);
-        let mut negatives = [0; MAX_LANES];
         let mut behind = [[[Complex64::ZERO; 2]; 2]; MAX_LANES];
+        let mut near = behind;
         for (lane, passed) in passed.iter().enumerate() {
-            negatives[lane] = passed.negatives;
             behind[lane] = passed.behind;
+            near[lane] = passed.u;
         }
-        observer.overlapped(&negatives);
+        if wanted != Wanted::Plane {
+            observer.overlapped(&plane.basis().0, &gathered(simd, &near[..passed.len()], !forward), &passed);
+        }
         let (plane, inverse) = near_plane(simd, &passed, forward, &weights);
         let back = small::mul(&gathered(simd, &behind[..passed.len()], false), &inverse);
         records.push(Record { plane, back, other: back, weights });

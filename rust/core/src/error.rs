@@ -106,6 +106,9 @@ pub enum Error {
     /// Natural frequencies that cannot be separated or counted.
     #[error("natural frequencies: {0}")]
     NaturalFrequency(String),
+    /// The caller wants the call to end.
+    #[error("interrupted")]
+    Interrupted,
     /// The threads of a pool could not be started.
     #[error("could not start {threads} threads: {reason}")]
     Threads {

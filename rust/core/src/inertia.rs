@@ -1,4 +1,4 @@
-//! Small dense matrices: an inverse, and the signs of eigenvalues.
+//! Small dense matrices: an inverse, a determinant, and the signs of eigenvalues.
 
 use num_complex::Complex64;
 
@@ -37,6 +37,42 @@ pub fn inverse(mut matrix: [[Complex64; 4]; 4]) -> [[Complex64; 4]; 4] {
         }
     }
     order.map(|row| out[row])
+}
+
+/// The determinant by elimination with complete pivoting.
+pub fn determinant(mut matrix: [[Complex64; 4]; 4]) -> Complex64 {
+    let mut out = Complex64::ONE;
+    for step in 0..4 {
+        let (mut best, mut at) = (-1.0, (step, step));
+        for i in step..4 {
+            for j in step..4 {
+                let size = matrix[i][j].norm_sqr();
+                if size > best {
+                    (best, at) = (size, (i, j));
+                }
+            }
+        }
+        if at.0 != step {
+            matrix.swap(at.0, step);
+            out = -out;
+        }
+        if at.1 != step {
+            for row in &mut matrix {
+                row.swap(at.1, step);
+            }
+            out = -out;
+        }
+        let pivot = matrix[step][step];
+        out *= pivot;
+        for i in step + 1..4 {
+            let factor = matrix[i][step] / pivot;
+            for j in step + 1..4 {
+                let taken = factor * matrix[step][j];
+                matrix[i][j] -= taken;
+            }
+        }
+    }
+    out
 }
 
 /// Negative eigenvalues of a real symmetric matrix, by the pivots of Bunch and Parlett (SIAM J. Numer. Anal. 8, 1971,

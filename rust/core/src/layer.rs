@@ -10,7 +10,7 @@
 //! beams change their roles, and slopes and moments their signs.
 
 use crate::four::{Basis, Four, graph, restrict};
-use crate::inertia::{inverse, negative_eigenvalues};
+use crate::inertia::{determinant, inverse, negative_eigenvalues};
 use crate::overlap::{Beside, Pieces};
 use num_complex::Complex64;
 
@@ -53,6 +53,8 @@ pub struct Passed {
     pub behind: Two,
     /// Negative pivots, where they were asked for.
     pub negatives: usize,
+    /// Logarithm of what the changes of coordinates on the way multiply the determinant by, where it was asked for.
+    pub log_determinant: Complex64,
     /// States (rows) in the same columns, where they were asked for: at the far end of each piece, or at the near
     /// one of each where the inner beam lies behind; from the far end on.
     pub states: Vec<[[Complex64; 2]; 8]>,
@@ -65,6 +67,8 @@ pub enum Wanted {
     Plane,
     /// The count of negative pivots.
     Count,
+    /// The factor of the determinant.
+    Determinant,
     /// The states at the pieces' ends of larger x, the outer beam (`true`) or the inner one lying behind.
     States(bool),
 }
@@ -145,7 +149,7 @@ impl Line {
     /// From the plane of what lies behind, (u, f) rows over its independent variables, to that of the near beam.
     pub fn pass(&self, pieces: &Pieces, behind: [Two; 2], weights: &[f64; 4], wanted: Wanted) -> Passed {
         let mut basis = start(&behind);
-        let mut negatives = 0;
+        let (mut negatives, mut log_determinant) = (0, ZERO);
         let mut trace: Vec<(Basis, Four)> = Vec::new();
         let stiff = if wanted == Wanted::Count { self.stiffness() } else { [[ZERO; 4]; 4] };
         for piece in 1..=pieces.count {
@@ -155,6 +159,7 @@ impl Line {
             }
             let change = graph(&mut near, weights);
             match wanted {
+                Wanted::Determinant => log_determinant -= determinant(change).ln(),
                 Wanted::States(true) => trace.push((basis, change)),
                 Wanted::States(false) => trace.push((near, change)),
                 _ => {}
@@ -174,11 +179,15 @@ impl Line {
         }
         let mut end = basis;
         let ([first, second], last) = restrict(&mut end, &[[6, 4], [7, 5]], -1.0, weights);
+        if wanted == Wanted::Determinant {
+            log_determinant += (restricted(&end, [first, second]) / determinant(last)).ln();
+        }
         let mut out = Passed {
             u: [[ZERO; 2]; 2],
             f: [[ZERO; 2]; 2],
             behind: [[ZERO; 2]; 2],
             negatives,
+            log_determinant,
             states: Vec::new(),
         };
         for i in 0..2 {
@@ -233,6 +242,22 @@ fn start([u, f]: &[Two; 2]) -> Basis {
         }
     }
     basis
+}
+
+/// The minor of the rows s - g in the columns that a restriction has taken away, with its sign in an expansion by these
+/// rows.
+fn restricted(end: &Basis, left: [usize; 2]) -> Complex64 {
+    let mut taken = [0; 2];
+    let mut count = 0;
+    for column in 0..4 {
+        if !left.contains(&column) && count < 2 {
+            taken[count] = column;
+            count += 1;
+        }
+    }
+    let [a, b] = [0, 1].map(|i| taken.map(|column| end[6 + i][column] - end[4 + i][column]));
+    let sign = if (taken[0] + taken[1]) % 2 == 1 { 1.0 } else { -1.0 };
+    (a[0] * b[1] - a[1] * b[0]) * sign
 }
 
 /// The states that were traced, over the two columns of the near end.

@@ -10,7 +10,9 @@
 use crate::block::{Block, Prepared};
 use crate::error::{Error, Result};
 use crate::gradient::Gradient;
+use crate::interrupt;
 use crate::lane::{C, MAX_LANES, R};
+use crate::layer;
 use crate::locate::{Locating, Wanted, too_high};
 use crate::model::{Model, Step};
 use crate::request::{ByLine, Parameter, check_parameters, singular};
@@ -24,6 +26,9 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
 const MOST_PIECES: f64 = 3e3;
+
+/// Least upper limit [rad/s]: what is far below it still has a square.
+const LEAST: f64 = 1e-100;
 
 /// Expected modes are counted up to this many times the highest one first.
 const MARGIN: f64 = 1.05;
@@ -53,9 +58,9 @@ pub fn natural_frequencies(
     most: usize,
     parameters: &[Parameter],
 ) -> Result<NaturalFrequencies> {
-    if !(upper.is_finite() && upper > 0.0) {
+    if !(upper.is_finite() && upper >= LEAST) {
         return Err(Error::NaturalFrequency(format!(
-            "the upper limit is {upper} rad/s, expected a positive finite number"
+            "the upper limit is {upper:e} rad/s, expected a finite number of at least {LEAST:e} rad/s"
         )));
     }
     find(model, upper, Wanted::UpTo(most), parameters)
@@ -192,14 +197,14 @@ impl<S: Simd, const D: usize> Observer<S, D> for Negatives {
     }
 
     #[inline(always)]
-    fn counts(&self) -> bool {
-        true
+    fn wanted(&self) -> layer::Wanted {
+        layer::Wanted::Count
     }
 
     #[inline(always)]
-    fn overlapped(&mut self, negatives: &[usize; MAX_LANES]) {
-        for lane in 0..MAX_LANES {
-            self.count[lane] += negatives[lane];
+    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, passed: &[layer::Passed]) {
+        for (count, passed) in self.count.iter_mut().zip(passed) {
+            *count += passed.negatives;
         }
     }
 }
@@ -213,7 +218,8 @@ impl<const D: usize> WithSimd for Locate<'_, '_, D> {
         let mut records = Vec::with_capacity(4 * self.search.plan.len());
         let mut seen = Vec::with_capacity(2 * MAX_LANES);
         while let Some(&highest) = self.at.points().last() {
-            self.search.within_reach(highest)?;
+            interrupt::check()?;
+            within_reach(&self.search.prepared, highest)?;
             seen.clear();
             for lines in self.at.points().chunks(S::F64_LANES) {
                 let mut negatives = Negatives { count: [0; MAX_LANES] };
@@ -335,18 +341,18 @@ impl<const D: usize> Search<D> {
         }
         Ok(NaturalFrequencies { angular, derivative })
     }
+}
 
-    /// Whether a count at a frequency is no endless work.
-    fn within_reach(&self, w: f64) -> Result<()> {
-        let spans = self.prepared.segments.iter();
-        let span: f64 = spans.map(|one| one.wave_number_square(w * w).sqrt() * one.length).sum();
-        let beside = self.prepared.overlaps.iter();
-        let span = span + beside.map(|one| one.growth(w * w) * one.overlap.length()).sum::<f64>();
-        if span.is_nan() || span > MOST_PIECES * series::REACH {
-            return Err(too_high(w, "the waves there are too short for the lengths of the segments"));
-        }
-        Ok(())
+/// Whether a sweep in pieces at a frequency ends within reasonable time.
+pub(crate) fn within_reach<const D: usize>(prepared: &Prepared<D>, w: f64) -> Result<()> {
+    let spans = prepared.segments.iter();
+    let span: f64 = spans.map(|one| one.wave_number_square(w * w).sqrt() * one.length).sum();
+    let beside = prepared.overlaps.iter();
+    let span = span + beside.map(|one| one.growth(w * w) * one.overlap.length()).sum::<f64>();
+    if span.is_nan() || span > MOST_PIECES * series::REACH {
+        return Err(too_high(w, "the waves there are too short for the lengths of the segments"));
     }
+    Ok(())
 }
 
 /// The independent variables at which the root carries no load.

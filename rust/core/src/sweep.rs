@@ -5,7 +5,8 @@ use crate::block::{Block, Prepared};
 use crate::branch::Branch;
 use crate::combine::{JointState, Kind, add_beyond, add_diagonal, in_joint, join};
 use crate::kernel::{Kernel, oriented};
-use crate::lane::{C, MAX_LANES};
+use crate::lane::C;
+use crate::layer::{Passed, Wanted};
 use crate::model::Step;
 use crate::plane::Plane;
 use crate::small::{self, Mat};
@@ -65,13 +66,13 @@ pub trait Observer<S: Simd, const D: usize> {
     /// what lies between (near u per far load).
     fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>);
 
-    /// Whether negative pivots are counted.
-    fn counts(&self) -> bool {
-        false
+    /// What is wanted of overlaps besides the plane.
+    fn wanted(&self) -> Wanted {
+        Wanted::Plane
     }
 
-    /// An overlap was passed: its negative pivots, by lane.
-    fn overlapped(&mut self, _: &[usize; MAX_LANES]) {}
+    /// An overlap was passed: the u rows of what lies behind and of the near beam, and the ways of the lines.
+    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, _: &[Passed]) {}
 }
 
 /// Looks at nothing.

@@ -1,6 +1,7 @@
 //! Threads that help the caller, kept between calls and safe after a fork.
 
 use crate::error::{Error, Result};
+use crate::interrupt;
 use core::iter::Enumerate;
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -40,7 +41,7 @@ const RUNS: usize = 4;
 /// `at_least` in nanoseconds, or once the caller alone has seen what they take.
 ///
 /// # Errors
-/// The threads could not be started.
+/// The threads could not be started, or the call is interrupted.
 pub fn on_threads<T: Send, U: Send>(
     threads: usize,
     tasks: Vec<T>,
@@ -53,7 +54,7 @@ pub fn on_threads<T: Send, U: Send>(
     };
     let most = threads.min(tasks.len());
     if most <= 1 {
-        return Ok(tasks.into_iter().map(work).collect());
+        return tasks.into_iter().map(|task| interrupt::check().map(|()| work(task))).collect();
     }
     let mut done = Vec::with_capacity(tasks.len());
     let mut tasks = tasks.into_iter();
@@ -66,6 +67,7 @@ pub fn on_threads<T: Send, U: Send>(
             DELAY.store(delay - delay / FORGOTTEN, Ordering::Relaxed);
             return Ok(done);
         };
+        interrupt::check()?;
         done.push(work(task));
         let each = began.elapsed().as_nanos() as f64 / done.len() as f64;
         worth = tasks.len() as f64 * each / a_helper;
@@ -73,6 +75,7 @@ pub fn on_threads<T: Send, U: Send>(
     let helpers = (most - 1).min(tasks.len()).min(worth as usize);
     let queue = Queue::new(tasks, helpers + 1);
     Helpers::idle(most - 1)?.share(helpers, || queue.drain(&work));
+    interrupt::check()?;
     done.extend(queue.results());
     Ok(done)
 }
@@ -107,7 +110,13 @@ impl<T, U> Queue<T, U> {
         loop {
             let run = self.run();
             let Some(first) = run.first().map(|task| task.0) else { return };
-            let results = run.into_iter().map(|(_, task)| work(task)).collect();
+            let mut results = Vec::with_capacity(run.len());
+            for (_, task) in run {
+                if interrupt::check().is_err() {
+                    return;
+                }
+                results.push(work(task));
+            }
             lock(&self.done).push((first, results));
         }
     }
@@ -152,12 +161,13 @@ impl Helpers {
     fn share(self, count: usize, work: impl Fn() + Sync) {
         let ended = AtomicUsize::new(0);
         let called = Instant::now();
+        let mark = interrupt::mark();
         self.pool.in_place_scope(|scope| {
             for _ in 0..count {
                 scope.spawn(|_| {
                     let delay = called.elapsed().as_nanos() as u64;
                     DELAY.store(DELAY.load(Ordering::Relaxed).midpoint(delay), Ordering::Relaxed);
-                    work();
+                    interrupt::helping(mark.clone(), &work);
                     ended.fetch_add(1, Ordering::Release);
                 });
             }

@@ -1,8 +1,9 @@
 //! Errors of the core as Python exceptions.
 
-use pyo3::exceptions::{PyException, PyRuntimeError, PyValueError};
-use pyo3::{PyErr, create_exception};
-use receptance_core::Error;
+use core::cell::RefCell;
+use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyRuntimeError, PyValueError};
+use pyo3::{PyErr, PyResult, Python, create_exception};
+use receptance_core::{Error, interruptible};
 
 create_exception!(
     receptance._core,
@@ -23,6 +24,25 @@ create_exception!(
     "A receptance that is not finite: an undamped resonance met exactly."
 );
 
+thread_local! {
+    /// What a handler of a signal has raised during a call.
+    static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
+}
+
+/// Does the work without holding the interpreter; a signal whose handler raises an exception ends it.
+///
+/// # Errors
+/// That exception.
+pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let found = py.detach(|| interruptible(signalled, work));
+    RAISED.take().map_or(Ok(found), Err)
+}
+
+/// Whether the handler of a signal that has arrived raised an exception, which is kept.
+fn signalled() -> bool {
+    Python::attach(|py| py.check_signals().map_err(|error| RAISED.replace(Some(error))).is_err())
+}
+
 /// Lets `?` turn the core's errors into Python's.
 pub struct CoreError(Error);
 
@@ -38,6 +58,7 @@ impl From<CoreError> for PyErr {
         match error {
             Error::SingularInterface { .. } => SingularInterfaceError::new_err(text),
             Error::Resonance { .. } => ResonanceError::new_err(text),
+            Error::Interrupted => PyKeyboardInterrupt::new_err(text),
             Error::Threads { .. } => PyRuntimeError::new_err(text),
             Error::Quantity { .. }
             | Error::Frequency { .. }

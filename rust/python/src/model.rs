@@ -1,7 +1,7 @@
 //! Frequency lines, and models: receptances, natural frequencies, reductions to one joint.
 
 use crate::arrays::{contiguous, coordinates, indices, numbers, parameter, parameters, shaped, table};
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};
@@ -171,8 +171,7 @@ impl Model {
             added,
             terminals,
         };
-        let result = py
-            .detach(|| receptance_core::receptance(&self.model, &lines, &request, threads))
+        let result = detached(py, || receptance_core::receptance(&self.model, &lines, &request, threads))?
             .map_err(CoreError::from)?;
         let (n, p) = (lines.len(), request.parameters.len());
         let (rows, columns) = (request.responses.len(), request.excitations.len());
@@ -192,12 +191,29 @@ impl Model {
         parameters: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
         let parameters = self::parameters(&parameters)?;
-        let found = py
-            .detach(|| receptance_core::natural_frequencies(&self.model, upper, most, &parameters))
-            .map_err(CoreError::from)?;
+        let found =
+            detached(py, || receptance_core::natural_frequencies(&self.model, upper, most, &parameters))?
+                .map_err(CoreError::from)?;
         let shape = (found.angular.len(), parameters.len());
         let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
         Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
+    }
+
+    /// Logarithm of the determinant whose zeros are the complex natural angular frequencies, up to a constant and
+    /// multiples of 2 pi i; NaN where it is zero.
+    #[pyo3(signature = (lines, by_line=None))]
+    fn log_determinant<'py>(
+        &self,
+        py: Python<'py>,
+        lines: &Lines,
+        by_line: Option<&ByLine>,
+    ) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
+        let read = lines.read(py)?;
+        let lines = lines.frequencies(&read)?;
+        let added = by_line.map_or(&[][..], |by_line| &by_line.added);
+        let found = detached(py, || receptance_core::log_determinant(&self.model, &lines, added))?
+            .map_err(CoreError::from)?;
+        Ok(Array1::from_vec(found).into_pyarray(py))
     }
 
     /// The model on some lines as a function of one joint alone, between two coordinates (response, excitation).
@@ -220,20 +236,19 @@ impl Model {
         let [response, excitation] = crate::arrays::response_and_excitation(&points)?;
         let ends = by_line.map(|by_line| by_line.terminals.clone()).unwrap_or_default();
         let form = if planes { Form::Planes } else { Form::Shortest };
-        let found = py
-            .detach(|| {
-                receptance_core::reduce_joint(
-                    &self.model,
-                    joint,
-                    &lines,
-                    response,
-                    excitation,
-                    ends,
-                    form,
-                    threads,
-                )
-            })
-            .map_err(CoreError::from)?;
+        let found = detached(py, || {
+            receptance_core::reduce_joint(
+                &self.model,
+                joint,
+                &lines,
+                response,
+                excitation,
+                ends,
+                form,
+                threads,
+            )
+        })?
+        .map_err(CoreError::from)?;
         Ok(JointReduction::new(found))
     }
 

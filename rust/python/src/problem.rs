@@ -3,7 +3,7 @@
 use crate::arrays::{
     c_contiguous, contiguous, index, indices, response_and_excitation, shaped, spring, table,
 };
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use crate::model::Lines;
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
@@ -182,8 +182,7 @@ impl Problem {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let x = self.point(&x)?;
         let size = x.len() + 1;
-        let found = py
-            .detach(|| self.problem.normal_matrix(x, &vec![true; x.len()], threads))
+        let found = detached(py, || self.problem.normal_matrix(x, &vec![true; x.len()], threads))?
             .unwrap_or(vec![f64::NAN; size * size]);
         Ok(shaped(Array2::from_shape_vec((size, size), found))?.into_pyarray(py))
     }
@@ -199,7 +198,7 @@ impl Problem {
         threads: usize,
     ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
         let (x, free) = (self.point(&x)?, self.free(&free)?);
-        let Some(found) = py.detach(|| self.problem.rows(x, free, threads)) else { return Ok(None) };
+        let Some(found) = detached(py, || self.problem.rows(x, free, threads))? else { return Ok(None) };
         let shape = (found.residual.len(), free.iter().filter(|free| **free).count());
         let jacobian = shaped(Array2::from_shape_vec(shape, found.jacobian))?;
         Ok(Some((Array1::from_vec(found.residual).into_pyarray(py), jacobian.into_pyarray(py))))
@@ -222,7 +221,8 @@ impl Problem {
         }
         let (starts, free) = (c_contiguous("starts", &starts)?, self.free(&free)?);
         let stop = Stop { tolerance, evaluations };
-        let ends = py.detach(|| self.problem.fit(starts, free, stop, threads)).map_err(CoreError::from)?;
+        let ends =
+            detached(py, || self.problem.fit(starts, free, stop, threads))?.map_err(CoreError::from)?;
         let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
         let size = (count + 1) * (count + 1);
         let mut normal = vec![f64::NAN; ends.len() * size];

@@ -1,7 +1,7 @@
 //! Models of which some parameters vary, evaluated for many candidates in one call.
 
 use crate::arrays::{c_contiguous, contiguous, filled, response_and_excitation, shaped, table};
-use crate::errors::CoreError;
+use crate::errors::{CoreError, detached};
 use crate::model::Lines;
 use num_complex::Complex64;
 use numpy::ndarray::Array2;
@@ -35,11 +35,11 @@ impl Output<'_> {
         match self {
             Self::Complex(mut out) => {
                 let out = filled(&mut out, shape)?;
-                py.detach(|| receptances(out))
+                detached(py, || receptances(out))?
             }
             Self::Real(mut out) => {
                 let out = filled(&mut out, shape)?;
-                py.detach(|| magnitudes(out))
+                detached(py, || magnitudes(out))?
             }
         }
         .map_err(CoreError::from)?;
@@ -112,8 +112,7 @@ impl JointReduction {
         let joints = table("joints", &joints, SPRING_COLUMNS)?;
         let measured = contiguous("measured", measured.as_slice())?;
         let weights = contiguous("weights", weights.as_slice())?;
-        let found = py
-            .detach(|| sweep.misfits(joints, measured, weights, kind(logarithmic), threads))
+        let found = detached(py, || sweep.misfits(joints, measured, weights, kind(logarithmic), threads))?
             .map_err(CoreError::from)?;
         Ok(found.into_pyarray(py))
     }
@@ -208,8 +207,7 @@ impl ModelSweep {
         let values = self.values(&values)?;
         let measured = contiguous("measured", measured.as_slice())?;
         let weights = contiguous("weights", weights.as_slice())?;
-        let found = py
-            .detach(|| sweep.misfits(values, measured, weights, kind(logarithmic), threads))
+        let found = detached(py, || sweep.misfits(values, measured, weights, kind(logarithmic), threads))?
             .map_err(CoreError::from)?;
         Ok(found.into_pyarray(py))
     }

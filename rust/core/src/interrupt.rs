@@ -1,0 +1,78 @@
+//! Calls that can be interrupted: their caller is asked from time to time, and no new task begins once it says so.
+
+use crate::error::{Error, Result};
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Time between two questions to the caller.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// What a thread knows of the call that it works for.
+struct Call {
+    interrupted: Arc<AtomicBool>,
+    /// Whether the caller wants the call to end; only the caller's own thread asks.
+    poll: Option<fn() -> bool>,
+    next: Instant,
+}
+
+thread_local! {
+    static CALL: RefCell<Option<Call>> = const { RefCell::new(None) };
+}
+
+/// Puts the call of before back in its place, also after a panic.
+struct Restore(Option<Call>);
+
+impl Drop for Restore {
+    fn drop(&mut self) {
+        CALL.replace(self.0.take());
+    }
+}
+
+/// Does the work; where `poll`, called on this thread every 50 ms between tasks, returns true the work ends early, with
+/// `Error::Interrupted` or with results that are not to be used.
+pub fn interruptible<T>(poll: fn() -> bool, work: impl FnOnce() -> T) -> T {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    within(Call { interrupted, poll: Some(poll), next: Instant::now() + INTERVAL }, work)
+}
+
+/// The mark of the call that this thread works for.
+pub(crate) fn mark() -> Option<Arc<AtomicBool>> {
+    CALL.with_borrow(|call| call.as_ref().map(|call| call.interrupted.clone()))
+}
+
+/// Does work for the call of another thread.
+pub(crate) fn helping<T>(mark: Option<Arc<AtomicBool>>, work: impl FnOnce() -> T) -> T {
+    match mark {
+        Some(interrupted) => within(Call { interrupted, poll: None, next: Instant::now() }, work),
+        None => work(),
+    }
+}
+
+fn within<T>(call: Call, work: impl FnOnce() -> T) -> T {
+    let _restore = Restore(CALL.replace(Some(call)));
+    work()
+}
+
+/// Asks the caller where it is time to.
+///
+/// # Errors
+/// The call is interrupted.
+pub(crate) fn check() -> Result<()> {
+    let due = CALL.with_borrow_mut(|call| {
+        let call = call.as_mut()?;
+        let poll = call.poll.filter(|_| Instant::now() >= call.next)?;
+        call.next = Instant::now() + INTERVAL;
+        Some((poll, call.interrupted.clone()))
+    });
+    // Not while the cell is borrowed: what the caller does may be another call.
+    if let Some((poll, interrupted)) = due
+        && poll()
+    {
+        interrupted.store(true, Ordering::Relaxed);
+    }
+    let interrupted =
+        CALL.with_borrow(|call| call.as_ref().is_some_and(|call| call.interrupted.load(Ordering::Relaxed)));
+    if interrupted { Err(Error::Interrupted) } else { Ok(()) }
+}
