@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["GRID", "STEPS", "TERMS", "Equations", "linear_solution", "names_of", "polished", "solve_lines"]
+__all__ = ["GRID", "STEPS", "TERMS", "Equations", "linear_solution", "names_of", "polished", "roots", "solve_lines"]
 
 TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 """Terms of the joint's stiffness and where they stand in it."""
@@ -214,7 +214,7 @@ def _single(eq: Equations, pair: int) -> list[NDArray[np.complex128]]:
         return [((a * t - b * both + d * both**2) / (d * t - c) - y[:, 0, 0])[:, None]]
     if term == "k_theta":
         return [((c * s - b * both + d * both**2) / (d * s - a) - y[:, 1, 1])[:, None]]
-    return [(root - y[:, 0, 1])[:, None] for root in _roots(d, -b, a * t + c * s - d * s * t)]
+    return [(root - y[:, 0, 1])[:, None] for root in roots(d, -b, a * t + c * s - d * s * t)]
 
 
 def _double(eq: Equations, pair: tuple[int, ...]) -> list[NDArray[np.complex128]]:
@@ -231,21 +231,21 @@ def _double(eq: Equations, pair: tuple[int, ...]) -> list[NDArray[np.complex128]
     if "k_ytheta" not in eq.terms:
         # s = p + q t
         p, q = beta * both / gamma, -alpha / gamma
-        for root in _roots(d * q, d * p - a - c * q, b * both - c * p - d * both**2):
+        for root in roots(d * q, d * p - a - c * q, b * both - c * p - d * both**2):
             solutions.append({"k_y": p + q * root, "k_theta": root, "k_ytheta": both})
     elif "k_y" in eq.terms:
         # s = p + q B
         p, q = -alpha * t / gamma, beta / gamma
-        for root in _roots(-d, d * q * t + b - c * q, d * p * t - a * t - c * p):
+        for root in roots(-d, d * q * t + b - c * q, d * p * t - a * t - c * p):
             solutions.append({"k_y": p + q * root, "k_theta": t, "k_ytheta": root})
     else:
         p, q = -gamma * s / alpha, beta / alpha
-        for root in _roots(-d, d * q * s + b - a * q, d * p * s - c * s - a * p):
+        for root in roots(-d, d * q * s + b - a * q, d * p * s - c * s - a * p):
             solutions.append({"k_y": s, "k_theta": p + q * root, "k_ytheta": root})
     return [np.stack([found[term] - y[:, *TERMS[term]] for term in eq.terms], axis=1) for found in solutions]
 
 
-def _roots(
+def roots(
     a: NDArray[np.complex128], b: NDArray[np.complex128], c: NDArray[np.complex128]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return both roots of a x^2 + b x + c, neither as a difference of nearly equal numbers."""

@@ -97,7 +97,7 @@ def identify_spindle(
     check_bands(observed)
     observed, lines, rows, dropped = common_lines(observed)
     equations = Blanks.of(observed, lines, threads).equations(observed, rows)
-    x, ambiguous = solved(equations)
+    x, ambiguous, chance = solved(equations, share)
     with np.errstate(all="ignore"):
         good = np.isfinite(x).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
     x = np.where(good[:, None], x, 0.0)
@@ -110,7 +110,7 @@ def identify_spindle(
             "another blank"
         )
     good &= rank == len(TERMS)
-    found = _result(equations, observed, lines, x, good, share, ambiguous, dropped)
+    found = _result(equations, observed, lines, x, good, share, (ambiguous, chance), dropped)
     if reason := mismatch(found, equations):
         if not allow_mismatch:
             raise ValueError(f"{reason}; allow_mismatch=True goes on all the same")
@@ -126,9 +126,10 @@ def _result(
     x: NDArray[np.complex128],
     good: NDArray[np.bool_],
     share: float,
-    ambiguous: NDArray[np.bool_],
+    doubtful: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     dropped: int,
 ) -> SpindleReceptance:
+    ambiguous, chance = doubtful
     with np.errstate(all="ignore"):
         reaction, scale = equations.reaction(x), equations.scale(x)
         relative = reaction / scale[..., None]
@@ -138,7 +139,7 @@ def _result(
         moved = np.where(good[:, None, None], reaction * equations.deviation[:, None, :], np.nan)
         covariance = moved @ np.conj(moved).transpose(0, 2, 1)
         deviation = np.sqrt(np.einsum("nii->ni", covariance).real)
-        usable = good & (deviation <= share * scale).all(axis=1)
+        usable = good & (deviation <= share * scale).all(axis=1) & ~ambiguous & ~chance
         unknown = equations.rigid.shape[1] - len(TERMS)
         cost = float(np.sum(equations.cost(x)[good]))
     notes = [note for one in observed for note in one.notes]
@@ -149,11 +150,13 @@ def _result(
     if not usable.all():
         notes.append(
             f"{int(usable.sum())} of {usable.size} lines are usable: on the others the standard deviation of some term "
-            f"is above {100.0 * share:g} % of it"
+            f"is above {100.0 * share:g} % of it, there or on the lines around, or two spindles explain the responses"
         )
-    if (ambiguous & usable).any():
-        count = int((ambiguous & usable).sum())
-        notes.append(f"on {count} lines two spindles answer alike; the one nearer to its neighbours was taken")
+    if (ambiguous & good).any():
+        notes.append(
+            f"{int((ambiguous & good).sum())} lines are ambiguous and not usable: two spindles explain the responses, "
+            "and neither the other lines nor the energy decide; measure one blank more, or a second place"
+        )
     return SpindleReceptance(
         frequency_hz=lines,
         matrix=np.where(good[:, None, None], equations.stiffness(x), np.nan),

@@ -14,7 +14,7 @@ from receptance.identification import Identification, MeasuredFRF, Unknown, iden
 from receptance.identification.inversion_input import check_observations
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
-from receptance.terminals import ENTRIES, RESIDUALS
+from receptance.terminals import RESIDUALS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,8 +29,10 @@ _ABOVE = 1.5
 _BEYOND = 0.5
 """Share of the residual that it takes at the start."""
 _FARTHEST = 5.0
-_AROUND = 0.04
-"""Share of its frequency to either side of a line over which modes and lines are compared."""
+_SPACING = 0.25
+"""Distance in the logarithm of frequency over which an error of the model may change."""
+_SHARES = (1e-6, 1.0)
+"""Least and largest relative error of the model that is considered."""
 _REACH = 0.25
 """How far a natural frequency may move from its start, as a share."""
 
@@ -45,17 +47,14 @@ class SpindleModes:
         The spindle, to end an assembly with; its band is that of the responses.
     identification : Identification
         The fit: values and their covariance by address, residuals, notes.
-    lines_hz : ndarray
-        `(n,)` usable lines of the spindle line by line.
-    discrepancy : ndarray
-        `(n, 3, 3)` how far the modes are from it, as a covariance of y/F, theta/M and y/M: the mean distance over the
-        lines around each, which few modes with viscous damping may not take up, and what those lines cannot tell.
+    discrepancy : float
+        Relative standard deviation of the model error of y/F, theta/M and y/M: what few modes with viscous damping
+        cannot represent. It is estimated from the residuals of the fit, and zero where they show noise only.
     """
 
     part: ModalPart
     identification: Identification
-    lines_hz: NDArray[np.float64]
-    discrepancy: NDArray[np.complex128]
+    discrepancy: float
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -79,14 +78,12 @@ class SpindleModes:
     def standard_deviation(self, machine: Assembly, frequency_hz: Any, **places: Any) -> NDArray[np.float64]:
         """Standard deviation of the magnitude of a receptance of an assembly that ends with `part`, relative, `(n,)`.
 
-        First order in the errors of the modes and in their distance from the spindle line by line; `places` as in
-        `Assembly.receptance`.
+        First order in the errors of the modes and in the model error; `places` as in `Assembly.receptance`.
         """
-        h, modes, away, between = self._reactions(machine, frequency_hz, places)
+        h, modes, away = self._reactions(machine, frequency_hz, places)
         own = (modes / h[:, None]).real
         variance = np.einsum("ni,ij,nj->n", own, self.covariance, own)
-        other = away / h[:, None]
-        variance += np.einsum("ni,nij,nj->n", other, between, other.conj()).real
+        variance += np.sum(np.abs(away / h[:, None]) ** 2, axis=1)
         result: NDArray[np.float64] = np.sqrt(np.maximum(variance, 0.0))
         return result
 
@@ -95,28 +92,24 @@ class SpindleModes:
     ) -> NDArray[np.complex128]:
         """Draw receptances of an assembly that ends with `part`, `(count, n)`, for bands of what is made of them.
 
-        First order in the logarithm; the distance from the lines is drawn as one for all lines of a draw.
+        First order in the logarithm; the model error is drawn once for all lines of a draw.
         """
-        h, modes, away, between = self._reactions(machine, frequency_hz, places)
+        h, modes, away = self._reactions(machine, frequency_hz, places)
         random = np.random.default_rng(seed)
         whole = random.multivariate_normal(np.zeros(len(self.addresses)), self.covariance, size=count, method="eigh")
-        moved = whole @ modes.T
-        value, shape = np.linalg.eigh(between)
-        reach = np.einsum("ni,nij,nj->nj", away, shape, np.sqrt(np.maximum(value, 0.0)))
         normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
-        result: NDArray[np.complex128] = h * np.exp((moved + normal @ reach.T) / h)
+        result: NDArray[np.complex128] = h * np.exp((whole @ modes.T + normal @ away.T) / h)
         return result
 
     def _reactions(
         self, machine: Assembly, frequency_hz: Any, places: dict[str, Any]
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return a receptance `(n,)`, its derivatives by modes and by the plane's entries, and the discrepancy."""
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return a receptance `(n,)`, its derivatives by modes, and its changes by one model error of each entry."""
         through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
         h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
-        lines, flat = np.asarray(frequency_hz).real, self.discrepancy.reshape(len(self.lines_hz), -1)
-        between = np.stack([np.interp(lines, self.lines_hz, column) for column in flat.T], axis=1).reshape(-1, 3, 3)
         own = len(self.addresses)
-        return h, slope[..., :own], slope[..., own:], between
+        errors = self.discrepancy * _magnitudes(self.part, np.asarray(frequency_hz))
+        return h, slope[..., :own], slope[..., own:] * errors
 
     def __repr__(self) -> str:
         return f"SpindleModes({self.part!r}, rms {self.identification.rms:.3g})"
@@ -159,32 +152,75 @@ def fit_spindle(
     check_blanks(observed)
     start = start_from(found, modes, name=name)
     low, high = (float(np.asarray(found.frequency_hz).real[i]) for i in (0, -1))
-    coupled = [
-        _with(one, Assembly([*one.assembly.elements.values(), start], one.assembly.attachments.values()))
-        for one in observed
-    ]
-    fit = identify(coupled, _unknowns(start, high), starts=1, threads=threads)
+    fit = identify([_coupled(one, start) for one in observed], _unknowns(start, high), starts=1, threads=threads)
     values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
-    part = replace(start.with_values(values), band_hz=(low, high))
-    lines, away = _discrepancy(found, part)
-    return SpindleModes(part=part, identification=fit, lines_hz=lines, discrepancy=away)
+    part = start.with_values(values)
+    return SpindleModes(
+        part=replace(part, band_hz=(low, high)),
+        identification=fit,
+        discrepancy=_discrepancy([_coupled(one, part) for one in observed], part),
+    )
 
 
-def _discrepancy(found: SpindleReceptance, part: ModalPart) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Return usable lines, and how far the modes are from them, as a covariance."""
-    rows = np.flatnonzero(found.usable)
-    lines = np.asarray(found.frequency_hz)[rows]
-    matrix, places = found.matrix[rows], lines.real
-    off = np.stack([matrix[:, i, j] for i, j in ENTRIES], axis=1) - part.entries(lines)
-    covariance = found.covariance[rows]
-    result = np.empty(covariance.shape, dtype=np.complex128)
-    for index, place in enumerate(places):
-        first, last = np.searchsorted(places, [place * (1.0 - _AROUND), place * (1.0 + _AROUND)])
-        near = slice(int(first), max(int(last), int(first) + 1))
-        mean = off[near].mean(axis=0)
-        # Half of the square each for the real and the imaginary part.
-        result[index] = 0.5 * np.outer(mean, mean.conj()) + covariance[near].mean(axis=0) / (near.stop - near.start)
-    return places, result
+def _magnitudes(part: ModalPart, lines: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the root sum of squares of what modes and residual contribute to y/F, theta/M and y/M, `(n, 3)`.
+
+    A model error is relative to this: at an antiresonance contributions cancel, their errors do not.
+    """
+    terms = [np.abs(mode.entries(lines)[:, :2]) for mode in part.modes]
+    terms.append(np.tile(np.abs([part.residual_y, part.residual_theta]), (lines.size, 1)))
+    y, theta = np.sqrt(np.sum(np.square(terms), axis=0)).T
+    coupling = np.sqrt(np.sum([np.prod(term, axis=1) for term in terms], axis=0))
+    return np.stack([y, theta, coupling], axis=1)
+
+
+def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
+    """Return the relative model error that makes the residuals of the fit most likely.
+
+    The errors of the three entries are Gaussian with a common relative standard deviation s, independent at
+    frequencies 0.25 apart in the logarithm and linear between. With J and K the derivatives of the residuals r by the
+    parameters of the modes and by these errors, and P the projector on the complement of J, K^T P r is normal with the
+    covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W the likelihood is a product; s maximises it
+    (restricted maximum likelihood).
+    """
+    from scipy.optimize import minimize_scalar
+
+    own = [f"{part.name}.{quantity}" for quantity in part.columns_of]
+    ends = [np.log([one.frequency_hz[i].real for one in observed]) for i in (0, -1)]
+    low, high = float(ends[0].min()), float(ends[1].max())
+    nodes = np.linspace(low, high, int(np.ceil((high - low) / _SPACING)) + 1)
+    blocks = []
+    for one in observed:
+        lines = one.frequency_hz
+        h, slope = one.assembly.derivatives(lines, own, response=one.response, excitation=one.excitation)
+        weighted = slope / (h * np.asarray(one.standard_deviation))[:, None]
+        residual = np.log(one.receptance / h) / one.standard_deviation
+        # The residuals are the last parameters, and their derivatives those by the entries.
+        reach = weighted[:, -len(RESIDUALS) :] * _magnitudes(part, lines)
+        shares = np.stack([np.interp(np.log(lines.real), nodes, row) for row in np.eye(nodes.size)], axis=1)
+        error = (reach[:, :, None] * shares[:, None, :]).reshape(lines.size, -1)
+        # Real and imaginary parts are rows; an error has a real and an imaginary part, which are columns.
+        columns = np.concatenate([weighted, error, 1j * error, residual[:, None]], axis=1)
+        blocks += [columns.real, columns.imag]
+    whole = np.concatenate(blocks)
+    jacobian, rest = whole[:, : len(own)], whole[:, len(own) :]
+    basis, _ = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))
+    rest = rest - basis @ (basis.T @ rest)
+    error, residual = rest[:, :-1], rest[:, -1]
+    size, vectors = np.linalg.eigh(error.T @ error)
+    told = size > 1e-10 * size[-1]
+    size, squares = size[told], (vectors[:, told].T @ (error.T @ residual)) ** 2 / size[told]
+
+    def deviance(logarithm: float) -> float:
+        growth = 1.0 + np.exp(2.0 * logarithm) * size
+        return float(np.sum(np.log(growth) + squares / growth))
+
+    grid = np.linspace(np.log(_SHARES[0]), np.log(_SHARES[1]), 60)
+    best = int(np.argmin([deviance(x) for x in grid]))
+    if best == 0:
+        return 0.0
+    around = (grid[best - 1], grid[min(best + 1, grid.size - 1)])
+    return float(np.exp(minimize_scalar(deviance, bounds=around, method="bounded").x))
 
 
 def start_from(
@@ -234,9 +270,9 @@ def _shape(constant: NDArray[np.complex128], size: NDArray[np.float64]) -> tuple
     return (y, theta) if y.real >= 0.0 else (-y, -theta)
 
 
-def _with(one: MeasuredFRF, assembly: Assembly) -> MeasuredFRF:
+def _coupled(one: MeasuredFRF, part: ModalPart) -> MeasuredFRF:
     return MeasuredFRF(
-        assembly=assembly,
+        assembly=Assembly([*one.assembly.elements.values(), part], one.assembly.attachments.values()),
         frequency_hz=one.frequency_hz,
         receptance=one.receptance,
         response=one.response,

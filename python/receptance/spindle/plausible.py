@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from receptance.identification.line_solutions import Equations
     from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["active", "mismatch"]
+__all__ = ["active", "gained", "mismatch"]
 
 _UNSUITED = 3.0
 """Root mean square of what several blanks disagree by, in standard deviations, that noise does not make."""
@@ -27,17 +27,23 @@ def active(found: SpindleReceptance) -> NDArray[np.bool_]:
     rows = np.flatnonzero(found.usable)
     if not rows.size:
         return result
-    matrix = found.matrix[rows]
+    energy, deviation = gained(found.matrix[rows], found.covariance[rows])
+    result[rows] = energy > _SIGNIFICANT * deviation + 1e-9
+    return result
+
+
+def gained(
+    matrix: NDArray[np.complex128], covariance: NDArray[np.complex128]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the largest relative gain of energy over all loads, negative for a passive spindle, and its deviation."""
     root = np.sqrt(np.abs(np.einsum("nii->ni", matrix)))
     _, shapes = np.linalg.eigh(matrix.imag / (root[:, :, None] * root[:, None, :]))
     shape = shapes[:, :, -1] / root
     weights = np.stack([shape[:, 0] ** 2, shape[:, 1] ** 2, 2.0 * shape[:, 0] * shape[:, 1]], axis=1)
     entries = np.stack([matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 0, 1]], axis=1)
-    gained = np.einsum("ni,ni->n", weights, entries.imag)
-    variance = np.einsum("ni,nij,nj->n", weights, found.covariance[rows], weights).real
-    deviation = np.sqrt(np.maximum(variance, 0.0))
-    result[rows] = gained > _SIGNIFICANT * deviation + 1e-9
-    return result
+    energy = np.einsum("ni,ni->n", weights, entries.imag)
+    variance = np.einsum("ni,nij,nj->n", weights, covariance, weights).real
+    return energy, np.sqrt(np.maximum(variance, 0.0))
 
 
 def mismatch(found: SpindleReceptance, equations: Equations) -> str:

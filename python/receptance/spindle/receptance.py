@@ -33,11 +33,11 @@ class SpindleReceptance:
     condition : ndarray
         `(n,)` by how much a relative error of the responses can grow on its way to the spindle.
     usable : ndarray
-        `(n,)` where the standard deviation of each term is below `limit` of its size.
+        `(n,)` where the standard deviation of each term is below `limit` of its size and the line is not ambiguous.
     limit : float
         That share.
     ambiguous : ndarray
-        `(n,)` where several spindles answer alike.
+        `(n,)` where two spindles explain the responses and the other lines do not decide between them.
     rms : float
         Root mean square of what several blanks disagree by, in standard deviations; not a number with three responses.
     labels : tuple of str
