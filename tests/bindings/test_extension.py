@@ -165,31 +165,18 @@ def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
     rng = np.random.default_rng(1)
     exact = own.receptance(f)
     measured = exact * (1.0 + 0.01 * rng.standard_normal(f.size))
-    reduction, w = own.reduced_to_joint("joint", f)
-    joint = np.array([[1e8, 1e5, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    variables = np.array([[0.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0]])
     bounds = np.array([[5.0, 2.0], [11.0, 8.0]])
+    problem = _core.Problem(np.array([True, True]), bounds, np.zeros((0, 3)))
+    variables = np.array([0.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
+    joint = np.array([1e8, 1e5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    problem.add_joint_receptance(own.reduced_to_joint("joint", f), joint, variables, measured, np.ones(f.size))
     starts = rng.uniform([6.0, 3.0], [10.0, 7.0], (2000, 2))
     before = signal.signal(signal.SIGALRM, ring)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.3)
         began = time.perf_counter()
         with pytest.raises(AlarmError):
-            _core.fit_joint(
-                [reduction],
-                [w],
-                [measured],
-                [np.ones(f.size)],
-                joint,
-                joint,
-                variables,
-                np.array([True, True]),
-                bounds,
-                starts,
-                1e-12,
-                500,
-                threads,
-            )
+            problem.fit(starts, np.array([True, True]), 1e-12, 500, threads)
         assert time.perf_counter() - began < 1.3
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
