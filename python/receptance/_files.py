@@ -38,7 +38,7 @@ def open_file(path: Path) -> BinaryIO:
     """
     # Without O_NONBLOCK the call waits for somebody who writes into a pipe.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    descriptor = os.open(path, flags)
+    descriptor = os.open(os.fspath(path), flags)
     try:
         mode = os.fstat(descriptor).st_mode
         if stat.S_ISDIR(mode):

@@ -69,12 +69,12 @@ def read(
     TypeError, ValueError
         Options that are wrong.
     OSError
-        A file that cannot be opened.
+        A file that cannot be opened, a pipe or a device, or more than 1 GiB.
 
     Warns
     -----
     ReceptanceWarning
-        A poor coherence, and whatever an `FRF` warns of.
+        A poor coherence, a text that may have been cut off, and whatever an `FRF` warns of.
 
     Examples
     --------
