@@ -26,6 +26,7 @@ from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.selection import _exchanged, select
+from receptance.diagnosis.steps import Steps
 from receptance.diagnosis.usable import usable
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.observations import altered
@@ -156,7 +157,7 @@ def test_causes_are_exchanged_for_other_ways_of_acting() -> None:
     steps = (*root.steps, (causes[1], "0.05"))
     selection.several.append(Explanation(steps, fit, gain, root.evidence + 1.0))
     assert selection.explanations[0].adequacy.of_lines
-    _exchanged(selection, causes, 0, None, lambda text: None)
+    _exchanged(selection, causes, 0, None, Steps())
     found = {cause.id: name for cause, name in selection.explanations[0].steps}
     assert found == {"sensor_mass": "all", "calibration_gain": "all"}
 
