@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -151,6 +153,22 @@ def test_results_are_not_lost_with_a_figure(
     assert "no such figure" in capsys.readouterr().err
     assert left() == {"campaign.toml", "i.json"}
     assert "joint.k_y" in json.loads(Path("i.json").read_text())["parameters"]
+
+
+def test_nothing_is_left_in_the_temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated examples, compressed files and readers in processes of their own use it, and clear it."""
+    used = tmp_path / "temporary"
+    used.mkdir()
+    monkeypatch.setenv("TMPDIR", str(used))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    assert call(monkeypatch, "example", "hammer") == 0
+    assert call(monkeypatch, "example", "free-free") == 0
+    assert call(monkeypatch, "convert", "free-free/long.csv", "long.h5") == 0
+    Path("long.h5.gz").write_bytes(gzip.compress(Path("long.h5").read_bytes()))
+    assert call(monkeypatch, "convert", "long.h5.gz", "long.mat") == 0
+    assert call(monkeypatch, "identify", "free-free", "--plot", "i.png") == 0
+    assert tempfile.gettempdir() == str(used)
+    assert not list(used.iterdir())
 
 
 def test_an_interval_that_says_nothing_is_called_that(
