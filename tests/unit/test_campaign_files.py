@@ -240,6 +240,20 @@ class TestHammer:
         assert 'at least two hits, whose scatter is the variance, or `floor = "2 %"`' in said
         load(tmp_path, text + '\nfloor = "2 %"' + other, "hammer records")
 
+    def test_how_large_a_second_contact_may_be(self, tmp_path: Path, hammer: Path) -> None:
+        """The third hit has a second contact of 27 %; where that is not looked for it can still be dropped by hand."""
+        shutil.copy(hammer / "medium.npz", tmp_path)
+        text = 'file = "medium.npz"\nforce = "hammer"\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]\ndrop_hits = [3]'
+        notes = {
+            share: " ".join(load(tmp_path, f"{text}\ndouble_share = {share}", "hammer records").notes)
+            for share in (0.05, 0.5)
+        }
+        assert "hit 3 dropped: double hit: a contact with 27 %" in notes[0.05]
+        assert "double hit" not in notes[0.5]
+        assert "hit 3 dropped: dropped by the campaign" in notes[0.5]
+        with pytest.raises(CampaignError, match="double_share"):
+            load(tmp_path, f"{text}\ndouble_share = 1.5", "hammer records")
+
     @pytest.mark.parametrize(
         ("measurement", "words"),
         [

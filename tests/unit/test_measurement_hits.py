@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.signal import ellip, firwin, sosfilt
 
 import hammer
 from receptance.errors import ReceptanceWarning
@@ -108,6 +109,43 @@ def long_record(gaps, seed=1, noise=0.02):
     random = np.random.default_rng(seed)
     response = STRUCTURE.respond(force)
     return records_of(force + noise * random.standard_normal(n), response + 0.2 * random.standard_normal(n)), starts
+
+
+def recorded(contact_s, bounce=None, phase="linear", noise=0.0, seed=3):
+    """A half-sine 0.1 s into a record at 512 Hz, and a second one, through a recorder's filter."""
+    rate, over, n = 512.0, 64, 1024
+    time = np.arange(n * over) / (rate * over)
+    fine = np.zeros(time.size)
+    for start, peak in ((0.1, 40.0), *([(0.1 + bounce[0], 40.0 * bounce[1])] if bounce else [])):
+        inside = (time > start) & (time < start + contact_s)
+        fine[inside] += peak * np.sin(np.pi * (time[inside] - start) / contact_s)
+    if phase == "linear":
+        force = np.convolve(fine, firwin(over * 40 + 1, 0.4 * rate, fs=rate * over), "same")[::over]
+    else:
+        force = sosfilt(ellip(8, 0.05, 90, 0.4 * rate, fs=rate * over, output="sos"), fine)[::over]
+    force = force + noise * np.abs(force).max() * np.random.default_rng(seed).normal(size=n)
+    ring = np.exp(-3.0 * np.arange(n) / rate) * np.sin(2.0 * np.pi * 40.0 * np.arange(n) / rate)
+    return TimeRecords(force=force, response=ring, sample_rate_hz=rate, quantity="acceleration")
+
+
+@pytest.mark.parametrize("phase", ["linear", "minimum"])
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+@pytest.mark.parametrize("contact_ms", [0.5, 1.0, 2.0, 4.0, 6.0, 10.0])
+def test_ringing_of_the_anti_alias_filter_is_no_second_contact(contact_ms, noise, phase):
+    """Before and after a pulse of few samples; real second contacts with the same recorder are found."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        found = find_hits(recorded(1e-3 * contact_ms, None, phase, noise))
+        assert [hit.reason for hit in found.hits] == [""]
+        for after_s in (0.035, 0.06):
+            for share in (0.1, 0.3, 1.0):
+                found = find_hits(recorded(1e-3 * contact_ms, (after_s, share), phase, noise))
+                assert len(found.hits) == 1
+                words = found.hits[0].reason
+                assert words.startswith("double hit: a contact with"), (after_s, share, words)
+                told, later = float(words.split()[5]), float(words.split()[-3])
+                assert told == pytest.approx(100.0 * share, rel=0.35)
+                assert later == pytest.approx(1e3 * after_s, abs=14.0)
 
 
 def test_one_long_record():

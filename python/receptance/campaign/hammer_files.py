@@ -83,6 +83,8 @@ def estimate(records: list[TimeRecords], table: HammerTable, window: Window) -> 
         "duration_s": table.duration,
         "pre_trigger_s": table.pre_trigger,
         "double_hits": table.double_hits,
+        "double_share": table.double_share,
+        "separation_s": table.separation,
     }
     hits = find_hits(records, **{key: value for key, value in options.items() if value is not None})
     if table.drop_hits:

@@ -117,7 +117,11 @@ class HammerTable(_Response):
     pre_trigger: TimeOrZero | None = None
     """how long before the trigger a block begins, by default 10 ms, where a record holds several hits"""
     double_hits: Literal["drop", "keep"] = "drop"
-    """what to do with double hits"""
+    """what to do with double hits: leave them out, or use them with a force window that spans all contacts"""
+    double_share: Annotated[float, Amount(KINDS["a share above zero"])] | None = None
+    """smallest second contact that makes a hit a double one, over the first one's peak; by default 0.02"""
+    separation: Time | None = None
+    """contacts closer than this are one double hit, where a record holds several hits; by default 100 ms"""
     drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])
     """numbers of hits that are to be dropped by hand, counted from 1 as they are found"""
     estimator: Literal["H1", "H2", "Hv"] = "H1"

@@ -85,6 +85,7 @@ KINDS = {
         Kind("a time or zero", "s", "2 ms", "zero or more"),
         Kind("a loss factor", "", "0.002", "zero or more"),
         Kind("a share", "", "0.1", "zero or more"),
+        Kind("a share above zero", "", "0.05", "above zero", 1.0),
         Kind("an exponent", "", "1.0", "above zero", 4.0),
         Kind("a level", "", "2.0", "zero or more"),
         Kind("an amplitude", "m", "1 um", "zero or more"),

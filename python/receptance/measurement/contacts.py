@@ -22,6 +22,13 @@ _EDGE_MOST = 0.5
 """Of the trigger, however noisy the force is."""
 _SECOND_NOISE = 6.0
 """Standard deviations above which a second contact is not taken for noise: once in 1e9 samples."""
+_SMOOTH = 1.5
+"""Samples, of the Gaussian that takes the ringing of a recorder's anti-alias filter off a force. Recorders cut off at
+0.39 of the sample rate or above; at that frequency, where the filter rings, a thousandth is left."""
+_RINGING = 16
+"""Samples from a contact within which the filter's ringing may be above the trigger."""
+_CALM = 0.3
+"""Of the trigger: what is above this without the ringing is a contact of its own."""
 _FLAT_SAMPLES = 4
 """Equal samples at the extreme that make a flat top."""
 _EXTREME = 0.3
@@ -46,7 +53,40 @@ def noise_level(force: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
-    """Return the contacts in a force `(n,)` without offset, pulses positive, in order of time."""
+    """Return the contacts in a force `(n,)` without offset, pulses positive, in order of time.
+
+    An anti-alias filter rings before and after a pulse of few samples. Its lobes change sign, have no impulse of their
+    own, and are part of the contact they are next to.
+    """
+    found = _above(force, trigger, noise)
+    if len(found) < 2:
+        return found
+    calm = _smoothed(force)
+    share = float(calm.max() / force.max())
+    own = _above(calm, _CALM * share * trigger, noise)
+    groups: list[list[Contact]] = [[] for _ in own]
+    alone = []
+    for contact in found:
+        gaps = [max(one.onset - contact.release, contact.onset - one.release) for one in own]
+        nearest = int(np.argmin(gaps)) if gaps else -1
+        if nearest >= 0 and gaps[nearest] < _RINGING:
+            groups[nearest].append(contact)
+        else:
+            alone.append(contact)
+    joined = [
+        Contact(group[0].onset, group[-1].release, max(contact.peak for contact in group)) for group in groups if group
+    ]
+    return sorted([*joined, *alone], key=lambda contact: contact.onset)
+
+
+def _smoothed(force: NDArray[np.float64]) -> NDArray[np.float64]:
+    reach = np.arange(-int(4.0 * _SMOOTH), int(4.0 * _SMOOTH) + 1)
+    kernel = np.exp(-0.5 * (reach / _SMOOTH) ** 2)
+    return np.asarray(np.convolve(force, kernel / kernel.sum(), mode="full")[-reach[0] : -reach[-1]])
+
+
+def _above(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
+    """Return the stretches of a force that pass the trigger."""
     above = np.flatnonzero(force > trigger)
     edge = min(max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger), _EDGE_MOST * trigger)
     low = np.flatnonzero(force <= edge)
@@ -62,7 +102,7 @@ def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> l
 
 
 def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, share: float) -> tuple[int, float] | None:
-    """Look for another pulse of the first one's shape after it: a matched filter.
+    """Look for another pulse of the first one's shape after it: a matched filter, without the frequencies that ring.
 
     Parameters
     ----------
@@ -80,19 +120,21 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     tuple or None
         The sample at which the largest second pulse begins, and its peak over the first one's.
     """
-    shape = force[contact.onset : contact.release] / contact.peak
+    ends = int(4.0 * _SMOOTH)
+    shape = np.pad(force[contact.onset : contact.release] / contact.peak, ends)
+    smooth = _smoothed(shape)
     rest = force[contact.release : stop]
     if rest.size < 2 * shape.size:
         return None
     from scipy.signal import correlate  # slow to import
 
-    heights = correlate(rest - np.median(rest), shape, mode="valid") / np.sum(shape**2) / contact.peak
+    heights = correlate(rest - np.median(rest), smooth, mode="valid") / np.sum(shape * smooth) / contact.peak
     # The median absolute deviation knows hum and ringing of the channel as well as white noise.
     smallest = max(share, _SECOND_NOISE * noise_level(heights)[1])
     best = int(heights.argmax())
     if heights[best] < smallest:
         return None
-    return contact.release + best, float(heights[best])
+    return contact.release + best + ends, float(heights[best])
 
 
 def flat_top(signal: NDArray[np.float64]) -> int:

@@ -58,8 +58,9 @@ def find_hits(
 
     A hit begins where the force passes the trigger. It is dropped where the hammer touches again inside its block (a
     second pulse of the first one's shape, looked for with a matched filter down to `double_share` of its peak or six
-    times the noise), where a channel is overloaded (98 % of a full scale that was given, or a flat top), and where
-    the record does not hold all of its block.
+    times the noise, without the frequencies at which a recorder's anti-alias filter rings), where a channel is
+    overloaded (98 % of a full scale that was given, or a flat top), and where the record does not hold all of its
+    block.
 
     Parameters
     ----------
