@@ -19,6 +19,7 @@ from receptance import (
     PointJoint,
     Segment,
     Unknown,
+    damped_modes,
     identify,
 )
 from receptance.campaign import CampaignError
@@ -108,6 +109,29 @@ def test_derivatives() -> None:
         up, down = (complex_frequencies(one.replace({address: value + s}), near)[0] for s in (step, -step))
         difference = (up - down) / (2.0 * step)
         np.testing.assert_allclose(slopes[:, column], difference, atol=1e-4 * np.abs(difference).max())
+
+
+def test_each_mode_is_followed_to_a_pole_of_its_own() -> None:
+    """Strong dashpots bring poles close to other undamped frequencies; all are distinct and all are modes."""
+    print("seed 20261122")
+    rng = np.random.default_rng(20261122)
+    followed = 0
+    for _ in range(12):
+        values = {"c_y": 300.0 * 10.0 ** rng.uniform(0.0, 3.0), "c_theta": 10.0 ** rng.uniform(0.0, 3.0)}
+        one = assembled(rng.uniform(0.05, 0.14), k_theta=10.0 ** rng.uniform(3.5, 5.0), **values)
+        near = one.natural_frequencies(20e3)
+        every = damped_modes(one, 40e3)
+        assert every.missed == 0
+        try:
+            found, _ = complex_frequencies(one, near)
+        except ReceptanceError:
+            continue
+        followed += 1
+        assert len(np.unique(found.round(3))) == near.size
+        distance = np.abs(found[:, None] - every.poles_hz[None, :]).min(axis=1)
+        known = found.imag < 0.9 * np.abs(found)
+        assert np.all(distance[known] < 1e-5 * np.abs(found[known]))
+    assert followed >= 6
 
 
 def test_a_mode_that_is_damped_away_is_said() -> None:

@@ -1,9 +1,11 @@
 """Complex eigenfrequencies of assemblies, and their derivatives: natural frequencies and damping ratios.
 
-A receptance H has a pole at each, w = |w| (sqrt(1 - zeta^2) + i zeta) with exp(iwt). Newton's method on 1 / H finds it
-from the undamped natural frequency, w <- w + H / (dH/dw), and from 1 / H = 0 follows dw/da = -(dH/da) / (dH/dw). Both
-come from one call of the model on one complex line. H is that at the free end of the first part, which no mode leaves
-at rest.
+A receptance H has a pole at each, w = |w| (sqrt(1 - zeta^2) + i zeta) with exp(iwt). Newton's method on 1 / H finds it,
+w <- w + H / (dH/dw), and from 1 / H = 0 follows dw/da = -(dH/da) / (dH/dw). Both come from one call of the model on one
+complex line. H is that at the free end of the first part, which no mode leaves at rest.
+
+Each pole is followed from the undamped natural frequency while the damping grows from nothing to what it is, in one
+step where the derivative by the damping confirms that this is the same mode, else in as many as that takes.
 """
 
 from __future__ import annotations
@@ -27,7 +29,14 @@ _STEPS = 30
 _SETTLED = 1e-7
 """A step this small, relatively, is the last one; the derivative there is as good."""
 _FARTHEST = 0.5
-"""Relative distance from the undamped natural frequency at which it is another mode, or none."""
+"""Relative distance in one step at which it is another mode, or none."""
+_DAMPING = ("c_y", "c_theta", "c_ytheta", "loss_factor")
+_BENT, _STILL = 0.5, 1e-4
+"""How far a step may be from straight: as a share of its length, and of the frequency."""
+_SHORTEST = 1e-4
+"""Share of the damping that a step is not shorter than."""
+_SAME = 1e-7
+"""Relative distance within which two eigenfrequencies are one."""
 
 
 def complex_frequencies(
@@ -54,7 +63,7 @@ def complex_frequencies(
     Raises
     ------
     ReceptanceError
-        A mode that damping has moved so far that it is not found.
+        A mode that cannot be followed to its damping, because it ceases to oscillate or meets another one.
 
     Examples
     --------
@@ -67,25 +76,75 @@ def complex_frequencies(
     >>> round(float(found[0].imag / abs(found[0])), 5)  # half the loss factor
     0.001
     """
-    extra, weights = frequency_weights(assembly)
-    asked = [*addresses, *extra]
-    found: list[complex] = []
-    slopes: list[NDArray[np.complex128]] = []
+    path = _Path(assembly, addresses)
+    found, slopes = [], []
     for undamped in near_hz:
-        line = complex(undamped)
+        pole, slope = path.follow(float(undamped))
+        found.append(pole)
+        slopes.append(slope)
+    poles = np.array(found, dtype=np.complex128)
+    for index, pole in enumerate(poles):
+        if np.any(np.abs(poles[:index] - pole) <= _SAME * abs(pole)):
+            raise ReceptanceError(f"damping moves the mode at {near_hz[index]:g} Hz to where another one is")
+    return poles, np.reshape(slopes, (len(found), len(addresses)))
+
+
+class _Path:
+    """Complex eigenfrequencies of an assembly whose damping is multiplied by a share from 0 to 1."""
+
+    def __init__(self, assembly: Assembly, addresses: Sequence[str]) -> None:
+        self._assembly = assembly
+        self._addresses = list(addresses)
+        own = {name: assembly.get(name) for name in assembly.parameters if name.rsplit(".", 1)[-1] in _DAMPING}
+        self._damping = {name: value for name, value in own.items() if value}
+        extra, weights = frequency_weights(assembly)
+        by_frequency = dict(zip(extra, weights.tolist(), strict=True))
+        self._names = list(by_frequency | self._damping)
+        self._by_frequency = np.array([by_frequency.get(name, 0.0) for name in self._names])
+        self._by_share = np.array([self._damping.get(name, 0.0) for name in self._names])
+        self._lossy = np.array([name in self._damping for name in self._names])
+        # Slip changes the stiffness as well; without it the modes are not the undamped ones.
+        self._direct = any(name.endswith(".slip_y") for name in assembly.parameters)
+
+    def follow(self, undamped: float) -> tuple[complex, NDArray[np.complex128]]:
+        """Return the eigenfrequency that an undamped one becomes, and its derivatives by the addresses."""
+        place, share, step = complex(undamped), 0.0, 1.0
+        while True:
+            target = min(1.0, share + step)
+            found = self._newton(place, target)
+            if found is not None:
+                pole, slopes, by_share = found
+                # The way back with the slope at the new place leads to the old one, unless this is another mode.
+                off = abs(pole - by_share * (target - share) - place)
+                if self._direct or off <= _BENT * abs(pole - place) + _STILL * abs(pole):
+                    if target >= 1.0:
+                        return pole, slopes
+                    place, share, step = pole, target, 2.0 * step
+                    continue
+            step *= 0.5
+            if step < _SHORTEST or self._direct:
+                raise ReceptanceError(f"damping moves the mode at {undamped:g} Hz further than it can be followed")
+
+    def _newton(self, line: complex, share: float) -> tuple[complex, NDArray[np.complex128], complex] | None:
+        """Return an eigenfrequency near a line, its derivatives by the addresses and by the share."""
+        if share < 1.0:
+            assembly = self._assembly.replace({name: share * value for name, value in self._damping.items()})
+        else:
+            assembly = self._assembly
+        # Frequency enters dashpots as w c, so that their share is one of their weight as well.
+        by_frequency = self._by_frequency * np.where(self._lossy, share, 1.0)
+        count = len(self._addresses)
+        start = line
         for _ in range(_STEPS):
-            h, dh = assembly.derivatives([line], asked, threads=1)
-            by_line = (dh[0, len(addresses) :] @ weights) / line
+            h, dh = assembly.derivatives([line], [*self._addresses, *self._names], threads=1)
+            by_line = (dh[0, count:] @ by_frequency) / line
             step = h[0] / by_line
             if not np.isfinite(step):
-                raise ReceptanceError(f"the mode at {undamped:g} Hz has no complex eigenfrequency near it")
+                return None
             line += step
-            if abs(line - undamped) > _FARTHEST * undamped or line.real <= 0.0:
-                raise ReceptanceError(f"damping moves the mode at {undamped:g} Hz further than it can be followed")
+            if abs(line - start) > _FARTHEST * abs(start) or line.real <= 0.0:
+                return None
             if abs(step) <= _SETTLED * abs(line):
-                found.append(line)
-                slopes.append(-dh[0, : len(addresses)] / by_line)
-                break
-        else:
-            raise ReceptanceError(f"the complex eigenfrequency of the mode at {undamped:g} Hz was not found")
-    return np.array(found, dtype=np.complex128), np.reshape(slopes, (len(found), len(addresses)))
+                slopes = -dh[0] / by_line
+                return line, slopes[:count], complex(slopes[count:] @ self._by_share)
+        return None
