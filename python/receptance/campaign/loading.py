@@ -38,6 +38,7 @@ FILE = "campaign.toml"
 _SECTIONS = (
     "materials",
     "parts",
+    "modal_parts",
     "joints",
     "sensors",
     "attachments",
