@@ -58,7 +58,19 @@ FIELDS: dict[str, Kind] = {
         }.items()
     )
 }
-_INSIDE = r"(?:segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
+_MODE = {
+    "frequency_hz": "a frequency or zero",
+    "damping_ratio": "a damping ratio",
+    "y": "a mode shape",
+    "theta": "a slope of a mode shape",
+    "y_imaginary": "a mode shape",
+    "theta_imaginary": "a slope of a mode shape",
+    "residual_y": "a receptance",
+    "residual_theta": "a rotational receptance",
+    "residual_ytheta": "a coupling receptance",
+}
+FIELDS |= {field: KINDS[name] for field, name in _MODE.items()}
+_INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 

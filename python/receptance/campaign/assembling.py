@@ -15,6 +15,7 @@ from receptance.coordinates import Coordinate
 from receptance.identification.factors import FACTORS
 from receptance.identification.unknowns import covered
 from receptance.joints import GroundSpring, PointMass
+from receptance.modal_parts import ModalPart
 
 if TYPE_CHECKING:
     from receptance.campaign.building import Built
@@ -39,7 +40,7 @@ def build_assemblies(table: CampaignTable, built: Built, workshop: Workshop) -> 
 
 
 def _plain(path: Path, table: AssemblyTable, built: Built, workshop: Workshop) -> Assembly | None:
-    elements: dict[str, Part | AnyJoint] = {**built.parts, **built.joints}
+    elements: dict[str, Part | AnyJoint | ModalPart] = {**built.parts, **built.joints, **built.modal_parts}
     points = built.attachments
     if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
         return None

@@ -12,7 +12,9 @@ from receptance.campaign.unknown_building import build_unknown
 from receptance.campaign.workshop import Workshop
 from receptance.joints import GroundSpring, PointMass
 from receptance.materials import STEEL, Material
+from receptance.modal_parts import ModalPart, Mode
 from receptance.taper.body import as_rigid
+from receptance.terminals import RESIDUALS
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
@@ -30,6 +32,7 @@ class Built:
 
     materials: dict[str, Material] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
+    modal_parts: dict[str, ModalPart] = field(default_factory=dict)
     joints: dict[str, AnyJoint] = field(default_factory=dict)
     attachments: dict[str, PointMass | GroundSpring] = field(default_factory=dict)
     sensors: dict[str, PointMass] = field(default_factory=dict)
@@ -53,6 +56,8 @@ def build_elements(table: CampaignTable, workshop: Workshop) -> Built:
             built.parts[name] = as_rigid(made) if part.rigid else made
     for address, unknown in table.unknowns.items():
         _keep(built.unknowns, address, build_unknown(address, unknown, table, workshop))
+    for name in table.modal_parts:
+        _keep(built.modal_parts, name, _modal_part(name, table, built, workshop))
     for name in table.joints:
         _keep(built.joints, name, build_joint(name, table, built, workshop))
     for name in table.attachments:
@@ -75,6 +80,22 @@ def build_segment(path: Path, row: SegmentTable, built: Built, workshop: Worksho
     material = built.materials.get(row.material, STEEL)
     core = None if row.core is None else built.materials.get(row.core, STEEL)
     return workshop.make(path, Segment, **values, material=material, core=core)
+
+
+def _modal_part(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> ModalPart | None:
+    table = campaign.modal_parts[name]
+    path: Path = ("modal_parts", name)
+    modes = []
+    for index, row in enumerate(table.modes):
+        values = started(f"{name}.mode[{index}]", row, Mode.columns_of, built)
+        here: Path = (*path, "modes", index)
+        shapes = {f"{name}.mode[{index}].{key}" for key in Mode.columns_of if key.startswith(("y", "theta"))}
+        if not (row.y or row.theta or row.y_imaginary or row.theta_imaginary) and shapes.isdisjoint(campaign.unknowns):
+            workshop.problems.add(here, "has no mode shape, expected y or theta, or one of them among the unknowns")
+        modes.append(workshop.make(here, Mode, **values))
+    if None in modes:
+        return None
+    return workshop.make(path, ModalPart, modes=modes, **started(name, table, RESIDUALS, built), name=name)
 
 
 def _attachment(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from receptance.beams import Section
 from receptance.campaign.addresses import SPRING_FIELDS
+from receptance.campaign.models import ModalPartTable
 from receptance.collet import ColletJoint
 from receptance.joints import PointJoint
 from receptance.materials import STEEL
@@ -27,9 +28,14 @@ AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 def given(address: str, campaign: CampaignTable) -> float | None:
     """Return the value that the file gives a joint's parameter: where the fit starts unless it says otherwise."""
     owner, *inside, name = address.split(".")
-    table: Any = campaign.joints.get(owner)
+    table: Any = campaign.joints.get(owner, campaign.modal_parts.get(owner))
     for member in inside:
-        table = getattr(table, member, None)
+        key, _, number = member.partition("[")
+        if key == "mode" and isinstance(table, ModalPartTable):
+            index = int(number[:-1])
+            table = table.modes[index] if index < len(table.modes) else None
+        else:
+            table = getattr(table, member, None)
     return getattr(table, name) if table is not None and name in table.model_fields_set else None
 
 

@@ -39,6 +39,7 @@ FILE = "campaign.toml"
 _SECTIONS = (
     "materials",
     "parts",
+    "modal_parts",
     "joints",
     "sensors",
     "attachments",

@@ -16,6 +16,7 @@ from receptance.campaign.models import (
     AttachmentTable,
     CoordinateTable,
     MaterialTable,
+    ModalPartTable,
     Name,
     PartTable,
     SensorTable,
@@ -283,6 +284,8 @@ class CampaignTable(Table):
     """materials by name"""
     parts: dict[Word, PartTable]
     """parts by name"""
+    modal_parts: dict[Word, ModalPartTable] = Field(default={})
+    """parts known by their modes, such as a spindle, by name"""
     joints: dict[Word, JointTable] = Field(default={})
     """joints by name"""
     sensors: dict[Word, SensorTable] = Field(default={})

@@ -17,6 +17,7 @@ __all__ = [
     "MassSpread",
     "MassTable",
     "MaterialTable",
+    "ModalPartTable",
     "Name",
     "PartTable",
     "SegmentTable",
@@ -130,6 +131,36 @@ class PartTable(Table):
     """one or more, `[[parts.NAME.segments]]`, in order from the tip-side end"""
     rigid: bool = False
     """whether nothing of it yields: only its mass counts"""
+
+
+class ModeTable(Table):
+    """A mode of a modal part, as seen at the plane where it joins the part before it."""
+
+    frequency_hz: Annotated[float, Amount(KINDS["a frequency or zero"])]
+    """undamped natural frequency with the plane free; zero for a rigid-body mode"""
+    damping_ratio: Annotated[float, Amount(KINDS["a damping ratio"])] = 0.03
+    """share of critical damping"""
+    y: Annotated[float, Amount(KINDS["a mode shape"])] = 0.0
+    """mass-normalised mode shape at the plane; one that is unknown and not given starts in the middle of its bounds"""
+    theta: Annotated[float, Amount(KINDS["a slope of a mode shape"])] = 0.0
+    """its rotation, likewise"""
+    y_imaginary: Annotated[float, Amount(KINDS["a mode shape"])] = 0.0
+    """imaginary part of the shape, where dampers couple the modes"""
+    theta_imaginary: Annotated[float, Amount(KINDS["a slope of a mode shape"])] = 0.0
+    """imaginary part of its rotation"""
+
+
+class ModalPartTable(Table):
+    """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
+
+    modes: Annotated[list[ModeTable], Field(min_length=1)]
+    """one or more, `[[modal_parts.NAME.modes]]`"""
+    residual_y: Annotated[float, Amount(KINDS["a receptance"])] = 0.0
+    """what modes above the band add to y over force"""
+    residual_theta: Annotated[float, Amount(KINDS["a rotational receptance"])] = 0.0
+    """to theta over moment"""
+    residual_ytheta: Annotated[float, Amount(KINDS["a coupling receptance"])] = 0.0
+    """to y over moment"""
 
 
 class SpringFields(Table):
@@ -248,7 +279,7 @@ class AssemblyTable(Table):
     """A configuration: parts and joints in a row from the tip, and what is set differently in it."""
 
     chain: Annotated[list[str], Field(min_length=1)]
-    """names of parts and joints from the tip on; begins and ends with a part"""
+    """names of parts and joints from the tip on; begins with a part and ends with a part or a modal part"""
     attachments: list[str] = Field(default=[])
     """names of masses and ground springs that are on it"""
     set: dict[str, Written] = Field(default={})

@@ -299,7 +299,7 @@ def _peak_deviations(
     places = [peak.predicted_hz for peak in peaks if peak.predicted_hz is not None]
     if not places:
         return [None] * len(peaks)
-    modes = assembly.natural_frequencies(1.1 * max(places))
+    modes = _counted(assembly, 1.1 * max(places))
     if not modes.size:
         return [None] * len(peaks)
     numbers = tuple(range(1, modes.size + 1))
@@ -314,12 +314,14 @@ def _unmeasured(
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
     effects = campaign.effects.get(name, {})
     lines = prediction_lines(campaign, assembly)
-    modes = assembly.natural_frequencies(float(lines[-1]))
+    modes = _counted(assembly, float(lines[-1]))
     frequencies = None
     if modes.size:
         numbers = tuple(range(1, modes.size + 1))
         found, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), effects, at)
         frequencies = PredictedFrequencies(name=name, assembly=name, modes=numbers, predicted_hz=found, scatter=scatter)
+    elif not assembly.countable:
+        notes.append(f"{name}: ends with a spindle as modes, so only its FRF is predicted, not its natural frequencies")
     else:
         notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
     places = campaign.places[name]
@@ -338,6 +340,11 @@ def _unmeasured(
     )
 
 
+def _counted(assembly: Assembly, upper: float) -> NDArray[np.float64]:
+    """Return the natural frequencies up to a limit; none where they cannot be counted."""
+    return assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
+
+
 def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
     """Return the lines on which an assembly that was not measured is predicted."""
     asked = campaign.table.prediction
@@ -346,7 +353,7 @@ def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float
     if upper is None:
         text = "nothing says up to which frequency to predict, expected `prediction.upper`"
         raise CampaignError.about(campaign.file, text)
-    modes = assembly.natural_frequencies(upper)
+    modes = _counted(assembly, upper)
     lower = asked.lower if asked.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     if lower >= upper:
         text = f"the prediction goes from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"

@@ -64,7 +64,9 @@ def check_references(data: Mapping[str, Any], folder: FilePath | None, workshop:
 
 
 def _check_assembly(path: Path, table: Mapping[str, Any], workshop: Workshop) -> None:
-    for key, sections in (("chain", ("parts", "joints")), ("attachments", ("attachments",))):
+    # Few campaigns have modal parts, and messages name what a file has.
+    chain = ("parts", "joints", *(("modal_parts",) if workshop.named["modal_parts"] else ()))
+    for key, sections in (("chain", chain), ("attachments", ("attachments",))):
         for index, name in enumerate(_list(table.get(key))):
             if isinstance(name, str):
                 workshop.known((*path, key, index), name, *sections)

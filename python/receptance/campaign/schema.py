@@ -17,6 +17,8 @@ _SECTIONS = (
     ("PartTable", "`[parts.NAME]`"),
     ("SegmentTable", "`[[parts.NAME.segments]]`"),
     ("SegmentSpread", "`tolerance` of a segment"),
+    ("ModalPartTable", "`[modal_parts.NAME]`"),
+    ("ModeTable", "`[[modal_parts.NAME.modes]]`"),
     ("PointJointTable", "`[joints.NAME]`"),
     ("SpreadJointTable", '`[joints.NAME]` with `kind = "spread"`'),
     ("SectionTable", "`shank` and `sleeve` of a spread joint"),

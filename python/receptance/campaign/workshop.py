@@ -16,14 +16,22 @@ if TYPE_CHECKING:
 
 __all__ = ["OWNERS", "Workshop"]
 
-OWNERS = ("parts", "joints", "attachments", "sensors")
+OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
 """Sections whose names are first words of addresses."""
-_SINGULAR = {"assemblies": "an assembly", "attachments": "an attachment", "materials": "a material", "parts": "a part"}
+_SINGULAR = {
+    "assemblies": "an assembly",
+    "attachments": "an attachment",
+    "materials": "a material",
+    "parts": "a part",
+    "modal_parts": "a modal part",
+}
 _KINDS = (
     "Material",
     "Segment",
     "Section",
     "Part",
+    "ModalPart",
+    "Mode",
     "PointJoint",
     "SpreadJoint",
     "ColletJoint",
