@@ -355,7 +355,9 @@ def refined(
     poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, None)), loose=True)
     for _ in range(_REWEIGHTED):
         poles = poles.only(poles.plausible(sigma, highest_damping))
-        poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, fit, smooth=True)))
+        problem = _problem(lines, terms, weights_of(lines, scatter, fit, smooth=True))
+        additive = lines.additive if lines.relative is not None or scatter == "absolute" else 0.0 * problem.weights
+        poles, fit = poles.fitted(replace(problem, additive=additive, excitations=lines.frf.values.shape[2]))
     return poles, fit
 
 
