@@ -194,6 +194,59 @@ def test_intervals_of_a_broad_mode_beside_one_outside(runs):
     assert np.all(np.abs(np.mean(off, axis=0)) < [1e-3, 5e-3, 0.01, 0.03])
 
 
+@pytest.mark.parametrize("kind", ["force", "response", "separate"])
+@pytest.mark.parametrize("correlated", [1.0, 6.0])
+@pytest.mark.parametrize("runs", [40, pytest.param(200, marks=pytest.mark.slow)])
+def test_noise_common_to_several_responses(runs, correlated, kind):
+    """Noise of the force is the same in all responses relative to the FRF, also between lines; noise of a response not.
+
+    "separate" is in proportion to the FRF but independent between the entries: the errors must not grow for it.
+    """
+    print(f"seed {SEED}")
+    f = np.arange(500.0, 2500.0, 20.0)
+    true, zeta, constants = np.array([1300.0]), np.array([0.015]), np.array([[1.0, 0.8, -0.6]])
+    decay_rate = 0.0 if correlated == 1.0 else 2.0 * 20.0 * correlated / 2.0
+    exact = values_of(f, true, zeta, constants, form="accelerance", decay_rate=decay_rate)
+    held, scores = [], []
+    for number in range(runs):
+        rng = np.random.default_rng([SEED, number])
+
+        def noise(rng=rng):
+            """Complex, of unit variance in each part, under the window that correlates the lines."""
+            if correlated == 1.0:
+                return rng.normal(size=f.size) + 1j * rng.normal(size=f.size)
+            time = np.arange(8192) / (8192 * 20.0)
+            record = (rng.normal(size=time.size) + 1j * rng.normal(size=time.size)) * np.exp(-decay_rate * time)
+            lines = np.fft.fft(record)[np.rint(f / 20.0).astype(int)]
+            return lines / np.sqrt(np.sum(np.exp(-2.0 * decay_rate * time)))
+
+        if kind == "response":
+            size = np.broadcast_to(0.01 * np.abs(exact).max(axis=0), exact.shape)
+            error = np.stack([noise() for _ in range(3)], axis=1) * size
+        else:
+            size = 0.01 * np.abs(exact)
+            force = [noise()] * 3 if kind == "force" else [noise() for _ in range(3)]
+            error = 0.01 * exact * np.stack(force, axis=1)
+        frf = FRF(
+            frequency_hz=f,
+            values=(exact + error)[:, :, None],
+            log_variance=(size / np.abs(exact))[:, :, None] ** 2,
+            form="accelerance",
+            decay_rate=decay_rate,
+            correlated_lines=correlated,
+        )
+        fit = quiet(frf, 1)
+        frequency, damping = fit.frequency_interval_hz()[0], fit.damping_interval()[0]
+        held.append([frequency[0] < true[0] < frequency[1], damping[0] < zeta[0] < damping[1]])
+        off = [fit.frequency_hz[0] - true[0], fit.damping_ratio[0] - zeta[0]]
+        scores.append(np.array(off) / [fit.frequency_standard_error_hz[0], fit.damping_standard_error[0]])
+    spread = np.sqrt(np.mean(np.square(scores), axis=0))
+    print(kind, correlated, np.sum(held, axis=0), spread)
+    for count in np.sum(held, axis=0):
+        assert binomtest(int(count), runs, 0.95).pvalue > REJECTED_AT, count
+    assert np.all(np.abs(spread - 1.0) < 0.15 + 3.0 / np.sqrt(2.0 * runs)), spread
+
+
 def pairs_that_move(seed):
     """Eight modes of which two pairs are close, some weakly excited, each entry's a little elsewhere; one outside."""
     rng = np.random.default_rng(seed)

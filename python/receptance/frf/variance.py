@@ -21,7 +21,15 @@ if TYPE_CHECKING:
 
     from receptance.frf.frf import FRF
 
-__all__ = ["half_width_of", "pool_entries", "pool_variance", "variance_from_coherence", "with_variance"]
+__all__ = [
+    "additive_share",
+    "half_width_of",
+    "lines_around",
+    "pool_entries",
+    "pool_variance",
+    "variance_from_coherence",
+    "with_variance",
+]
 
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _ENOUGH = 60.0
@@ -32,6 +40,11 @@ _LEVEL = 1e-9
 """Relative spread of |H|^2 in a window below which it says nothing of b."""
 _OWN = 1e-3
 """A line so unlikely under its neighbours (hum, say) keeps its own variance."""
+_AROUND = 8
+"""Lines to each side from which the additive part of the variance is found, in units of those that are correlated."""
+_FLAT = 1e-9
+"""Relative spread of |H|^2 below which the additive part cannot be told from the other."""
+_AT_ONCE = 4096
 
 
 def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArray[np.float64], float]:
@@ -199,6 +212,78 @@ def _fit(
     freedom = np.maximum(2.0 * power**2 / variance, alone)
     unlikely = gammaincc(alone / 2.0, alone / 2.0 * scatter / power) < _OWN
     return np.where(unlikely, scatter, power), np.where(unlikely, alone, freedom)
+
+
+def additive_share(
+    values: NDArray[np.complex128], log_variance: NDArray[np.float64], correlated_lines: ArrayLike = 1.0
+) -> NDArray[np.float64]:
+    """Share of a in the variance a + b |H|^2 of the values of one entry, from the lines around each one.
+
+    Noise of the response is additive and gives a. Noise of the force, and scatter from hit to hit, is in proportion to
+    the FRF and gives b.
+
+    Parameters
+    ----------
+    values : ndarray
+        `(n,)` complex, none of them zero.
+    log_variance : ndarray
+        `(n,)` finite.
+    correlated_lines : array_like, optional
+        How many neighbouring lines share one independent value, one number or `(n,)`.
+
+    Returns
+    -------
+    ndarray
+        `(n,)` from 0 to 1; 0 where |H| does not change with frequency.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.frf.variance import additive_share
+    >>> values = np.linspace(1.0, 3.0, 100).astype(complex)
+    >>> share = additive_share(values, 1e-4 / np.abs(values) ** 2 + 1e-4)
+    >>> bool(np.allclose(share, 1.0 / (1.0 + np.abs(values) ** 2), atol=1e-3))
+    True
+    """
+    power = np.abs(values / np.abs(values).max()) ** 2
+    power = np.maximum(power, np.finfo(np.float64).tiny)
+    noise = log_variance * power
+    stride = np.maximum(np.rint(np.broadcast_to(correlated_lines, power.shape)), 1.0).astype(np.intp)
+    result = np.zeros(power.size)
+    half = min(_AROUND, (power.size - 1) // (2 * int(stride.max())))
+    if half < 1:
+        return result
+    for first in range(0, power.size, _AT_ONCE):
+        own = np.arange(first, min(first + _AT_ONCE, power.size))
+        near = lines_around(own, half, stride[own], power.size)
+        # Variances of zero are for the caller to judge.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            result[own] = _share(power[near], noise[near], near == own[:, None])
+    return result
+
+
+def _share(power: NDArray[np.float64], noise: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the share of a in noise = a + b |H|^2, both at least zero; each row has the lines around one."""
+    g = power / power.mean(axis=1, keepdims=True)
+    y = noise / noise.mean(axis=1, keepdims=True)
+    # Relative deviations count: both span decades beside a resonance.
+    w = 1.0 / (0.5 * (y + 1.0)) ** 2
+    total, first, second = (np.sum(w * g**k, axis=1) for k in range(3))
+    spread = total * second - first**2
+    flat = spread <= _FLAT * total * second
+    slope = (total * np.sum(w * g * y, axis=1) - first * np.sum(w * y, axis=1)) / np.where(flat, 1.0, spread)
+    slope = np.clip(slope, 0.0, np.sum(w * g * y, axis=1) / second)
+    constant = np.maximum(np.sum(w * y, axis=1) - slope * first, 0.0) / total
+    middle = np.sum(g * own, axis=1)
+    middle = np.where(middle > 0.0, middle, 1.0)
+    share: NDArray[np.float64] = constant / (constant + slope * middle)
+    return np.where(flat | ~np.isfinite(share), 0.0, share)
+
+
+def lines_around(own: NDArray[np.intp], half: int, stride: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+    """Return the lines around each one, `(n, 2 half + 1)`, in steps of a stride; within the record at its ends."""
+    begin = np.clip(own - half * stride, 0, size - 1 - 2 * half * stride)
+    return np.asarray(begin[:, None] + stride[:, None] * np.arange(2 * half + 1))
 
 
 def pool_entries(

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.frf.variance import additive_share, lines_around
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -26,10 +28,6 @@ _AGREES = 2.0
 """A parabola agrees where chi-square a degree of freedom is up to this many standard deviations above 1."""
 _FAR = 9.0
 """Square of how many standard deviations the line itself may be off."""
-_SHARED = 8
-"""Lines to each side from which the additive part of the variance is found."""
-_FLAT = 1e-9
-"""Relative spread of |H|^2 below which it says nothing of the additive part."""
 _AT_ONCE = 4096
 
 
@@ -58,13 +56,13 @@ def steadied(
     values = values / np.abs(values).max()
     power = np.maximum(np.abs(values) ** 2, np.finfo(np.float64).tiny)
     stride = np.maximum(np.rint(correlated_lines), 1.0).astype(np.intp)
+    share = additive_share(values, log_variance, correlated_lines)
     for first in range(0, values.size, _AT_ONCE):
         own = np.arange(first, min(first + _AT_ONCE, values.size))
         # Variances of zero are for the caller to judge; here such lines agree with nothing.
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = power[own] / _smooth_power(own, frequency_hz, values, 2.0 * log_variance * power, stride[own])
-            share = _additive(own, power, log_variance * power, stride[own])
-        result[own] *= 1.0 + share * (ratio - 1.0)
+        result[own] *= 1.0 + share[own] * (ratio - 1.0)
     return result
 
 
@@ -76,12 +74,6 @@ def weakly_known(degrees_of_freedom: NDArray[np.float64]) -> NDArray[np.float64]
     """
     factor: NDArray[np.float64] = 1.0 / (1.0 - np.minimum(4.0 / degrees_of_freedom, 0.5))
     return factor
-
-
-def _near(own: NDArray[np.intp], half: int, stride: NDArray[np.intp], size: int) -> NDArray[np.intp]:
-    """Return the lines around each one, `(n, 2 half + 1)`, in steps of a stride; within the record at its ends."""
-    begin = np.clip(own - half * stride, 0, size - 1 - 2 * half * stride)
-    return np.asarray(begin[:, None] + stride[:, None] * np.arange(2 * half + 1))
 
 
 def _smooth_power(
@@ -99,7 +91,7 @@ def _smooth_power(
         if not open_.size:
             break
         at, step = own[open_], stride[open_]
-        near = _near(at, half, step, values.size)
+        near = lines_around(at, half, step, values.size)
         others = np.abs(near - at[:, None]) >= step[:, None]
         x = frequency_hz[near] - frequency_hz[at, None]
         x /= np.abs(x).max(axis=1, keepdims=True)
@@ -115,31 +107,3 @@ def _smooth_power(
         power[open_] = np.abs(fitted[agrees, 0]) ** 2
     least: NDArray[np.float64] = np.maximum(power, np.finfo(np.float64).tiny)
     return least
-
-
-def _additive(
-    own: NDArray[np.intp],
-    power: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    stride: NDArray[np.intp],
-) -> NDArray[np.float64]:
-    """Return the share of a in noise = a + b |H|^2, both at least zero, from the lines around each one."""
-    half = min(_SHARED, (power.size - 1) // (2 * int(stride.max())))
-    if half < 1:
-        return np.zeros(own.size)
-    near = _near(own, half, stride, power.size)
-    g, y = power[near], noise[near]
-    g = g / g.mean(axis=1, keepdims=True)
-    y = y / y.mean(axis=1, keepdims=True)
-    # Relative deviations count: both span decades beside a resonance.
-    w = 1.0 / (0.5 * (y + 1.0)) ** 2
-    total, first, second = (np.sum(w * g**k, axis=1) for k in range(3))
-    spread = total * second - first**2
-    flat = spread <= _FLAT * total * second
-    slope = (total * np.sum(w * g * y, axis=1) - first * np.sum(w * y, axis=1)) / np.where(flat, 1.0, spread)
-    slope = np.clip(slope, 0.0, np.sum(w * g * y, axis=1) / second)
-    constant = np.maximum(np.sum(w * y, axis=1) - slope * first, 0.0) / total
-    middle = np.sum(g * (near == own[:, None]), axis=1)
-    middle = np.where(middle > 0.0, middle, 1.0)
-    share: NDArray[np.float64] = constant / (constant + slope * middle)
-    return np.where(flat | ~np.isfinite(share), 0.0, share)

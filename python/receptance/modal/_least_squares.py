@@ -161,12 +161,20 @@ class PoleProblem:
     shared : float
         How many neighbouring lines share one independent value. The estimate does not depend on it, its covariance
         does.
+    additive : ndarray, optional
+        `(n, m)` share of each variance that is additive noise, independent between entries. The rest is in proportion
+        to the FRF, as noise of the force is, and may be common to the responses to one excitation: how far it is
+        follows from the residuals. By default all is additive. The covariance alone depends on it.
+    excitations : int
+        Entries are the responses by so many excitations, one row after the other.
     """
 
     model: PoleModel
     values: NDArray[np.complex128]
     weights: NDArray[np.float64]
     shared: float = 1.0
+    additive: NDArray[np.float64] | None = None
+    excitations: int = 1
 
     def fit(
         self,
@@ -312,21 +320,16 @@ class PoleProblem:
         for group in groups:
             solved = _Solved.of(self, group, basis)
             back = np.linalg.pinv(solved.r) / solved.norms[:, None]
-            spread = self._with_shared(solved.q)
-            seen = solved.q.T @ spread
             inside, outside = solved.q.T @ solved.moved(slopes), solved.outside(slopes)
-            gram, shared = outside.T @ outside, outside.T @ self._with_shared(outside)
-            crossed, pull = spread.T @ outside, outside.T @ solved.residual
-            (a, b), (c, d) = solved.turns(modes)
-            of_coefficients = back @ seen @ back.T
+            gram, pull = outside.T @ outside, outside.T @ solved.residual
             for place, entry in enumerate(group.entries):
-                # How the columns of the slopes make up the derivative by the real and by the imaginary parts.
-                turn = np.block(
-                    [
-                        [np.diag(a[:, place]), np.diag(c[:, place])],
-                        [np.diag(b[:, place]), np.diag(d[:, place])],
-                    ]
-                )
+                if place == 0 or (self.additive is not None and self.shared > 1.0):
+                    turned = self._turned(entry, basis @ solved.coefficients[:, place])
+                    spread = self._with_noise(solved.q, turned)
+                    seen, crossed = solved.q.T @ spread, spread.T @ outside
+                    shared = outside.T @ self._with_noise(outside, turned)
+                    of_coefficients = back @ seen @ back.T
+                turn = solved.turn(modes, place)
                 coefficients[entry] = solved.coefficients[:, place]
                 informations[entry] = turn.T @ gram @ turn
                 squares[entry] = turn.T @ shared @ turn
@@ -338,12 +341,15 @@ class PoleProblem:
         inverse = _inverse(informations.sum(axis=0))
         fitted = basis @ coefficients.T
         residual = (self.values - fitted) * self.weights
+        square = squares.sum(axis=0)
+        if self.additive is not None:
+            square += self._between_entries(groups, basis, slopes, fitted, residual, link)
         if not np.all(np.isfinite(inverse)):
             # Poles that the data do not determine leave nothing determined that depends on them.
             of_poles, of_coefficients, with_poles = inverse, np.full(own.shape, np.inf), np.full(by_poles.shape, np.inf)
         else:
-            of_poles = inverse @ squares.sum(axis=0) @ inverse
-            freedom -= float(np.trace(inverse @ squares.sum(axis=0)))
+            of_poles = inverse @ square @ inverse
+            freedom -= float(np.trace(inverse @ square))
             linked = link @ inverse
             with_poles = by_poles @ of_poles + linked
             of_coefficients = own + by_poles @ of_poles @ by_poles.transpose(0, 2, 1)
@@ -362,6 +368,91 @@ class PoleProblem:
             freedom,
             converged,
         )
+
+    def _between_entries(
+        self,
+        groups: list[_Group],
+        basis: NDArray[np.complex128],
+        slopes: NDArray[np.complex128],
+        fitted: NDArray[np.complex128],
+        residual: NDArray[np.complex128],
+        link: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return what noise common to several responses adds to the covariance of the poles' scores.
+
+        Relative to the FRF this noise is the same in all responses to one excitation. With g the derivative of an entry
+        times its noise, turned back by the phase of the FRF, the products of different entries are G* T G less the sum
+        of g* T g, with G the sum of g and T the correlation of the lines. What links the coefficients of an entry to
+        the scores of the others is added to `link`.
+        """
+        count, (n, entries) = slopes.shape[1], self.values.shape
+        total = np.zeros((count, count))
+        turned = np.stack([self._turned(entry, fitted[:, entry]) for entry in range(entries)], axis=1)
+        common = np.array(
+            [
+                self._common(turned[:, x :: self.excitations], residual[:, x :: self.excitations])
+                for x in range(self.excitations)
+            ]
+        )
+        if not common.any():
+            return total
+        sums = np.zeros((self.excitations, n, count), dtype=np.complex128)
+        for repeated in (False, True):
+            for group in groups:
+                solved = _Solved.of(self, group, basis)
+                outside = solved.outside(slopes)
+                back = np.linalg.pinv(solved.r) / solved.norms[:, None]
+                for place, entry in enumerate(group.entries):
+                    x = entry % self.excitations
+                    if common[x] == 0.0:
+                        continue
+                    back_turned = turned[:, entry, None].conj()
+                    own = back_turned * _unstacked(outside @ solved.turn(count // 2, place))
+                    if not repeated:
+                        sums[x] += own
+                        continue
+                    others = self._with_shared(_stacked(sums[x] - own))
+                    total += common[x] * (_stacked(own).T @ others)
+                    seen = _stacked(back_turned * _unstacked(solved.q))
+                    link[entry] += common[x] * (back @ (seen.T @ others)) / group.factor[place]
+        return total
+
+    @staticmethod
+    def _common(turned: NDArray[np.complex128], residual: NDArray[np.complex128]) -> float:
+        """Correlation between responses of their noise in proportion to the FRF, from 0 to 1, from the residuals.
+
+        The sum of the products of different entries over what it is where they are alike. The fit makes both smaller
+        by the same factor.
+        """
+        share = np.abs(turned) ** 2
+        own = turned.conj() * residual
+        weight = share * (share.sum(axis=1, keepdims=True) - share)
+        size = float(np.sum(weight * np.abs(residual) ** 2))
+        if size == 0.0:
+            return 0.0
+        product = float(np.sum(np.abs(own.sum(axis=1)) ** 2) - np.sum(np.abs(own) ** 2))
+        return float(np.clip(product / size, 0.0, 1.0))
+
+    def _turned(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Root of the share of the noise in proportion to the FRF, with the FRF's phase."""
+        size = np.abs(fitted)
+        if self.additive is None:
+            return np.zeros(size.shape, dtype=np.complex128)
+        phase = np.where(size > 0.0, fitted, 1.0) / np.where(size > 0.0, size, 1.0)
+        return np.asarray(np.sqrt(1.0 - self.additive[:, entry]) * phase)
+
+    def _with_noise(self, columns: NDArray[np.float64], turned: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Product of the covariance of one entry's noise with stacked columns.
+
+        Noise in proportion to the FRF is correlated between lines once the phase of the FRF is taken off.
+        """
+        if self.shared <= 1.0 or self.additive is None or columns.size == 0:
+            return self._with_shared(columns)
+        values, phase = _unstacked(columns), turned[:, None]
+        additive = np.sqrt(np.maximum(1.0 - np.abs(phase) ** 2, 0.0))
+        own = _stacked(np.concatenate([additive * values, phase.conj() * values], axis=1))
+        first, second = np.split(_unstacked(self._with_shared(own)), 2, axis=1)
+        return _stacked(additive * first + phase * second)
 
     def _with_shared(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Product of the correlation of the lines with `(2n, k)` stacked columns.
@@ -416,6 +507,11 @@ class _Solved:
         a, b = self.coefficients[:count] * self.factor, self.coefficients[count : 2 * count] * self.factor
         return (a, b), (-b, a)
 
+    def turn(self, count: int, place: int) -> NDArray[np.float64]:
+        """How the slopes' columns make up an entry's derivative by the real and by the imaginary parts, `(2M, 2M)`."""
+        (a, b), (c, d) = ([np.diag(part[:, place]) for part in pair] for pair in self.turns(count))
+        return np.block([[a, c], [b, d]])
+
 
 def _parts(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Real parts, then imaginary parts."""
@@ -430,6 +526,12 @@ def _whole(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
 def _stacked(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag], axis=0)
+
+
+def _unstacked(values: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the complex columns of `_stacked`."""
+    n = values.shape[0] // 2
+    return np.asarray(values[:n] + 1j * values[n:])
 
 
 def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:

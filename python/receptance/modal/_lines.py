@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance import _checks
 from receptance.frf.forms import FORMS
+from receptance.frf.variance import additive_share
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,6 +58,19 @@ class Lines:
     def receptance(self) -> NDArray[np.complex128]:
         """`(n, m)` receptance on the complex lines."""
         return self.values / self.s[:, None] ** self.power
+
+    @cached_property
+    def additive(self) -> NDArray[np.float64] | None:
+        """`(n, m)` share of additive noise in each variance; None where no variance is stated."""
+        if self.relative is None:
+            return None
+        share = np.ones_like(self.relative)
+        for entry in range(self.values.shape[1]):
+            known = np.isfinite(self.relative[:, entry]) & (self.values[:, entry] != 0.0)
+            if known.any():
+                variance = self.relative[known, entry] ** 2
+                share[known, entry] = additive_share(self.values[known, entry], variance, self.shared)
+        return share
 
     @property
     def spacing_hz(self) -> float:

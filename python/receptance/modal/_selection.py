@@ -353,9 +353,14 @@ def refined(
     """Fit the same poles to all lines, with weights from what the fit leaves; those that are no modes then go."""
     sigma = float(lines.frf.decay_rate)
     poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, None)), loose=True)
-    for _ in range(_REWEIGHTED):
+    for left in reversed(range(_REWEIGHTED)):
         poles = poles.only(poles.plausible(sigma, highest_damping))
-        poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, fit, smooth=True)))
+        problem = _problem(lines, terms, weights_of(lines, scatter, fit, smooth=True))
+        if left == 0:
+            # Only the covariance depends on it, which is taken from the last fit.
+            own = lines.additive if lines.relative is not None or scatter == "absolute" else 0.0 * problem.weights
+            problem = replace(problem, additive=own, excitations=lines.frf.values.shape[2])
+        poles, fit = poles.fitted(problem)
     return poles, fit
 
 
