@@ -85,6 +85,35 @@ AUTOMATIC = re.sub(r"\[\[modal_parts(.|\n)*?(?=\[assemblies)", "", AUTOMATIC).re
 )
 """The same, and nothing of the spindle is given but the number of its modes."""
 
+FURTHER = """
+[candidates.nose]
+kind = "frf"
+assembly = "longer"
+step = "50 Hz"
+lower = "300 Hz"
+upper = "2.9 kHz"
+standard_deviation = "1 %"
+
+[cuts.roughing]
+kind = "milling"
+teeth = 4
+immersion = 0.5
+feed = "down"
+k_t = "800 MPa"
+k_n = "250 MPa"
+x = { assembly = "longer" }
+y = "as x"
+
+[prediction]
+lower = "300 Hz"
+upper = "2.9 kHz"
+step = "20 Hz"
+
+[stability]
+speeds = ["3000 rpm", "6000 rpm"]
+draws = 50
+"""
+
 
 def true_machine(overhang: float = 0.07, modes: tuple[Mode, ...] = MODES) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.016, material=STEEL)], name="tool")
@@ -249,6 +278,30 @@ def test_a_diagnosis_of_a_spindle_ends_with_a_verdict(
     assert "verdict: suspected" in said
     assert "mode at 760 Hz" in said
     assert campaign.load(target).identify().fit.rms == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.slow
+def test_transfer_next_and_stability_with_an_unknown_spindle(tmp_path: Path) -> None:
+    text = AUTOMATIC.replace("starts = 4", "starts = 1") + FURTHER
+    loaded = written(tmp_path, text, step=10)
+    found = loaded.identify()
+    assert found.fit.rms == pytest.approx(1.0, abs=0.15)
+    assert "nose" in str(loaded.next_measurement(found).as_dict())
+    assert "roughing" in str(loaded.stability(found).as_dict())
+    with pytest.raises(CampaignError, match="fewer than two assemblies were measured"):
+        loaded.transfer()
+    catalogue = '\n[catalogue]\nmachine = ["spindle"]\n'
+    with pytest.raises(CampaignError, match="a modal part, which catalogues do not take"):
+        written(tmp_path, text + catalogue, step=10)
+    frequencies = """
+[candidates.counted]
+kind = "natural frequencies"
+assembly = "longer"
+modes = [1]
+standard_deviation = "2 Hz"
+"""
+    with pytest.raises(CampaignError, match="not for a spindle known by its receptances; take the peaks"):
+        written(tmp_path, text + frequencies, step=10)
 
 
 def test_mistakes_of_a_modal_part_that_is_to_be_identified(tmp_path: Path) -> None:
