@@ -209,6 +209,20 @@ def test_random_spindles_are_found_from_the_measured_frfs(tmp_path: Path, seed: 
         assert fit.values[f"spindle.mode[{index}].frequency_hz"] == pytest.approx(mode.frequency_hz, rel=0.03)
 
 
+@pytest.mark.slow
+def test_peaks_without_an_interval_are_not_outside_of_it(tmp_path: Path) -> None:
+    text = KNOWN
+    lines = LINES[::10]
+    for name, at in (("long_tip", Coordinate("tool")), ("long_back", Coordinate("holder", 0.05))):
+        h = true_machine(0.085).receptance(lines, response=at, excitation=Coordinate("tool"))
+        io.write(tmp_path / f"{name}.npz", FRF(frequency_hz=lines, values=h, log_variance=1e-4))
+        place = f'{{ part = "{at.part}", position = "{1e3 * float(at.position):g} mm" }}'
+        text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "longer"\nfile = "{name}.npz"\nresponse = {place}\n'
+    found = written(tmp_path, text, step=10).transfer().found
+    assert any(mode.predicted_hz is not None for mode in found.modes)
+    assert all(mode.inside is None for mode in found.modes if mode.predicted_hz is not None)
+
+
 def test_inverse_coupling_refuses_an_unknown_spindle(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="spindle, the modal part behind joint, has unknowns"):
         written(tmp_path, AUTOMATIC, step=10).invert()
