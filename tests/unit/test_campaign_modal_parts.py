@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,9 @@ import pytest
 
 from receptance import FRF, Assembly, Coordinate, ModalPart, Mode, Part, PointJoint, Segment, campaign, io
 from receptance.campaign import CampaignError
+from receptance.cli import main
+from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.model import Model
 from receptance.materials import Material
 
 STEEL = Material(name="steel", youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, loss_factor=0.002)
@@ -74,23 +79,60 @@ starts = 4
 """
 
 
-def true_machine(overhang: float = 0.07) -> Assembly:
+AUTOMATIC = re.sub(r'"spindle\..*\n', "", HEAD)
+AUTOMATIC = re.sub(r"\[\[modal_parts(.|\n)*?(?=\[assemblies)", "", AUTOMATIC).replace(
+    "[assemblies.machine]", "[modal_parts.spindle]\nidentify = true\nmodes = [{}, {}]\n\n[assemblies.machine]"
+)
+"""The same, and nothing of the spindle is given but the number of its modes."""
+
+FURTHER = """
+[candidates.nose]
+kind = "frf"
+assembly = "longer"
+step = "50 Hz"
+lower = "300 Hz"
+upper = "2.9 kHz"
+standard_deviation = "1 %"
+
+[cuts.roughing]
+kind = "milling"
+teeth = 4
+immersion = 0.5
+feed = "down"
+k_t = "800 MPa"
+k_n = "250 MPa"
+x = { assembly = "longer" }
+y = "as x"
+
+[prediction]
+lower = "300 Hz"
+upper = "2.9 kHz"
+step = "20 Hz"
+
+[stability]
+speeds = ["3000 rpm", "6000 rpm"]
+draws = 50
+"""
+
+
+def true_machine(overhang: float = 0.07, modes: tuple[Mode, ...] = MODES) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.016, material=STEEL)], name="tool")
     joint = PointJoint(k_y=3e8, k_theta=4e4, c_y=100.0, c_theta=2.0, name="joint")
     holder = Part([Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, joint, holder, ModalPart(modes=MODES, residual_y=2e-9, residual_theta=3e-7, name="spindle")])
+    return Assembly([tool, joint, holder, ModalPart(modes=modes, residual_y=2e-9, residual_theta=3e-7, name="spindle")])
 
 
-def written(folder: Path, text: str = HEAD) -> campaign.Campaign:
-    """Write FRFs of the roving hammer with 1 % noise, seed 5, and the campaign, and load it."""
+def written(folder: Path, text: str = HEAD, modes: tuple[Mode, ...] = MODES, step: int = 1) -> campaign.Campaign:
+    """Write FRFs of the roving hammer with 1 % noise, seed 5, on every `step`th line, and the campaign, and load it."""
     rng = np.random.default_rng(5)
+    lines = LINES[::step]
     for response, excitation in (*HITS, HELD_OUT):
-        h = true_machine().receptance(
-            LINES, response=Coordinate(*PLACES[response]), excitation=Coordinate(*PLACES[excitation])
+        h = true_machine(modes=modes).receptance(
+            lines, response=Coordinate(*PLACES[response]), excitation=Coordinate(*PLACES[excitation])
         )
-        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
         name = f"{response}_{excitation}"
-        io.write(folder / f"{name}.npz", FRF(frequency_hz=LINES, values=h * np.exp(noise), log_variance=1e-4))
+        io.write(folder / f"{name}.npz", FRF(frequency_hz=lines, values=h * np.exp(noise), log_variance=1e-4))
         role = "hold out" if (response, excitation) == HELD_OUT else "identify"
         text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "machine"\nfile = "{name}.npz"\nrole = "{role}"\n'
         for key, place in (("response", response), ("excitation", excitation)):
@@ -130,3 +172,158 @@ def test_mistakes_of_a_modal_part(tmp_path: Path) -> None:
         written(tmp_path, HEAD.replace('"spindle.mode[1].y"', '"spindle.mode[2].y"'))
     with pytest.raises(CampaignError, match="has no mode shape, expected y or theta"):
         written(tmp_path, re.sub(r'"spindle.mode\[1\].(y|theta)".*\n', "", HEAD))
+
+
+def test_a_spindle_starts_from_the_measured_frfs(tmp_path: Path) -> None:
+    loaded = written(tmp_path, AUTOMATIC, step=2)
+    found = loaded.identify()
+    true = true_machine()
+    for address, value in found.fit.values.items():
+        if "residual" not in address:
+            assert value == pytest.approx(true.get(address), rel=0.1), address
+    assert found.fit.values["joint.k_theta"] == pytest.approx(4e4, rel=0.02)
+    assert found.fit.rms == pytest.approx(1.0, abs=0.1)
+    # Bounds that are given are kept.
+    bounds = '"spindle.mode[0].frequency_hz" = { lower = "700 Hz", upper = "900 Hz" }\n'
+    kept = written(tmp_path, AUTOMATIC + bounds, step=2).unknowns
+    assert [(one.lower, one.upper) for one in kept if one.address == "spindle.mode[0].frequency_hz"] == [(700.0, 900.0)]
+    assert len(kept) == len(loaded.unknowns)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_random_spindles_are_found_from_the_measured_frfs(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    modes = tuple(
+        Mode(
+            frequency_hz=rng.uniform(low, high),
+            damping_ratio=rng.uniform(0.02, 0.05),
+            y=rng.uniform(0.15, 0.4),
+            theta=rng.uniform(0.5, 3.0) * rng.choice([-1.0, 1.0]),
+        )
+        for low, high in ((500.0, 1000.0), (1500.0, 2500.0))
+    )
+    fit = written(tmp_path, AUTOMATIC, modes=modes, step=2).identify().fit
+    assert fit.rms == pytest.approx(1.0, abs=0.1)
+    for index, mode in enumerate(modes):
+        assert fit.values[f"spindle.mode[{index}].frequency_hz"] == pytest.approx(mode.frequency_hz, rel=0.03)
+
+
+@pytest.mark.slow
+def test_peaks_without_an_interval_are_not_outside_of_it(tmp_path: Path) -> None:
+    text = KNOWN
+    lines = LINES[::10]
+    for name, at in (("long_tip", Coordinate("tool")), ("long_back", Coordinate("holder", 0.05))):
+        h = true_machine(0.085).receptance(lines, response=at, excitation=Coordinate("tool"))
+        io.write(tmp_path / f"{name}.npz", FRF(frequency_hz=lines, values=h, log_variance=1e-4))
+        place = f'{{ part = "{at.part}", position = "{1e3 * float(at.position):g} mm" }}'
+        text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "longer"\nfile = "{name}.npz"\nresponse = {place}\n'
+    found = written(tmp_path, text, step=10).transfer().found
+    assert any(mode.predicted_hz is not None for mode in found.modes)
+    assert all(mode.inside is None for mode in found.modes if mode.predicted_hz is not None)
+
+
+def test_inverse_coupling_refuses_an_unknown_spindle(tmp_path: Path) -> None:
+    with pytest.raises(CampaignError, match="spindle, the modal part behind joint, has unknowns"):
+        written(tmp_path, AUTOMATIC, step=10).invert()
+
+
+KNOWN = AUTOMATIC.replace(
+    "identify = true\nmodes = [{}, {}]",
+    """residual_y = "2e-9 m/N"
+residual_theta = "3e-7 rad/(N m)"
+modes = [
+  { frequency_hz = "800 Hz", damping_ratio = 0.03, y = "0.28 1/kg**0.5", theta = "1.2 rad/(m*kg**0.5)" },
+  { frequency_hz = "1.9 kHz", damping_ratio = 0.025, y = "0.35 1/kg**0.5", theta = "-2.5 rad/(m*kg**0.5)" },
+]""",
+).replace("starts = 4", "starts = 1")
+
+
+def with_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Add a third mode to the spindle."""
+
+    def build(assembly: Assembly) -> Assembly:
+        *rest, spindle = assembly.elements.values()
+        assert isinstance(spindle, ModalPart)
+        more = Mode(frequency_hz=1300.0, damping_ratio=0.02, y=0.0, theta=0.0)
+        return Assembly([*rest, replace(spindle, modes=(*spindle.modes, more))])
+
+    yield Variant("one more", model.rebuilt(build).plus(p["y"].unknown("spindle.mode[2].y")))
+
+
+ANOTHER = Cause(
+    id="another_mode",
+    group="structure",
+    parameters=(Parameter(name="y", unit="1/kg**0.5", lower=0.0, upper=1.0, typical=0.1),),
+    change=with_mode,
+    meaning="the spindle has one more mode",
+    remedy="identify the spindle with one more mode",
+)
+
+
+@pytest.mark.slow
+def test_a_cause_that_changes_the_modal_part_is_written(tmp_path: Path) -> None:
+    more = (*MODES, Mode(frequency_hz=1300.0, damping_ratio=0.02, y=0.15, theta=0.0))
+    found = written(tmp_path, KNOWN, modes=more, step=10).diagnose([ANOTHER])
+    assert found.verdict.explanation is not None
+    again = campaign.load(found.write_extended(tmp_path / "extended.toml"))
+    spindle = again.assemblies["machine"].elements["spindle"]
+    assert isinstance(spindle, ModalPart)
+    assert len(spindle.modes) == 3
+    fit = again.identify().fit
+    added = [value for name, value in fit.values.items() if not name.startswith("joint.")]
+    assert added == pytest.approx([0.15], rel=0.05)
+    assert fit.rms == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_a_spindle_ends_with_a_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(tmp_path, KNOWN.replace("800 Hz", "760 Hz"), step=10)
+    target = tmp_path / "extended.toml"
+    monkeypatch.setattr(
+        "sys.argv", ["receptance", "diagnose", str(tmp_path), "--cause", "spindle_mode", "--extended", str(target)]
+    )
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    said = capsys.readouterr().out
+    assert "verdict: suspected" in said
+    assert "mode at 760 Hz" in said
+    assert campaign.load(target).identify().fit.rms == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.slow
+def test_transfer_next_and_stability_with_an_unknown_spindle(tmp_path: Path) -> None:
+    text = AUTOMATIC.replace("starts = 4", "starts = 1") + FURTHER
+    loaded = written(tmp_path, text, step=10)
+    found = loaded.identify()
+    assert found.fit.rms == pytest.approx(1.0, abs=0.15)
+    assert "nose" in str(loaded.next_measurement(found).as_dict())
+    assert "roughing" in str(loaded.stability(found).as_dict())
+    with pytest.raises(CampaignError, match="fewer than two assemblies were measured"):
+        loaded.transfer()
+    catalogue = '\n[catalogue]\nmachine = ["spindle"]\n'
+    with pytest.raises(CampaignError, match="a modal part, which catalogues do not take"):
+        written(tmp_path, text + catalogue, step=10)
+    frequencies = """
+[candidates.counted]
+kind = "natural frequencies"
+assembly = "longer"
+modes = [1]
+standard_deviation = "2 Hz"
+"""
+    with pytest.raises(CampaignError, match="not for a spindle known by its receptances; take the peaks"):
+        written(tmp_path, text + frequencies, step=10)
+
+
+def test_mistakes_of_a_modal_part_that_is_to_be_identified(tmp_path: Path) -> None:
+    with pytest.raises(CampaignError, match="has no frequency_hz, expected one, or `identify = true`"):
+        written(tmp_path, AUTOMATIC.replace("identify = true", "identify = false"))
+    with pytest.raises(CampaignError, match="is a rigid-body mode"):
+        written(tmp_path, AUTOMATIC.replace("[{}, {}]", '[{ frequency_hz = "0 Hz" }, {}]'))
+    with pytest.raises(CampaignError, match="expected one of the two"):
+        written(tmp_path, AUTOMATIC.replace('"85 mm" }', '"85 mm", "spindle.mode[0].y" = "0.2 1/kg**0.5" }'))
+    with pytest.raises(CampaignError, match="there is no FRF for identification of an assembly"):
+        written(tmp_path, AUTOMATIC.replace('"holder", "spindle"]', '"holder"]'))

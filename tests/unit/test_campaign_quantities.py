@@ -20,6 +20,8 @@ from receptance.campaign.suggestions import did_you_mean, one_of
         ("62.3mm", "a length", 0.0623),
         ("  6.23e1   mm ", "a length", 0.0623),
         (".5 inch", "a length", 0.0127),
+        ("0.25 1/kg**0.5", "a mode shape", 0.25),
+        ("1.1 rad/(m kg^0.5)", "a slope of a mode shape", 1.1),
         ("580 GPa", "a modulus", 580e9),
         ("85 N/µm", "a stiffness", 85e6),
         ("14.5 g/cm^3", "a density", 14500.0),

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Built", "build_elements", "build_segment"]
 
+_STAND_IN_HZ = 1000.0
+"""Frequency of a mode until the measured FRFs give its start."""
+
 
 @dataclass
 class Built:
@@ -90,10 +93,17 @@ def _modal_part(name: str, campaign: CampaignTable, built: Built, workshop: Work
         values = started(f"{name}.mode[{index}]", row, Mode.columns_of, built)
         here: Path = (*path, "modes", index)
         shapes = {f"{name}.mode[{index}].{key}" for key in Mode.columns_of if key.startswith(("y", "theta"))}
-        if not (row.y or row.theta or row.y_imaginary or row.theta_imaginary) and shapes.isdisjoint(campaign.unknowns):
+        if values["frequency_hz"] is None:
+            if not table.identify:
+                text = "has no frequency_hz, expected one, or `identify = true` for the whole modal part"
+                workshop.problems.add(here, text)
+                continue
+            values["frequency_hz"] = _STAND_IN_HZ
+        unknown = table.identify or not shapes.isdisjoint(campaign.unknowns)
+        if not (row.y or row.theta or row.y_imaginary or row.theta_imaginary or unknown):
             workshop.problems.add(here, "has no mode shape, expected y or theta, or one of them among the unknowns")
         modes.append(workshop.make(here, Mode, **values))
-    if None in modes:
+    if None in modes or len(modes) < len(table.modes):
         return None
     return workshop.make(path, ModalPart, modes=modes, **started(name, table, RESIDUALS, built), name=name)
 

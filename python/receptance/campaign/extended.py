@@ -166,7 +166,8 @@ def _write_structure(
             if name not in tables and any(_differs(name, other) for other in assemblies.values()):
                 tables[name] = (one.assembly, element_table(element, materials))
     for name, (_, table) in tables.items():
-        data.setdefault("parts" if "segments" in table else "joints", {})[name] = table
+        section = "parts" if "segments" in table else "modal_parts" if "modes" in table else "joints"
+        data.setdefault(section, {})[name] = table
     for title, one in assemblies.items():
         _write_assembly(data, title, one, {name: base for name, (base, _) in tables.items()}, unknown)
     data["materials"].update(materials.added)

@@ -12,6 +12,7 @@ from receptance.campaign.problems import CampaignError
 from receptance.identification import InverseCoupling, MeasuredFRF, invert_coupling
 from receptance.identification.line_solutions import TERMS
 from receptance.joints import PointJoint
+from receptance.modal_parts import ModalPart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,6 +124,14 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
                 continue
             if not isinstance(one.observation.assembly.elements.get(owner), PointJoint):
                 continue
+            ends = [name for name, end in one.observation.assembly.elements.items() if isinstance(end, ModalPart)]
+            if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.reached if ends):
+                raise CampaignError.about(
+                    campaign.file,
+                    f"{ends[0]}, the modal part behind {owner}, has unknowns, and inverse coupling needs its "
+                    "receptance; identify the campaign instead, or write the identified modes into the file "
+                    "and leave them out of the unknowns",
+                )
             title = f"{owner} @ {one.assembly}" if changing else owner
             groups.setdefault(title, (owner, {}))[1][name] = one
     if not groups:

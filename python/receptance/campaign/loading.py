@@ -22,6 +22,7 @@ from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.cuts import build_cut
 from receptance.campaign.lines import Path, lines_of
 from receptance.campaign.measurement_models import CampaignTable
+from receptance.campaign.modal_starts import modal_unknowns
 from receptance.campaign.observations import Measurement, build_measurement
 from receptance.campaign.problems import CampaignError, Problem, Problems, translate
 from receptance.campaign.references import check_references
@@ -127,6 +128,8 @@ def loaded(
     cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, workshop) for name in table.cuts}
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
+    if not problems.found:
+        built.unknowns |= modal_unknowns(table, built, measurements, workshop)
     if problems.found:
         raise CampaignError(called or file, problems.told())
     for warning in dict.fromkeys(workshop.warnings):

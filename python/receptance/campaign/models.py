@@ -136,8 +136,8 @@ class PartTable(Table):
 class ModeTable(Table):
     """A mode of a modal part, as seen at the plane where it joins the part before it."""
 
-    frequency_hz: Annotated[float, Amount(KINDS["a frequency or zero"])]
-    """undamped natural frequency with the plane free; zero for a rigid-body mode"""
+    frequency_hz: Annotated[float | None, Amount(KINDS["a frequency or zero"])] = None
+    """undamped natural frequency with the plane free; zero for a rigid-body mode; not needed with `identify`"""
     damping_ratio: Annotated[float, Amount(KINDS["a damping ratio"])] = 0.03
     """share of critical damping"""
     y: Annotated[float, Amount(KINDS["a mode shape"])] = 0.0
@@ -155,6 +155,8 @@ class ModalPartTable(Table):
 
     modes: Annotated[list[ModeTable], Field(min_length=1)]
     """one or more, `[[modal_parts.NAME.modes]]`"""
+    identify: bool = False
+    """whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has none"""
     residual_y: Annotated[float, Amount(KINDS["a receptance"])] = 0.0
     """what modes above the band add to y over force"""
     residual_theta: Annotated[float, Amount(KINDS["a rotational receptance"])] = 0.0

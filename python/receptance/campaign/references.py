@@ -113,7 +113,11 @@ def _check_catalogue(table: Mapping[str, Any], folder: FilePath | None, workshop
     path: Path = ("catalogue",)
     for key, sections in (("machine", ("parts", "joints")), ("attachments", ("attachments",))):
         for index, name in enumerate(_list(table.get(key))):
-            if isinstance(name, str):
+            if key == "machine" and isinstance(name, str) and name in workshop.named["modal_parts"]:
+                text = f'is "{name}", a modal part, which catalogues do not take from the campaign; expected parts and'
+                text += ' joints here, or the spindle in a file of its own, named by `spindle = "FILE"`'
+                workshop.problems.add((*path, key, index), text)
+            elif isinstance(name, str):
                 workshop.known((*path, key, index), name, *sections)
     _known((*path, "joint"), table, "joint", workshop, "joints")
     for key in ("tools", "holders"):

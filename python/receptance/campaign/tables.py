@@ -13,7 +13,9 @@ from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import Material
+from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
+from receptance.terminals import RESIDUALS
 
 __all__ = ["Materials", "attachment_table", "element_table", "quantity", "quantity_at", "unknown_table"]
 
@@ -61,7 +63,7 @@ class Materials:
 
 
 def element_table(element: Any, materials: Materials) -> dict[str, Any]:
-    """Return the table of a part or a joint, without tolerances.
+    """Return the table of a part, a joint or a modal part, without tolerances.
 
     Raises
     ------
@@ -77,6 +79,11 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         return {"kind": "spread", **fields, **points, **sections}
     if type(element) is PointJoint:
         return _spring(element)
+    if isinstance(element, ModalPart):
+        if element.band_hz is not None:
+            raise ValueError(f"{element!r} has a band, which campaigns do not have for modal parts, and is not written")
+        modes = [{n: quantity(getattr(mode, n), FIELDS[n]) for n in Mode.columns_of} for mode in element.modes]
+        return {"modes": modes, **{name: quantity(getattr(element, name), FIELDS[name]) for name in RESIDUALS}}
     raise ValueError(f"{element!r} cannot be written as a table of a campaign")
 
 

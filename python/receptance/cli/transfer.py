@@ -79,6 +79,6 @@ def _verdict(found: Transfer) -> str:
     rms, bias = found.rms_percent, found.bias_percent
     errors = "" if rms is None or bias is None else f"{rms:.2f} % rms, {bias:+.2f} % on average; "
     rest = len(found.modes) - count
-    wide = f" {rest} intervals are too wide to say anything." if rest else ""
+    wide = f" {rest} have no interval, or one too wide to say anything." if rest else ""
     level = f"{100.0 * found.level:g} %"
     return f"{errors}{hits} of {count} measured natural frequencies are in their {level} intervals.{wide}"

@@ -77,7 +77,9 @@ class TransferredMode:
 
     @property
     def inside(self) -> bool | None:
-        """Whether it is there; a peak that was not predicted is not. None where the interval says nothing."""
+        """Whether it is there; a peak that was not predicted is not. None without an interval that says something."""
+        if self.predicted_hz is not None and self.deviation_hz is None:
+            return None
         ends = self.interval_hz
         if self.says_nothing:
             return None

@@ -72,7 +72,8 @@ CHANNEL_UNITS = {"force": "N", "moment": "N m"} | dict(_CHANNELS.values())
 
 _LONGEST = 80
 _ALLOWED = re.compile(r"[A-Za-zµμ_0-9.*/() ]+")
-_POWER = re.compile(r"(?<=[A-Za-zµμ)])\s*(?:\^|\*\*)\s*(?:([+-]?\d)|\(\s*([+-]?\d)\s*\))(?![\d.]|\s*(?:\^|\*\*))")
+_EXPONENT = r"[+-]?\d(?:\.5)?"
+_POWER = re.compile(rf"(?<=[A-Za-zµμ)])\s*(?:\^|\*\*)\s*(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?![\d.]|\s*(?:\^|\*\*))")
 
 Dimension = tuple[tuple[str, int], ...]
 """Powers of length, time, force, angle and voltage, sorted by name; without those that are zero."""
@@ -176,8 +177,8 @@ def can_be_unit(text: str) -> bool:
     Examples
     --------
     >>> from receptance.io.units import can_be_unit
-    >>> can_be_unit("kg*m^2"), can_be_unit("m^9^9^9")
-    (True, False)
+    >>> can_be_unit("kg*m^2"), can_be_unit("1/kg**0.5"), can_be_unit("m^9^9^9")
+    (True, True, False)
     """
     return len(text) <= _LONGEST and not re.search(r"\^|\*\*|//", _POWER.sub("", text))
 
