@@ -47,6 +47,12 @@ def pytest_report_header(config: pytest.Config) -> str:
     return f"seeds: {SEED_VARIABLE}={seed}, hypothesis random (a failure says how to repeat it)"
 
 
+@pytest.fixture(autouse=True)
+def _no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the width of a terminal, which pytest-xdist sets in its workers."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture(scope="session")
 def summarise(pytestconfig: pytest.Config) -> Callable[[str, str, object], None]:
     """Return a function (name, text, plain values) that adds to the end of pytest's output and to the JSON file."""

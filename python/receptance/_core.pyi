@@ -175,7 +175,7 @@ class Problem:
         starts: NDArray[np.float64],
         free: NDArray[np.bool_],
         tolerance: float,
-        evaluations: int,
+        evaluations: NDArray[np.int64],
         threads: int,
     ) -> Ends: ...
 

@@ -148,6 +148,25 @@ def test_ringing_of_the_anti_alias_filter_is_no_second_contact(contact_ms, noise
                 assert later == pytest.approx(1e3 * after_s, abs=14.0)
 
 
+@pytest.mark.parametrize("samples", [1, 3, 8])
+def test_a_second_contact_close_to_the_first_is_no_ringing(samples):
+    """Pulses without a filter, the second one some samples after the end of the first: no negative force between."""
+    seed = 3
+    for gap in (2, 4, 8):
+        for share in (0.15, 0.3, 0.6, 0.9):
+            force = 1e-3 * np.random.default_rng(seed).normal(size=2048)
+            pulse = 40.0 * np.sin(np.pi * (np.arange(samples) + 0.5) / samples)
+            second = 50 + samples + gap
+            force[50 : 50 + samples] += pulse
+            force[second : second + samples] += share * pulse
+            response = 30.0 * np.exp(-30.0 * np.arange(2048) / 12800.0) * np.sin(np.arange(2048) * 0.4)
+            records = TimeRecords(force=force, response=response, sample_rate_hz=12800.0, quantity="acceleration")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ReceptanceWarning)
+                (hit,) = find_hits(records).hits
+            assert "double hit" in hit.reason, (samples, gap, share)
+
+
 def test_one_long_record():
     records, starts = long_record([0.4, 0.5, 0.45, 0.5])
     hits = find_hits(records)

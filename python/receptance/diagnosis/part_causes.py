@@ -96,7 +96,7 @@ def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             by_configuration.setdefault(name, []).append(f"{part}.segment[{count - 1}].length")
             # The tool cannot become shorter than where it was measured.
             *before, end = edges_of(one.assembly.elements[part])
-            used = max(before[-1], *places_on(one, part))
+            used = max([before[-1], *places_on(one, part)])
             rooms[name] = min(rooms.get(name, math.inf), _MOST_SHORTENED * (end - used))
     addresses = {address for own in by_configuration.values() for address in own}
     if not addresses:

@@ -27,7 +27,7 @@ __all__ = [
 _SHOWN = 6
 SENTENCE = {
     "adequate": "The model is adequate: noise, floor and tolerances explain what is left.",
-    "undecided": "Nothing can be judged: hardly more numbers were measured than are fitted.",
+    "undecided": "The model cannot be judged: too few degrees of freedom are left.",
     "named": "The model lacks something, and the data say what.",
     "suspected": "Something may be missing; one cause is suspected, no more.",
     "ambiguous": "The model lacks something; these data cannot tell which of several causes it is.",

@@ -211,7 +211,10 @@ class Verdict:
         )
         if tried:
             note += "; all causes were tried, what is missing is advice or improvement on held-out data"
-        answer: Answer = "suspected" if self.verdict == "named" and not tried else self.verdict
+        answer = self.verdict
+        if not tried and answer in ("named", "unexplained"):
+            # Causes that were not tried may explain the data, or explain them better.
+            answer = "suspected" if answer == "named" else "undecided"
         settings = {**self.settings, "interrupted": dict(how_far)}
         return replace(self, final=False, verdict=answer, notes=(note, *self.notes), settings=settings)
 

@@ -154,7 +154,7 @@ class Models:
     def fit(
         self,
         starts: NDArray[np.float64],
-        most: int,
+        most: int | NDArray[np.int64],
         tolerance: float,
         free: NDArray[np.bool_] | None = None,
     ) -> list[ModelsEnd]:
@@ -182,18 +182,23 @@ class _Receptance:
 def fit_in_core(
     problem: _core.Problem,
     starts: NDArray[np.float64],
-    most: int,
+    most: int | NDArray[np.int64],
     tolerance: float,
     threads: int,
     free: NDArray[np.bool_] | None = None,
 ) -> list[ModelsEnd]:
-    """Return where the fits of a problem of the core from all starts end, with variables that are not free held."""
+    """Return where the fits of a problem of the core from all starts end, with variables that are not free held.
+
+    `most` are the evaluations from each start, one number or `(n_starts,)`.
+    """
     moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
+    limits = np.array(np.broadcast_to(most, len(starts)), dtype=np.int64)
     # Several calls where there is much to do: between them the interpreter sees signals.
     chunk = max(int(_CALL / (_TYPICAL * max(problem.lines, 100))), 2)
     ends: list[ModelsEnd] = []
     for first in range(0, len(starts), chunk):
-        found = problem.fit(np.ascontiguousarray(starts[first : first + chunk]), moving, tolerance, most, threads)
+        some = slice(first, first + chunk)
+        found = problem.fit(np.ascontiguousarray(starts[some]), moving, tolerance, limits[some], threads)
         numbers = zip(found.x, found.cost, found.evaluations, found.status, found.normal, strict=True)
         ends += [ModelsEnd(x, float(cost), int(n), int(why), normal) for x, cost, n, why, normal in numbers]
     return ends

@@ -179,10 +179,11 @@ class JointResidual:
         before = np.zeros(len(x), dtype=np.int64)
         fewer = problem.thinned(_FEW)
         if fewer.lines < problem.lines:
-            way = fewer.fit(x, free, max(tolerance, _ROUGH), most, threads)
+            way = fewer.fit(x, free, max(tolerance, _ROUGH), np.full(len(x), most), threads)
             x = np.where(np.isfinite(way.cost)[:, None], way.x, x)
             before = way.evaluations
-        found = problem.fit(np.ascontiguousarray(x), free, tolerance, most, threads)
+        left = np.maximum(most - before, 1)
+        found = problem.fit(np.ascontiguousarray(x), free, tolerance, left, threads)
         numbers = zip(found.x, found.cost, before + found.evaluations, found.status, found.normal, strict=True)
         return [Ending(end, float(cost), int(n), int(status), normal) for end, cost, n, status, normal in numbers]
 

@@ -29,6 +29,9 @@ _RINGING = 16
 """Samples from a contact within which the filter's ringing may be above the trigger."""
 _CALM = 0.3
 """Of the trigger: what is above this without the ringing is a contact of its own."""
+_SWING = 0.5
+"""Smallest negative force between a contact and a lobe of its ringing, over the lobe's peak. Ringing alternates, and its
+lobes decay; a hammer does not pull."""
 _FLAT_SAMPLES = 4
 """Equal samples at the extreme that make a flat top."""
 _EXTREME = 0.3
@@ -73,10 +76,20 @@ def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> l
             groups[nearest].append(contact)
         else:
             alone.append(contact)
-    joined = [
-        Contact(group[0].onset, group[-1].release, max(contact.peak for contact in group)) for group in groups if group
-    ]
-    return sorted([*joined, *alone], key=lambda contact: contact.onset)
+    for group in filter(None, groups):
+        main = max(group, key=lambda contact: contact.peak)
+        rings = [contact is main or _rings(force, main, contact) for contact in group]
+        lobes = [contact for contact, ringing in zip(group, rings, strict=True) if ringing]
+        alone += [Contact(lobes[0].onset, lobes[-1].release, main.peak)]
+        alone += [contact for contact, ringing in zip(group, rings, strict=True) if not ringing]
+    return sorted(alone, key=lambda contact: contact.onset)
+
+
+def _rings(force: NDArray[np.float64], main: Contact, other: Contact) -> bool:
+    """Return whether a contact can be a lobe of another one's ringing: the force swings below zero between them."""
+    first, second = sorted((main, other), key=lambda contact: contact.onset)
+    between = force[first.release : second.onset]
+    return bool(between.size) and float(-between.min()) >= _SWING * other.peak
 
 
 def _smoothed(force: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -135,7 +135,7 @@ class Search:
         poles = Poles.none()
         fit = poles.fitted(self._problem(None))[1]
         while poles.values.size < self.most:
-            found = self._one_more(poles, fit)
+            found = self._one_more(poles, fit) or self._all_given(poles, fit)
             if found is None:
                 break
             poles, fit = self.assigned(found[0]), found[1]
@@ -311,9 +311,12 @@ class Search:
         price = self._price(fit)
         gains = problem.gains(poles.values, candidates.values)
         tried: list[complex] = []
+        # A given frequency where no candidate serves must not keep the others from being tried.
+        left = dict.fromkeys(candidates.role.tolist(), _TRIES)
         for index in np.argsort(-gains):
-            if len(tried) == _TRIES:
-                break
+            role = int(candidates.role[index])
+            if left[role] == 0:
+                continue
             if not asked[index] and gains[index] < _SHARE * price:
                 continue
             # The same place again would end where it ended before.
@@ -321,6 +324,7 @@ class Search:
             if any(abs(pole - other) <= 0.5 * abs(self._sigma - other.real) for other in tried):
                 continue
             tried.append(pole)
+            left[role] -= 1
             more, richer = poles.and_those(candidates.only(np.array([index]))).fitted(problem, loose=True)
             good = self._plausible(more)
             if not good.all():
@@ -340,6 +344,23 @@ class Search:
             if self._plausible(more).all() and before.chi_square - after.chi_square > least:
                 return more, after
         return None
+
+    def _all_given(self, poles: Poles, fit: PoleFit) -> tuple[Poles, PoleFit] | None:
+        """Return poles that begin at all given frequencies at once, where one more at a time leads no further.
+
+        A pole that stands for two close modes keeps each of them from being added alone.
+        """
+        if not isinstance(self.wanted, tuple) or not self._still(poles):
+            return None
+        problem = self._problem(fit)
+        more, richer = self._boxes.and_those(poles.only(poles.role < 0)).fitted(problem, loose=True)
+        good = self._plausible(more)
+        if not good.all():
+            more, richer = more.only(good).fitted(problem, loose=True)
+        more = self.assigned(more)
+        if not self._plausible(more).all() or self._still(more) >= self._still(poles):
+            return None
+        return more, richer
 
 
 def reach_of(place_hz: float, lines: Lines) -> float:

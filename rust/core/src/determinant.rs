@@ -15,7 +15,7 @@ use crate::lane::{C, MAX_LANES};
 use crate::layer::{Passed, Wanted};
 use crate::model::{Model, Step};
 use crate::natural::within_reach;
-use crate::request::ByLine;
+use crate::request::{ByLine, check_added};
 use crate::small::{self, Mat};
 use crate::sweep::Observer;
 use num_complex::Complex64;
@@ -26,9 +26,10 @@ use pulp::{Arch, Simd, WithSimd};
 /// `added` is as in a request. A line at which it is zero or not a number has NaN.
 ///
 /// # Errors
-/// Unusable lines, or waves that are too short for the lengths of the segments.
+/// Unusable lines, added stiffness of another length, or waves that are too short for the lengths of the segments.
 pub fn log_determinant(model: &Model, lines: &Frequencies, added: &[Complex64]) -> Result<Vec<Complex64>> {
     let highest = lines.highest()?;
+    check_added(model, lines, added)?;
     match model.motion.degrees() {
         1 => Job::<1>::new(model).run(lines, highest, added),
         _ => Job::<2>::new(model).run(lines, highest, added),

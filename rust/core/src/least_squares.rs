@@ -79,6 +79,10 @@ pub fn minimise(
     let Some(mut now) = normal(&x) else {
         return end(x, f64::INFINITY, 1, Status::NoValue, Vec::new());
     };
+    if count == 0 {
+        let cost = 0.5 * now[last];
+        return end(x, cost, 1, Status::Gradient, now);
+    }
     let mut norms = vec![0.0; count];
     let (mut region, mut foreseen) = (None, false);
     let mut evaluations = 1;

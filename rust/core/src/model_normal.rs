@@ -22,13 +22,15 @@ impl Modelled {
 
 /// Adds a row of derivatives by the entries and of a residual to a sum over the variables and the residual.
 pub(crate) fn add(row: &[f64], slopes: &[f64], sum: &mut [f64], size: usize) {
+    let Some((residual, entries)) = row.split_last() else { return };
     let mut whole = vec![0.0; size];
-    for (entry, slopes) in row.iter().zip(slopes.chunks((size - 1).max(1))) {
+    // The slopes of factors, which act on receptances alone, follow those of the entries.
+    for (entry, slopes) in entries.iter().zip(slopes.chunks((size - 1).max(1))) {
         for (into, slope) in whole.iter_mut().zip(slopes) {
             *into += entry * slope;
         }
     }
-    whole[size - 1] = row[row.len() - 1];
+    whole[size - 1] = *residual;
     for (value, into) in whole.iter().zip(sum.chunks_mut(size)).filter(|(value, _)| **value != 0.0) {
         for (into, other) in into.iter_mut().zip(&whole) {
             *into += value * other;

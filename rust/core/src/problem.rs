@@ -100,9 +100,12 @@ impl Problem {
     /// A problem without observations.
     ///
     /// # Errors
-    /// Bounds that are not numbers or cross, or a prior of a variable that does not exist.
+    /// No variable, bounds that are not numbers or cross, or a prior of a variable that does not exist.
     pub fn new(variables: Variables, priors: Vec<Prior>) -> Result<Self> {
         let count = variables.logarithmic.len();
+        if count == 0 {
+            return Err(wrong("number of variables", 0, 0.0, "at least one"));
+        }
         for bounds in [&variables.lower, &variables.upper] {
             same("bounds of the variables", 0, bounds.len(), count)?;
         }
@@ -141,11 +144,18 @@ impl Problem {
     /// Adds an observation.
     ///
     /// # Errors
-    /// Arrays of different lengths, or a variable that does not exist.
+    /// Arrays that are empty or of different lengths, a model with other unknowns, natural frequencies that are not
+    /// positive finite numbers, or a variable that does not exist.
     pub fn add(&mut self, one: Observation) -> Result<()> {
         let index = self.observed.len();
+        if let Observation::Whole(Modelled { tied, .. }) = &one {
+            same("number of unknowns that the model is tied to", index, tied.count(), self.count())?;
+        }
         match &one {
             Observation::Whole(Modelled { seen: Seen::Receptance { w, records, .. }, .. }) => {
+                if w.is_empty() || records.is_empty() {
+                    return Err(wrong("number of lines or records", index, 0.0, "at least one"));
+                }
                 for Record { measured, weights } in records {
                     same("measured receptance", index, measured.len(), w.len())?;
                     same("weights", index, weights.len(), w.len())?;
@@ -153,8 +163,11 @@ impl Problem {
             }
             Observation::Whole(Modelled { seen: Seen::Frequencies { modes, measured, weights }, .. }) => {
                 if modes.is_empty() || !modes.is_sorted() {
-                    let (value, expected) = (modes.len() as f64, "ascending modes, at least one".into());
-                    return Err(Error::Index { what: "modes", index, value, expected });
+                    return Err(wrong("modes", index, modes.len() as f64, "ascending modes, at least one"));
+                }
+                let usable = |value: &f64| value.is_finite() && *value > 0.0;
+                if let Some(value) = measured.iter().find(|value| !usable(value)) {
+                    return Err(wrong("measured frequency", index, *value, "a positive finite number"));
                 }
                 same("measured frequencies", index, measured.len(), modes.len())?;
                 same("weights", index, weights.len(), modes.len())?;
@@ -196,7 +209,8 @@ impl Problem {
                 Observation::Joint(OfJoint { reduction, record: one.record.thinned(stride), ..*one })
             }
         };
-        Self { observed: self.observed.iter().map(fewer).collect(), ..self.clone() }
+        let observed = self.observed.iter().map(fewer).collect();
+        Self { observed, priors: self.priors.clone(), variables: self.variables.clone() }
     }
 
     /// A^T A over all variables and the residual, row by row; nothing where a model has no value. Rows and columns of
@@ -282,22 +296,33 @@ impl Problem {
     }
 
     /// Fits from each start, `starts` one after the other, with variables that are not `free` held where they start.
+    /// `evaluations` are the most from each start.
     ///
     /// # Errors
-    /// Arrays of other lengths than there are variables.
-    pub fn fit(&self, starts: &[f64], free: &[bool], stop: Stop, threads: usize) -> Result<Vec<End>> {
+    /// Arrays of other lengths than there are variables or starts, or a tolerance that is not positive.
+    pub fn fit(
+        &self,
+        starts: &[f64],
+        free: &[bool],
+        tolerance: f64,
+        evaluations: &[usize],
+        threads: usize,
+    ) -> Result<Vec<End>> {
         let count = self.count();
-        if count == 0 || !starts.len().is_multiple_of(count) || free.len() != count {
-            let expected = format!("rows of {count} variables");
+        if starts.len() != evaluations.len() * count || free.len() != count {
+            let expected = format!("rows of {count} variables, one for each of {} starts", evaluations.len());
             return Err(Error::Index { what: "starts", index: 0, value: starts.len() as f64, expected });
+        }
+        if !(tolerance > 0.0 && tolerance.is_finite()) {
+            return Err(wrong("tolerance", 0, tolerance, "a positive finite number"));
         }
         let moving: Vec<usize> = (0..count).filter(|&i| free[i]).collect();
         let pick = |values: &[f64]| -> Vec<f64> { moving.iter().map(|&i| values[i]).collect() };
         let (lower, upper) = (pick(&self.variables.lower), pick(&self.variables.upper));
-        let rows: Vec<&[f64]> = starts.chunks(count).collect();
+        let rows: Vec<(&[f64], usize)> = starts.chunks(count).zip(evaluations.iter().copied()).collect();
         // Many starts share the threads, one start has them for its lines.
         let inside = if rows.len() > 1 { 1 } else { threads };
-        on_threads(threads, rows, A_FIT, |start| {
+        on_threads(threads, rows, A_FIT, |(start, evaluations)| {
             let whole = |x: &[f64]| {
                 let mut whole = start.to_vec();
                 for (&i, value) in moving.iter().zip(x) {
@@ -315,6 +340,7 @@ impl Problem {
                 Some(places.map(|at| matrix[at]).collect())
             };
             let allowed = |x: &[f64]| self.allows(&whole(x));
+            let stop = Stop { tolerance, evaluations };
             let end = minimise(&pick(start), [&lower, &upper], stop, normal, allowed);
             End { x: whole(&end.x), ..end }
         })
@@ -379,6 +405,7 @@ impl OfJoint {
     fn columns(&self, slopes: &[f64]) -> (Vec<(usize, f64)>, Vec<usize>) {
         let each = self.variables.iter().enumerate();
         let moving = each.filter_map(|(column, variable)| variable.map(|variable| (column, variable)));
+        let moving = moving.filter(|(_, variable)| slopes[*variable] != 0.0);
         moving.map(|(column, variable)| ((column, slopes[variable]), variable)).unzip()
     }
 }
@@ -397,6 +424,10 @@ fn stride(lines: usize, wanted: usize) -> usize {
 /// Every so many of some values.
 pub(crate) fn every<T: Copy>(values: &[T], stride: usize) -> Vec<T> {
     values.iter().step_by(stride).copied().collect()
+}
+
+fn wrong(what: &'static str, index: usize, value: f64, expected: &str) -> Error {
+    Error::Index { what, index, value, expected: expected.to_owned() }
 }
 
 fn same(what: &'static str, index: usize, value: usize, expected: usize) -> Result<()> {
@@ -504,17 +535,16 @@ mod tests {
     #[test]
     fn fits_find_the_truth_and_hold_variables_that_are_not_free() {
         let (problem, _) = problem(300);
-        let stop = Stop { tolerance: 1e-10, evaluations: 100 };
         let starts = [10.25, 0.5, 10.35, -1.0];
-        let free = problem.fit(&starts, &[true, true], stop, 2).unwrap();
+        let free = problem.fit(&starts, &[true, true], 1e-10, &[100; 2], 2).unwrap();
         assert_eq!(free.len(), 2);
         for end in &free {
             assert!((end.x[0] - 2e10_f64.log10()).abs() < 1e-7 && end.x[1].abs() < 1e-4, "{end:?}");
         }
-        let held = problem.fit(&starts[..2], &[true, false], stop, 1).unwrap();
+        let held = problem.fit(&starts[..2], &[true, false], 1e-10, &[100], 1).unwrap();
         assert!(held[0].x[1] == 0.5 && held[0].cost > free[0].cost + 0.1, "{held:?}");
-        assert!(problem.fit(&starts, &[true], stop, 1).is_err());
-        let fewer = problem.thinned(30).fit(&starts, &[true, true], stop, 1).unwrap();
+        assert!(problem.fit(&starts, &[true], 1e-10, &[100; 2], 1).is_err());
+        let fewer = problem.thinned(30).fit(&starts, &[true, true], 1e-10, &[100; 2], 1).unwrap();
         assert!((fewer[0].x[0] - 2e10_f64.log10()).abs() < 1e-7, "{fewer:?}");
     }
 

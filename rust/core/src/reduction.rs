@@ -94,7 +94,7 @@ pub enum Form {
 /// Reduces a model to one joint.
 ///
 /// # Errors
-/// As `receptance`, and where the model is not in bending or has no such joint.
+/// As `receptance`, and where the model is not in bending or has no such joint, or without lines.
 #[allow(clippy::too_many_arguments)]
 pub fn reduce_joint(
     model: &Model,
@@ -109,6 +109,10 @@ pub fn reduce_joint(
     if model.motion != Motion::Bending || joint >= model.joints.len() {
         let expected = format!("a joint below {} of a model in bending", model.joints.len());
         return Err(Error::Index { what: "joint", index: 0, value: joint as f64, expected });
+    }
+    if lines.is_empty() {
+        let expected = "at least one".to_owned();
+        return Err(Error::Index { what: "number of frequency lines", index: 0, value: 0.0, expected });
     }
     let request = Request {
         excitations: vec![excitation, response],

@@ -128,9 +128,7 @@ pub struct Response {
 pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Result<f64> {
     let highest = lines.highest()?;
     check_request(model, request)?;
-    let joints = lines.len() * model.joints.len() * 2;
-    let stiffness = ("number of stiffnesses added to joints", "stiffness added to joints");
-    check_numbers(stiffness, &request.added, joints, true)?;
+    check_added(model, lines, &request.added)?;
     check_terminals(model, request)?;
     let ends = lines.len() * request.terminals.nodes.len() * TERMINAL_ENTRIES;
     let receptance = ("number of receptances beyond terminals", "receptance beyond terminals");
@@ -138,6 +136,12 @@ pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Re
     check_waves(model, highest)?;
     check_interfaces(model, lines)?;
     Ok(highest)
+}
+
+/// Checks the complex stiffness that joints have besides their columns.
+pub(crate) fn check_added(model: &Model, lines: &Frequencies, added: &[Complex64]) -> Result<()> {
+    let names = ("number of stiffnesses added to joints", "stiffness added to joints");
+    check_numbers(names, added, lines.len() * model.joints.len() * 2, true)
 }
 
 /// Checks how many numbers are given for the lines, and that they are finite.

@@ -173,8 +173,16 @@ impl Helpers {
             }
             work();
             let finished = Instant::now();
-            while ended.load(Ordering::Acquire) < count && finished.elapsed() < PATIENCE {
-                core::hint::spin_loop();
+            while ended.load(Ordering::Acquire) < count {
+                if finished.elapsed() < PATIENCE {
+                    core::hint::spin_loop();
+                    continue;
+                }
+                // Helpers may be at work for long, and only this thread sees that the caller wants the call to end.
+                if interrupt::check().is_err() {
+                    break;
+                }
+                std::thread::sleep(PATIENCE);
             }
         });
         lock(IDLE.get_or_init(Mutex::default)).entry(self.key).or_default().push(self.pool);

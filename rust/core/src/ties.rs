@@ -60,7 +60,7 @@ impl Tied {
     /// Ties the tables to `count` unknowns. `present` are the values of the addresses that are in the tables now.
     ///
     /// # Errors
-    /// An entry, an address or an unknown that does not exist.
+    /// A model that is not in bending, or an entry, an address or an unknown that does not exist.
     pub fn new(
         motion: Motion,
         tables: Tables,
@@ -69,6 +69,9 @@ impl Tied {
         addresses: Vec<f64>,
         count: usize,
     ) -> Result<Self> {
+        if motion != Motion::Bending {
+            return Err(Error::Topology("only a model in bending is tied to unknowns".into()));
+        }
         let width = 2 + 2 * count;
         let expected = || format!("rows of {width} columns for {count} unknowns");
         if !addresses.len().is_multiple_of(width) {

@@ -1,6 +1,6 @@
 //! Frequency lines, and models: receptances, natural frequencies, reductions to one joint.
 
-use crate::arrays::{contiguous, coordinates, indices, numbers, parameter, parameters, shaped, table};
+use crate::arrays::{contiguous, coordinates, index, indices, numbers, parameter, parameters, shaped, table};
 use crate::errors::{CoreError, detached};
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
@@ -210,6 +210,11 @@ impl Model {
     ) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
         let read = lines.read(py)?;
         let lines = lines.frequencies(&read)?;
+        if by_line.is_some_and(|by_line| !by_line.terminals.nodes.is_empty()) {
+            return Err(PyValueError::new_err(
+                "by_line: the determinant of a model with terminals is not known",
+            ));
+        }
         let added = by_line.map_or(&[][..], |by_line| &by_line.added);
         let found = detached(py, || receptance_core::log_determinant(&self.model, &lines, added))?
             .map_err(CoreError::from)?;
@@ -234,6 +239,11 @@ impl Model {
         let read = lines.read(py)?;
         let lines = lines.frequencies(&read)?;
         let [response, excitation] = crate::arrays::response_and_excitation(&points)?;
+        if by_line.is_some_and(|by_line| !by_line.added.is_empty()) {
+            return Err(PyValueError::new_err(
+                "by_line: a model with added stiffness is not reduced to a joint",
+            ));
+        }
         let ends = by_line.map(|by_line| by_line.terminals.clone()).unwrap_or_default();
         let form = if planes { Form::Planes } else { Form::Shortest };
         let found = detached(py, || {
@@ -290,16 +300,16 @@ impl Model {
         let count = width / 2 - 1;
         let mut found = Vec::new();
         for row in table("rates", &rates, 5)?.chunks_exact(5) {
-            let address = index_of("rates", row[3])?;
+            let address = index("rates", row[3])?;
             found.push(Rate { entry: parameter(&row[..3])?, address, rate: row[4] });
         }
         let mut between = Vec::new();
         if let Some(factors) = &factors {
             for row in table("factors", factors, 2)?.chunks_exact(2) {
                 let kind = KINDS
-                    .get(index_of("factors", row[0])?)
+                    .get(index("factors", row[0])?)
                     .ok_or_else(|| PyValueError::new_err("factors: the kind is none of 0 to 4"))?;
-                between.push((*kind, index_of("factors", row[1])?));
+                between.push((*kind, index("factors", row[1])?));
             }
         }
         let mut through = Vec::new();
@@ -316,8 +326,4 @@ impl Model {
             .and_then(|tied| tied.with_factors(between, through));
         Ok(TiedModel::new(tied.map_err(CoreError::from)?))
     }
-}
-
-fn index_of(name: &str, value: f64) -> PyResult<usize> {
-    crate::arrays::index(name, value)
 }

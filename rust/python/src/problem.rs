@@ -13,9 +13,7 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use receptance_core::{
-    End, Modelled, Observation, OfJoint, Prior, Record, SPRING_COLUMNS, Seen, Stop, Variables,
-};
+use receptance_core::{End, Modelled, Observation, OfJoint, Prior, Record, SPRING_COLUMNS, Seen, Variables};
 
 /// Everything that is fitted: observations as functions of variables, with bounds and priors.
 ///
@@ -101,19 +99,17 @@ impl Problem {
         measured: PyReadonlyArray2<'_, Complex64>,
         weights: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<()> {
-        let count = self.problem.count();
-        if model.tied.count() != count {
-            let message = format!("model: tied to {} unknowns, expected {count}", model.tied.count());
-            return Err(PyValueError::new_err(message));
-        }
         if measured.shape() != weights.shape() {
             let (found, expected) = (weights.shape(), measured.shape());
             return Err(PyValueError::new_err(format!("weights: shape is {found:?}, expected {expected:?}")));
         }
+        if measured.shape()[1] == 0 {
+            return Err(PyValueError::new_err("measured: there is no line, expected at least one"));
+        }
         let [response, excitation] = response_and_excitation(&points)?;
         let read = lines.read(py)?;
         let w: Vec<Complex64> = lines.frequencies(&read)?.iter().collect();
-        let width = measured.shape()[1].max(1);
+        let width = measured.shape()[1];
         let measured = c_contiguous("measured", &measured)?.chunks(width);
         let weights = c_contiguous("weights", &weights)?.chunks(width);
         let record = |(measured, weights): (&[Complex64], &[f64])| Record {
@@ -204,7 +200,8 @@ impl Problem {
         Ok(Some((Array1::from_vec(found.residual).into_pyarray(py), jacobian.into_pyarray(py))))
     }
 
-    /// Fits from each row of `starts` (n_starts, p); variables that are not `free` are held where they start.
+    /// Fits from each row of `starts` (n_starts, p), with at most so many `evaluations` (n_starts,) from each; variables
+    /// that are not `free` are held where they start.
     #[allow(clippy::too_many_arguments)]
     fn fit(
         &self,
@@ -212,7 +209,7 @@ impl Problem {
         starts: PyReadonlyArray2<'_, f64>,
         free: PyReadonlyArray1<'_, bool>,
         tolerance: f64,
-        evaluations: usize,
+        evaluations: PyReadonlyArray1<'_, i64>,
         threads: usize,
     ) -> PyResult<Ends> {
         let count = self.problem.count();
@@ -220,9 +217,10 @@ impl Problem {
             return Err(PyValueError::new_err(format!("starts: expected {count} columns")));
         }
         let (starts, free) = (c_contiguous("starts", &starts)?, self.free(&free)?);
-        let stop = Stop { tolerance, evaluations };
-        let ends =
-            detached(py, || self.problem.fit(starts, free, stop, threads))?.map_err(CoreError::from)?;
+        let most = contiguous("evaluations", evaluations.as_slice())?;
+        let most: Vec<usize> = most.iter().map(|&most| usize::try_from(most).unwrap_or(0)).collect();
+        let ends = detached(py, || self.problem.fit(starts, free, tolerance, &most, threads))?
+            .map_err(CoreError::from)?;
         let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
         let size = (count + 1) * (count + 1);
         let mut normal = vec![f64::NAN; ends.len() * size];
