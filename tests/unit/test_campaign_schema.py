@@ -75,3 +75,4 @@ def test_the_documentation_shows_these_tables() -> None:
     assert text.count(begin) == text.count(end) == 1
     shown = text.partition(begin)[2].partition(end)[0]
     assert shown.strip() == field_tables().strip()
+    assert all(row.endswith("|") for row in shown.splitlines() if row.startswith("|"))

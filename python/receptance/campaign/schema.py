@@ -126,7 +126,8 @@ def _block(heading: str, table: dict[str, Any]) -> str:
     required = table.get("required", [])
     for key, field in table["properties"].items():
         needed = "needed" if key in required else ""
-        meaning = field.get("description", "")
+        # A row of a Markdown table is one line.
+        meaning = " ".join(field.get("description", "").split())
         rows.append(f"| `{key}` | {needed} | {_value(field)} | {meaning}{_default(field)} |")
     return "\n".join([f"### {heading}", "", table.get("description", ""), "", *rows])
 
