@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -244,3 +246,21 @@ class TestFiles:
         tmp_path.chmod(0o500)
         with pytest.raises(PermissionError, match="no permission"):
             check_target(tmp_path / "a.txt")
+
+
+def test_progress_in_a_pipe_goes_on_through_a_long_step(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from receptance.cli import running
+
+    monkeypatch.setattr(running, "_QUIET", 0.1)
+
+    def work(say: Callable[[str], None]) -> int:
+        say("step 1 of 2")
+        time.sleep(0.6)
+        return 7
+
+    assert running.with_progress(work) == 7
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) >= 2
+    assert all(re.fullmatch(r"[01] s: step 1 of 2", line) for line in said)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Lock, Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -39,7 +40,9 @@ _PIPE_WIDTH = 132
 _LEAST_WIDTH = 40
 """Columns that every table fits; a narrower terminal wraps the lines itself."""
 _QUIET = 10.0
-"""In a pipe progress is told after so many seconds without a line."""
+"""Seconds without a line after which progress is printed in a pipe."""
+_SOON = 0.05
+"""Least seconds between two looks at how long nothing was printed."""
 _Result = TypeVar("_Result")
 
 Json = Annotated[
@@ -247,25 +250,45 @@ def output(*, stderr: bool = False) -> Console:
     return console
 
 
-def _now_and_then() -> Callable[[str], None]:
-    """Return what prints a line where none was printed for a while, and since when the work goes on."""
+@contextmanager
+def _now_and_then() -> Iterator[Callable[[str], None]]:
+    """Print the latest text and the time since the beginning where nothing was printed for a while."""
     began = last = perf_counter()
+    latest, lock, done = "", Lock(), Event()
 
-    def say(text: str) -> None:
+    def print_if_quiet() -> None:
         nonlocal last
         now = perf_counter()
-        if now - last >= _QUIET:
-            last = now
-            print(f"{now - began:.0f} s: {text}", file=sys.stderr, flush=True)
+        with lock:
+            if latest and now - last >= _QUIET:
+                last = now
+                print(f"{now - began:.0f} s: {latest}", file=sys.stderr, flush=True)
 
-    return say
+    def say(text: str) -> None:
+        nonlocal latest
+        latest = text
+        print_if_quiet()
+
+    def keep_on() -> None:
+        # A step may take minutes.
+        while not done.wait(max(_QUIET, _SOON)):
+            print_if_quiet()
+
+    thread = Thread(target=keep_on, daemon=True)
+    thread.start()
+    try:
+        yield say
+    finally:
+        done.set()
+        thread.join()
 
 
 def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
     """Do long work and show on the standard error what is being done: live on a terminal, else a line now and then."""
     console = Console(stderr=True)
     if not console.is_terminal:
-        return work(_now_and_then())
+        with _now_and_then() as say:
+            return work(say)
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())

@@ -30,8 +30,8 @@ _RINGING = 16
 _CALM = 0.3
 """Of the trigger: what is above this without the ringing is a contact of its own."""
 _SWING = 0.5
-"""Smallest negative force between a contact and a lobe of its ringing, over the lobe's peak. Ringing alternates, and its
-lobes decay; a hammer does not pull."""
+"""Smallest negative force between a contact and a lobe of its ringing, over the lobe's peak: ringing alternates and
+decays, and a hammer does not pull."""
 _FLAT_SAMPLES = 4
 """Equal samples at the extreme that make a flat top."""
 _EXTREME = 0.3
