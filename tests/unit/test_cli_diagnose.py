@@ -208,3 +208,16 @@ def test_mistakes(
     simulated(1.0)
     assert call(monkeypatch, "diagnose", "rods", *options) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "verdict"),
+    [("er32", "unexplained"), ("free-free", "adequate"), ("hammer", "adequate"), ("machine", "undecided")],
+)
+def test_every_packaged_example_is_diagnosed(monkeypatch: pytest.MonkeyPatch, name: str, verdict: str) -> None:
+    """The taper is diagnosed by the study bt50: 26 levels with all causes take many minutes."""
+    assert call(monkeypatch, "example", name, name) == 0
+    assert call(monkeypatch, "diagnose", name, "--json", "found.json") == 0
+    found = json.loads(Path("found.json").read_text(encoding="utf-8"))
+    assert (found["verdict"], found["final"]) == (verdict, True)

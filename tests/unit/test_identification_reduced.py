@@ -203,3 +203,9 @@ def test_a_start_without_a_model_says_why():
     assert run.cost == np.inf
     assert not run.converged
     assert "k_ytheta" in run.message
+
+
+def test_fits_on_fewer_lines_count_among_the_evaluations():
+    frf = simulate(make_assembly(), np.linspace(100.0, 15e3, 8001))
+    found = identify(frf, [*STIFFNESSES, *DASHPOTS], starts=3, max_evaluations=6)
+    assert max(start.evaluations for start in found.starts) <= 7
