@@ -176,7 +176,7 @@ def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.3)
         began = time.perf_counter()
         with pytest.raises(AlarmError):
-            problem.fit(starts, np.array([True, True]), 1e-12, 500, threads)
+            problem.fit(starts, np.array([True, True]), 1e-12, np.full(2000, 500), threads)
         assert time.perf_counter() - began < 1.3
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -118,7 +118,7 @@ def test_too_few_numbers_judge_nothing() -> None:
     verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.adequacy.misfit < 1e-3
     assert "1 degree of freedom is left, fewer than the 3 it takes" in verdict.summary()
-    assert "Nothing can be judged" in verdict.summary()
+    assert "The model cannot be judged" in verdict.summary()
     assert verdict.next_measurement is not None
     # What one degree of freedom is enough to refute is refuted, but no cause is named for it.
     seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
@@ -386,7 +386,7 @@ def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what:
     lines, progress = stopping(what, times)
     verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress)
     assert not verdict.final
-    assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
+    assert verdict.verdict in ("undecided", "suspected", "ambiguous")
     assert len({one.id for one in verdict.candidates}) >= tried
     assert (verdict.candidates == ()) == (tried == 0)
     if tried == 3:
