@@ -21,7 +21,7 @@ from receptance.identification.unknowns import covered
 from receptance.joints import PointJoint, PointMass
 from receptance.materials import Material
 
-__all__ = ["PART_CAUSES", "RESONATOR", "everywhere", "resonances", "with_resonator"]
+__all__ = ["PART_CAUSES", "RESONATOR", "RIGID", "everywhere", "resonances", "with_resonator"]
 
 _SPLIT = 1e-5
 """Distance in m from the tip, or from a place on the tool, at which a part is divided; the parameter moves the step."""
@@ -31,7 +31,7 @@ _ROOM = 1e-3
 """Between places that are nearer to each other than this, in m, no step is looked for."""
 _METAL = 2e11
 """Young's modulus in Pa from which the stiffness of a body is counted, in decades; nine of them are rigid."""
-_RIGID = 2e12
+RIGID = 2e12
 """No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
 _BODY = (0.0005, 0.002)
 """Length and diameter in m of the body of a resonator, so small that a heavy one turns next to nothing."""
@@ -152,7 +152,7 @@ def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         address
         for one in model.observations
         for address in one.assembly.parameters
-        if address.endswith(".youngs_modulus") and one.assembly.get(address) >= _RIGID
+        if address.endswith(".youngs_modulus") and one.assembly.get(address) >= RIGID
     )
     parts = dict.fromkeys(address.split(".")[0] for address in rigid)
     if not parts:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.part_causes import everywhere
+from receptance.diagnosis.part_causes import RIGID, everywhere
 from receptance.identification.priors import Prior
 
 __all__ = ["TOOL_MATERIALS", "ToolMaterial", "tool_material"]
@@ -80,6 +80,8 @@ def _another(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if len(stated) > 1:
         raise UndecidableError("the tool is made of several materials")
     ((modulus, density, ratio),) = stated
+    if modulus > RIGID:
+        raise UndecidableError("the tool is described as rigid; the cause flexible_body gives it a modulus")
     for material in TOOL_MATERIALS:
         wanted = {
             "log_modulus": (math.log(material.youngs_modulus / modulus), material.modulus_scatter),
