@@ -88,7 +88,7 @@ def chain_pairs(lines: int) -> Iterator[Pair]:
     none = [np.empty((0, columns)) for columns in (9, 3, 8)]
     no_parameters = np.empty((0, 3))
 
-    def extension_alone() -> NDArray:
+    def extension_alone() -> Array:
         return _core.Model(0, table, *none).receptance(_core.Lines(complex_w), both, both, no_parameters, 1)[0]
 
     yield Pair(
