@@ -198,15 +198,24 @@ def _on_copies(observed: Sequence[Observation]) -> list[str]:
     """Say which observations hold the same numbers: noise does not repeat itself."""
     advice = []
     names = [one.label or f"observation {i}" for i, one in enumerate(observed)]
-    values = [np.unique(one.receptance if isinstance(one, MeasuredFRF) else one.frequency_hz) for one in observed]
-    for i, first in enumerate(values):
-        for j in range(i):
-            if type(observed[i]) is not type(observed[j]) or not _may_be_one(observed[i], observed[j]):
-                continue
-            same = np.intersect1d(first, values[j], assume_unique=True).size
-            if same > 0.5 * min(first.size, values[j].size):
-                advice.append(
-                    f"{names[j]} and {names[i]} have the same numbers ({same} of {min(first.size, values[j].size)}): a "
-                    "measurement that counts twice makes the standard errors too small; leave one of them out"
-                )
+    pairs = [
+        (i, j)
+        for i in range(len(observed))
+        for j in range(i)
+        if type(observed[i]) is type(observed[j]) and _may_be_one(observed[i], observed[j])
+    ]
+    # Sorting takes longer than a fit of one joint, so only observations that may be the same are sorted.
+    values = {
+        i: np.unique(one.receptance if isinstance(one, MeasuredFRF) else one.frequency_hz)
+        for i, one in enumerate(observed)
+        if any(i in pair for pair in pairs)
+    }
+    for i, j in pairs:
+        same = np.intersect1d(values[i], values[j], assume_unique=True).size
+        least = min(values[i].size, values[j].size)
+        if same > 0.5 * least:
+            advice.append(
+                f"{names[j]} and {names[i]} have the same numbers ({same} of {least}): a measurement that counts twice "
+                "makes the standard errors too small; leave one of them out"
+            )
     return advice

@@ -9,6 +9,7 @@ the whole fit, many starts in one call.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -98,11 +99,15 @@ class JointResidual:
         self._weights = np.ones(self._measured.size)
         if unit == "standard deviations" and frf.standard_deviation is not None:
             self._weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
-        count = len(variables.addresses)
-        # The variables of this problem are the values themselves, without bounds.
+
+    @cached_property
+    def _alone(self) -> _core.Problem:
+        """The receptance alone, as a function of the values of all unknowns; fits do not need it."""
+        count = len(self._variables.addresses)
         limits = np.repeat([[-np.inf], [np.inf]], count, axis=1)
-        self._alone = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)))
-        self.add_to(self._alone)
+        problem = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)))
+        self.add_to(problem)
+        return problem
 
     def add_to(self, problem: _core.Problem) -> None:
         """Add the receptance to a problem of the core with the same variables."""
