@@ -58,8 +58,8 @@ class CheckedStore(LocalStore):
             return None
         wrong = fault(None if found is None else found.to_bytes())
         if wrong:
-            todo = "run the same sweep again with this store, which evaluates the block again"
+            remedy = "run the same sweep again with this store, which evaluates the block again"
             if name not in self._blocked:
-                todo = "remove the store and run the sweep again"
-            raise SweepError(f"{self.root}: the chunk {key} {wrong}; {todo}")
+                remedy = "remove the store and run the sweep again"
+            raise SweepError(f"{self.root}: the chunk {key} {wrong}; {remedy}")
         return found
