@@ -102,7 +102,7 @@ def evidence_figure(verdict: Verdict) -> Any:
     # What is said beside the longest bar needs room.
     figure.update_xaxes(range=[0.0, 1.4 * most])
     figure.add_vline(x=verdict.threshold, line={"color": BEFORE, "dash": "dash", "width": 1.5})
-    figure.update_xaxes(title="evidence (twice the logarithm of odds); dashed: what chance reaches once in a hundred")
+    figure.update_xaxes(title="evidence (twice the logarithm of odds); dashed: reached by chance once in a thousand")
     return _finished(figure, 120 + 26 * len(shown))
 
 
