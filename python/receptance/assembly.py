@@ -331,10 +331,9 @@ class Assembly:
         with interfaces_by_name(flat):
             model = flat.model()
             if at is not None:
-                segments, joints, masses, grounds = flat.tables()
-                joints = joints.copy()
+                joints = flat.tables.joints.copy()
                 joints[row, 2:] = at.columns()
-                model = _core.Model(0, segments, joints, masses, grounds, flat.beside())
+                model = flat.tables._replace(joints=joints).model()
             return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
 
     def _evaluate(

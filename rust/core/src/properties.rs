@@ -15,13 +15,8 @@ fn segment(node: usize, length: f64, diameter: f64, loss_factor: f64) -> [f64; 1
 }
 
 fn model(segments: &[[f64; 14]], joints: &[[f64; 9]]) -> Model {
-    let tables = Tables {
-        segments: segments.as_flattened(),
-        joints: joints.as_flattened(),
-        masses: &[],
-        grounds: &[],
-        overlaps: &[],
-    };
+    let tables =
+        Tables { segments: segments.as_flattened(), joints: joints.as_flattened(), ..Tables::default() };
     Model::new(Motion::Bending, tables).unwrap()
 }
 

@@ -85,7 +85,8 @@ pub(crate) fn expected_frequencies(
 }
 
 fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
-    check_parameters(model, parameters, 0)?;
+    check_parameters(model, parameters)?;
+    check_no_terminals(model)?;
     let model = undamped(model);
     for (row, (_, spring)) in model.joints.iter().enumerate() {
         if !spring.statically_regular(model.motion.degrees()) {
@@ -110,6 +111,16 @@ fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> 
         1 => Search::<1>::new(&model).run(&model, at, parameters),
         _ => Search::<2>::new(&model).run(&model, at, parameters),
     }
+}
+
+/// Refuses what counts and determinants of the pivots do not cover.
+pub(crate) fn check_no_terminals(model: &Model) -> Result<()> {
+    if model.terminals.is_empty() {
+        return Ok(());
+    }
+    let text =
+        "they are counted for beams and joints, not for substructures that are known by their receptance";
+    Err(Error::NaturalFrequency(text.into()))
 }
 
 /// The model without what loses energy.
@@ -314,7 +325,7 @@ fn angular(lines: &[f64]) -> [Complex64; MAX_LANES] {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
+        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
         prepared.follow(&plan);
         Self { prepared, plan }
     }
