@@ -71,9 +71,12 @@ def responses(
 
 
 def modes(
-    flat: Flat, upper: float, rows: NDArray[np.float64], motion: int = 0
+    flat: Flat, upper: float | None, most: int, rows: NDArray[np.float64], motion: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return natural angular frequencies up to a limit, joints at their stated levels, and derivatives `(n, m)`."""
+    """Return the lowest natural angular frequencies, at most so many or up to a limit, and derivatives `(n, m)`.
+
+    Joints in micro-slip are at their stated levels.
+    """
     if flat.terminals:
         raise ValueError(
             "natural frequencies are counted for parts and joints, not for a spindle known by its receptances; take "
@@ -86,7 +89,7 @@ def modes(
             model = flat.tables._replace(joints=joints).model(motion)
         else:
             model = flat.model(motion)
-        angular, slope = model.natural_frequencies(upper, 2**31, asked)
+        angular, slope = model.natural_frequencies(upper, most, asked)
     return angular, slope if weights is None else slope @ weights
 
 

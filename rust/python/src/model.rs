@@ -229,13 +229,13 @@ impl Model {
         Ok((h.into_pyarray(py), dh.into_pyarray(py)))
     }
 
-    /// Undamped natural angular frequencies up to a limit in rad/s, at most `most`, and their derivatives by parameters
-    /// (n_modes, n_parameters).
+    /// The lowest undamped natural angular frequencies, `most` of them or those up to a limit in rad/s if these are fewer,
+    /// and their derivatives by parameters (n_modes, n_parameters).
     #[allow(clippy::type_complexity)]
     fn natural_frequencies<'py>(
         &self,
         py: Python<'py>,
-        upper: f64,
+        upper: Option<f64>,
         most: usize,
         parameters: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
