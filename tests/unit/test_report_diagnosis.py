@@ -26,7 +26,7 @@ from receptance import (
 )
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import curves, residuals_by_mode
-from receptance.report import diagnosis_html, write_diagnosis
+from receptance.diagnosis.report import diagnosis_html, write_diagnosis
 
 SEED = 20261122
 LINES = np.linspace(200.0, 6000.0, 500)

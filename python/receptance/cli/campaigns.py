@@ -204,7 +204,7 @@ def diagnose(
         found = with_progress(lambda say: read.diagnose(causes or None, metrics=wanted, progress=say))
 
     def page() -> str:
-        from receptance.report import diagnosis_html
+        from receptance.diagnosis.report import diagnosis_html
 
         return diagnosis_html(found.verdict, title=read.title)
 

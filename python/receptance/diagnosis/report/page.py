@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from receptance import _files
 from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
+from receptance.diagnosis.report import figures
+from receptance.diagnosis.report.story import story
 from receptance.diagnosis.screening import look_alike
 from receptance.diagnosis.showing import improved, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
-from receptance.report import figures
-from receptance.report.story import story
 
 if TYPE_CHECKING:
     import os
@@ -46,7 +46,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
     from plotly.offline import get_plotlyjs
 
     environment = Environment(
-        loader=PackageLoader("receptance.report", "templates"),
+        loader=PackageLoader("receptance.diagnosis.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
