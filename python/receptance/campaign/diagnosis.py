@@ -138,7 +138,7 @@ def diagnose_campaign(
     from receptance.diagnosis.adequacy import FEWEST
     from receptance.diagnosis.fitting import numbers_of
     from receptance.diagnosis.held_out import improvement
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     if not campaign.unknowns:
         raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")

@@ -200,7 +200,7 @@ def identify_campaign(
     campaign: Campaign, *, threads: int | None = None, progress: Callable[[str], None] | None = None
 ) -> CampaignIdentification:
     """Identify the unknowns of a campaign; see `Campaign.identify`."""
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     say = progress or (lambda _: None)
     seen = campaign.to_identify

@@ -78,7 +78,7 @@ def invert_campaign(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignInversion:
     """Solve for the joints of a campaign on each line; see `Campaign.invert`."""
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     say = progress or (lambda _: None)
     groups = _groups(campaign, joint)

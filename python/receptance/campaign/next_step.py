@@ -75,7 +75,7 @@ def next_of_campaign(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignNext:
     """Rank the candidates of a campaign; see `Campaign.next_measurement`."""
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     if not campaign.candidates:
         raise CampaignError.about(campaign.file, "there is nothing to choose from, expected `candidates`")

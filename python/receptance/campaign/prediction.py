@@ -142,7 +142,7 @@ def what_can_be_predicted(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignPrediction:
     """Predict what a campaign holds out or did not measure, as far as it can be, and say why the rest cannot."""
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     say = progress or (lambda _: None)
     held_out, unmeasured = campaign.held_out, campaign.unmeasured

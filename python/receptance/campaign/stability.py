@@ -149,7 +149,7 @@ def stability_of_campaign(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignStability:
     """Return the stability of the cuts of a campaign; see `Campaign.stability`."""
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     say = progress or (lambda _: None)
     chosen = chosen_cuts(campaign, cuts)

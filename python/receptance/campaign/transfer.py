@@ -88,7 +88,7 @@ def transfer_campaign(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignTransfer:
     """Predict every measured assembly from the others; see `Campaign.transfer`."""
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     if not campaign.unknowns:
         raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")

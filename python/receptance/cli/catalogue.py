@@ -148,7 +148,7 @@ def _read(read: Campaign, *given: Path | None) -> list[Path]:
 def _document(read: Campaign, found: list[Reduced]) -> dict[str, Any]:
     """Return the most flexible mode of each tool as what JSON holds."""
     from receptance.campaign.plain import plain
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
 
     names = ("frequency_hz", "damping_ratio", "dynamic_stiffness")
     tools = [

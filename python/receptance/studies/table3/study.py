@@ -9,7 +9,7 @@ import numpy as np
 
 from receptance.identification import Identification, MeasuredFRF
 from receptance.identification.profiles import Profile
-from receptance.studies._provenance import versions
+from receptance.provenance import versions
 from receptance.studies.table3.candidates import Candidate, Expected, expect, fit_all, half_width_percent
 from receptance.studies.table3.machine import Measuring, VirtualMachine
 from receptance.studies.table3.sets import SetVerdict, judge_sets
