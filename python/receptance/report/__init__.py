@@ -1,0 +1,6 @@
+"""The protocol of results, and their one renderer: terminal, text, HTML and JSON."""
+
+from receptance.report.result import Provenance, Result, Results
+from receptance.report.table import Column, Table
+
+__all__ = ["Column", "Provenance", "Result", "Results", "Table"]
