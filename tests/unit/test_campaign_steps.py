@@ -88,20 +88,20 @@ def test_a_ranking_with_tolerances_propagated_and_fitted(tmp_path):
     text = TEXT.replace('"2500 Hz", "10000 Hz"', f'"{first}", "{second}"') + CANDIDATES
     propagated = load(tmp_path, text + "[settings]\nstarts = 3\n").next_measurement()
     fitted = load(tmp_path, text + '[settings]\nstarts = 3\ntolerances = "fit"\n').next_measurement()
-    assert [one.label for one in propagated.found.ranking] == [one.label for one in fitted.found.ranking]
-    for one, other in zip(propagated.found.ranking, fitted.found.ranking, strict=True):
+    assert [one.label for one in propagated.ranking] == [one.label for one in fitted.ranking]
+    for one, other in zip(propagated.ranking, fitted.ranking, strict=True):
         assert one.shrink == pytest.approx(other.shrink, rel=0.1)
-    assert any("identify takes dimensions as exact" in note for note in propagated.found.notes)
-    assert not any("identify takes" in note for note in fitted.found.notes)
+    assert any("identify takes dimensions as exact" in note for note in propagated.notes)
+    assert not any("identify takes" in note for note in fitted.notes)
 
 
 def test_targets_are_unknowns_and_assemblies(loaded):
     identified = loaded.identify()
     found = loaded.next_measurement(identified, targets=["not_measured", "joint.k_y"])
-    assert found.found.targets == ("not_measured: mode 1 [Hz]", "not_measured: mode 2 [Hz]", "joint.k_y")
+    assert found.targets == ("not_measured: mode 1 [Hz]", "not_measured: mode 2 [Hz]", "joint.k_y")
     # What is to be predicted is best measured; its overhang error is that of the candidate's clamping.
-    assert found.found.best.label == "another overhang"
-    assert found.found.best.expected["not_measured: mode 1 [Hz]"].shrink < 0.2
+    assert found.best.label == "another overhang"
+    assert found.best.expected["not_measured: mode 1 [Hz]"].shrink < 0.2
     with pytest.raises(CampaignError, match=r'the target "joint\.k_z" is not identified and no assembly'):
         loaded.next_measurement(identified, targets=["joint.k_z"])
 

@@ -379,7 +379,7 @@ def test_every_assembly_from_the_others(monkeypatch: pytest.MonkeyPatch, capsys:
     # The same, with the tolerances fitted: readings that are only rounded then decide more than they can.
     settings = read.table.settings.model_copy(update={"tolerances": "fit", "starts": 1})
     fitted = replace(one_tool, table=read.table.model_copy(update={"settings": settings}))
-    assert fitted.transfer().found.inside[1] == 7
+    assert fitted.transfer().inside[1] == 7
 
 
 def test_a_transfer_that_cannot_be(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,6 @@ from receptance.identification import (
     Unknown,
     next_measurement,
 )
-from receptance.report.plain import plain
 from tool_in_holder import LINES, STIFFNESSES, make_assembly
 from tool_in_holder import simulate_modes as modes_of
 from tool_in_machine import clamped, make_machine, measure, tolerances, unknowns
@@ -292,8 +291,8 @@ def test_the_result_itself(in_the_machine):
     again = pickle.loads(pickle.dumps(found))
     assert [one.shrink for one in again.ranking] == [one.shrink for one in found.ranking]
     assert repr(found).startswith("NextMeasurement(free (")
-    assert found.summary().startswith("1. free: deviations to ")
-    written = json.loads(json.dumps(plain(found.as_dict()), allow_nan=False))
+    assert "best: free; deviations to " in found.summary()
+    written = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert written["ranking"][0]["candidate"] == "free"
     assert len(found.plot().axes) == 2
 

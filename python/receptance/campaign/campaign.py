@@ -20,11 +20,9 @@ from receptance.report import Column, Provenance, Table
 if TYPE_CHECKING:
     from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
-    from receptance.campaign.transfer import CampaignTransfer
     from receptance.diagnosis import Cause, Metric, Verdict
-    from receptance.identification import Identification, InverseCouplings
+    from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability
 
 __all__ = ["Campaign"]
@@ -200,7 +198,7 @@ class Campaign:
         targets: Sequence[str] = (),
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignNext:
+    ) -> NextMeasurement:
         """Rank the candidates by how well unknowns or predictions are expected to be known with them.
 
         Parameters
@@ -281,7 +279,7 @@ class Campaign:
         draws: int = 200,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignTransfer:
+    ) -> Transfer:
         """Predict every measured assembly from the others, whatever the roles of the measurements.
 
         Parameters

@@ -145,7 +145,6 @@ def transfer(
     """Predict every measured assembly of a campaign from the others, all splits, compared with what was measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.transfer import print_transfer
 
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
@@ -154,12 +153,9 @@ def transfer(
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.transfer(splits=way, progress=say))
-    if plot is not None and not found.found.modes and not found.found.frfs:
-        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.found.not_predicted)}")
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_transfer(console, found)
-    targets.name(console)
+    if plot is not None and not found.modes and not found.frfs:
+        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
+    targets.show(found)
 
 
 def diagnose(
