@@ -15,12 +15,13 @@ from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
+from receptance.identification.places import Place
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
+    from receptance.campaign.comparison import Prediction
     from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.prediction import CampaignPrediction
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability
@@ -119,6 +120,11 @@ class Campaign:
         """Assemblies without any measurement."""
         measured = {one.assembly for one in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
+
+    def place_of(self, name: str) -> Place:
+        """An assembly with its configuration and conditions, as laws and tolerances need to know it."""
+        conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
+        return Place(self.assemblies[name], name, "", conditions)
 
     def tables(self) -> list[Table]:
         """Return what was measured; the levels of a series in a table of their own."""
@@ -225,7 +231,7 @@ class Campaign:
         *,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignPrediction:
+    ) -> Prediction:
         """Predict what is held out and the assemblies that were not measured.
 
         Parameters

@@ -168,9 +168,6 @@ class Transfer(Result):
         Level of the intervals.
     seed : int
         Of starts and draws.
-    propagated : bool
-        Whether fits take dimensions as exact and their tolerances go through them, as campaigns may; else the errors
-        are fitted.
     campaign_notes : tuple of str
         Notes of the campaign.
     provenance : Provenance
@@ -180,7 +177,6 @@ class Transfer(Result):
     splits: tuple[Split, ...]
     level: float
     seed: int
-    propagated: bool = False
     campaign_notes: tuple[str, ...] = field(default=(), repr=False)
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
@@ -216,7 +212,9 @@ class Transfer(Result):
         return tuple(
             ", ".join(split.held_out)
             for split in self.splits
-            if split.identified is not None and split.identified.known_scatter and split.identified.rms > _MISFIT
+            if split.identified is not None
+            and split.identified.known_scatter
+            and split.identified.rms > _MISFIT * split.identified.noise_factor
         )
 
     @property
@@ -241,11 +239,12 @@ class Transfer(Result):
     def notes(self) -> tuple[str, ...]:
         """Notes of the campaign, of the splits and on the intervals."""
         own = tuple(dict.fromkeys([*self.campaign_notes, *(note for split in self.splits for note in split.notes)]))
-        if self.propagated:
-            return (
-                *own,
-                "every fit takes dimensions and materials as exact; their tolerances widen the intervals, through the "
-                "fit too",
+        factors = [split.identified.noise_factor for split in self.splits if split.identified is not None]
+        raised = [factor for factor in factors if factor > 1.0]
+        if raised:
+            own += (
+                f"in {len(raised)} of {len(self.splits)} splits the residuals contradict the standard deviations, "
+                f"which the fit then takes up to {max(raised):.2g} times as large",
             )
         if not self.narrow:
             return own
@@ -359,9 +358,7 @@ def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
         "fitted": split.fitted,
         "identified": None
         if fit is None
-        else {
-            name: {"value": value, "interval": fit.interval_of_data(name, level)} for name, value in fit.values.items()
-        },
+        else {name: {"value": value, "interval": fit.interval(name, level)} for name, value in fit.values.items()},
         "converged": None if fit is None else fit.converged,
         "rms": None if fit is None else fit.rms,
         "advice": [] if fit is None else fit.advice,
