@@ -168,6 +168,28 @@ def test_tolerances_want_standard_deviations(tmp_path: Path) -> None:
         load(tmp_path, text).identify()
 
 
+def test_data_that_contradict_the_model_do_not_overrule_tolerances(campaign: Campaign) -> None:
+    """Readings stated fifty times too exact: the fit finds their scatter, and errors stay within their tolerances."""
+    rng = np.random.default_rng(SEED)
+    measured = {}
+    for name in campaign.assemblies:
+        true = campaign.assemblies[name].replace(JOINT).natural_frequencies(40e3)[:4]
+        one = campaign.measurements["short"]
+        seen = MeasuredFrequencies(
+            assembly=campaign.assemblies[name], frequency_hz=true * (1.0 + 0.01 * rng.standard_normal(4)),
+            standard_deviation_hz=2e-4 * true, label=name,
+        )  # fmt: skip
+        measured[name] = replace(one, name=name, assembly=name, observation=seen, effects=campaign.effects[name])
+    found = replace(campaign, measurements=measured).identify().fit
+    assert 15.0 < found.noise_factor < 90.0
+    assert found.rms == pytest.approx(found.noise_factor, rel=0.5)
+    assert max(abs(found.values[name]) for name in found.errors) < 2.5
+    for address, value in JOINT.items():
+        low, high = found.interval(address, 0.999)
+        assert low < value < high
+    assert any("does not explain the data" in text for text in found.advice)
+
+
 @pytest.mark.parametrize("mode", ["propagate", "fit"])
 def test_the_removed_setting_says_what_to_delete(tmp_path: Path, mode: str) -> None:
     text = TEXT + f'\n[settings]\ntolerances = "{mode}"\n'

@@ -96,8 +96,8 @@ class Identification(Result):
     known_scatter : bool
         Whether standard deviations were given. If not, the scatter is estimated from the residuals.
     noise_factor : float
-        By how much the fit takes the stated standard deviations larger: above 1 where tolerances are fitted and the
-        residuals are more than twice what the standard deviations explain. `residuals` and `rms` count the stated ones.
+        How many times as large as stated the fit takes the standard deviations: above 1 where tolerances are fitted and
+        the model does not explain the data within both, see `identify`. `residuals` and `rms` count the stated ones.
     converged : bool
         Whether the best start converged.
     advice : list of str

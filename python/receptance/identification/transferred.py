@@ -243,8 +243,8 @@ class Transfer(Result):
         raised = [factor for factor in factors if factor > 1.0]
         if raised:
             own += (
-                f"in {len(raised)} of {len(self.splits)} splits the residuals contradict the standard deviations, "
-                f"which the fit then takes up to {max(raised):.2g} times as large",
+                f"in {len(raised)} of {len(self.splits)} splits the model does not explain the data within standard "
+                f"deviations and tolerances; the fit takes the former up to {max(raised):.2g} times as large",
             )
         if not self.narrow:
             return own
