@@ -21,7 +21,7 @@ from receptance.identification.bands import within
 from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Addresses, Place
-from receptance.identification.priors import PriorResidual
+from receptance.identification.problem import prior_table
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -126,12 +126,13 @@ class Propagation:
         ]
         jacobian = np.vstack([row[0] for row in rows])
         moved = np.vstack([row[1] for row in rows])
-        prior = PriorResidual(fit.unknowns)
-        if prior.size:
-            # What is known beforehand holds against the errors as well.
-            values, variables = np.array(list(fit.values.values())), Variables(fit.unknowns)
-            jacobian = np.vstack([jacobian, prior.evaluate(values, variables.slopes(values))[1]])
-            moved = np.vstack([moved, np.zeros((prior.size, len(self.errors)))])
+        priors = prior_table(fit.unknowns)
+        if len(priors):
+            # Priors oppose the errors as well.
+            rows = np.zeros((len(priors), count))
+            rows[np.arange(len(priors)), priors[:, 0].astype(np.intp)] = priors[:, 1]
+            jacobian = np.vstack([jacobian, rows])
+            moved = np.vstack([moved, np.zeros((len(priors), len(self.errors)))])
         scale = np.linalg.norm(jacobian, axis=0)
         scale = np.where(scale > 0.0, scale, 1.0)
         found, *_ = np.linalg.lstsq(jacobian / scale, -moved, rcond=None)

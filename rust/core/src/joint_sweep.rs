@@ -5,7 +5,7 @@
 //! others are asked for, nor on the number of threads.
 
 use crate::bilinear::{Functions, factors, used};
-use crate::error::{Error, Result};
+use crate::error::{Result, one_a_line, same_length};
 use crate::joint_fit::SPRING_COLUMNS;
 use crate::joint_hoist::{Hoisted, Measured, Source};
 use crate::joint_kernel::{EachLine, Factors, SIDE, Sums};
@@ -87,9 +87,7 @@ impl<'a> JointSweep<'a> {
         misfit: Misfit,
         threads: usize,
     ) -> Result<Vec<f64>> {
-        for (index, length) in [values.len(), weights.len()].into_iter().enumerate() {
-            same_length("measured receptance or weights", index, length, self.lines())?;
-        }
+        one_a_line(values.len(), weights.len(), self.lines())?;
         let (columns, measured) = (used(joints), Measured { values, weights, misfit });
         let hoisted = self.hoisted(&columns, Some(measured), false, threads)?;
         let mut out = vec![0.0; joints.len() / SPRING_COLUMNS];
@@ -177,15 +175,4 @@ impl<'a> JointSweep<'a> {
             threads,
         )
     }
-}
-
-/// That an array has the length it should have.
-///
-/// # Errors
-/// It has not.
-pub(crate) fn same_length(what: &'static str, index: usize, length: usize, expected: usize) -> Result<()> {
-    if length == expected {
-        return Ok(());
-    }
-    Err(Error::Index { what, index, value: length as f64, expected: format!("{expected} values") })
 }

@@ -67,7 +67,7 @@ pub use model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spri
 pub use model_sweep::ModelSweep;
 pub use natural::{NaturalFrequencies, natural_frequencies};
 pub use observed::{Factor, Modelled, Record, Seen};
-pub use problem::{Observation, OfJoint, Prior, Problem, Rows, Variables};
+pub use problem::{Observation, OfJoint, Prior, Problem, Residuals, Rows, Settings, Variables};
 pub use reduction::{Form, JointReduction, reduce_joint};
 pub use request::{Coordinate, Parameter, Request, Response, Terminals};
 pub use response::{instruction_set, receptance};

@@ -3,6 +3,7 @@
 //! The derivatives of the lines stay where they are computed: what leaves a task is A^T A, A = [J | r], over the
 //! entries of the tables that move. How these follow from the fitted variables is applied to the sums.
 
+use crate::error::Result;
 use crate::lane::{C, MAX_LANES, R};
 use crate::observed::{Lines, Modelled, RecordLines};
 use crate::ties::At;
@@ -11,30 +12,13 @@ use pulp::{Arch, Simd, WithSimd};
 
 impl Modelled {
     /// A^T A over the entries, factors and the residual, the upper triangle row by row.
-    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Option<Vec<f64>> {
+    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Result<Option<Vec<f64>>> {
         let arch = Arch::new();
         let parts =
             self.lines(at, threads, |Lines { h, dh, records, .. }| arch.dispatch(Sum { h, dh, records }))?;
         // Added in the order of the lines, whichever thread was first.
-        parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect())
-    }
-}
-
-/// Adds a row of derivatives by the entries and of a residual to a sum over the variables and the residual.
-pub(crate) fn add(row: &[f64], slopes: &[f64], sum: &mut [f64], size: usize) {
-    let Some((residual, entries)) = row.split_last() else { return };
-    let mut whole = vec![0.0; size];
-    // The slopes of factors, which act on receptances alone, follow those of the entries.
-    for (entry, slopes) in entries.iter().zip(slopes.chunks((size - 1).max(1))) {
-        for (into, slope) in whole.iter_mut().zip(slopes) {
-            *into += entry * slope;
-        }
-    }
-    whole[size - 1] = *residual;
-    for (value, into) in whole.iter().zip(sum.chunks_mut(size)).filter(|(value, _)| **value != 0.0) {
-        for (into, other) in into.iter_mut().zip(&whole) {
-            *into += value * other;
-        }
+        let Some(parts) = parts else { return Ok(None) };
+        Ok(parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect()))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Residuals of whole models and their derivatives, row by row.
 
+use crate::error::Result;
 use crate::observed::{Lines, Modelled, Seen};
 use crate::problem::Rows;
 use crate::ties::At;
@@ -11,8 +12,8 @@ impl Modelled {
         moving: &[usize],
         count: usize,
         threads: usize,
-    ) -> Option<Rows> {
-        let Seen::Receptance { w, records, .. } = &self.seen else { return None };
+    ) -> Result<Option<Rows>> {
+        let Seen::Receptance { w, records, .. } = &self.seen else { return Ok(None) };
         let (lines, wide) = (w.len(), moving.len());
         let slopes = picked(at, moving, count);
         let parts = self.lines(at, threads, |Lines { range, h, dh, records }| {
@@ -35,6 +36,7 @@ impl Modelled {
             });
             (range, change, own.collect::<Vec<_>>())
         })?;
+        let Some(parts) = parts else { return Ok(None) };
         let mut rows = Rows {
             residual: vec![0.0; 2 * lines * records.len()],
             jacobian: vec![0.0; 2 * lines * records.len() * wide],
@@ -55,14 +57,20 @@ impl Modelled {
                 }
             }
         }
-        Some(rows)
+        Ok(Some(rows))
     }
 
-    pub(crate) fn rows_of_frequencies(&self, at: &At, moving: &[usize], count: usize) -> Option<Rows> {
+    pub(crate) fn rows_of_frequencies(
+        &self,
+        at: &At,
+        moving: &[usize],
+        count: usize,
+    ) -> Result<Option<Rows>> {
         let slopes = picked(at, moving, count);
+        let Some(found) = self.frequencies(at)? else { return Ok(None) };
         let mut rows = Rows::default();
-        for row in self.frequencies(at)? {
-            let (residual, entries) = row.split_last()?;
+        for row in found {
+            let Some((residual, entries)) = row.split_last() else { continue };
             rows.residual.push(*residual);
             let by = |k: usize| {
                 let steps = entries.iter().enumerate();
@@ -70,7 +78,7 @@ impl Modelled {
             };
             rows.jacobian.extend((0..moving.len()).map(by));
         }
-        Some(rows)
+        Ok(Some(rows))
     }
 }
 

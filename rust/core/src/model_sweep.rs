@@ -1,8 +1,8 @@
 //! Many candidates of any parameters of a model: receptances, magnitudes or misfits of each, threads over candidates.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_a_line, same_length};
 use crate::frequencies::Frequencies;
-use crate::joint_sweep::{Misfit, same_length};
+use crate::joint_sweep::Misfit;
 use crate::lane::{C, MAX_LANES};
 use crate::request::{Coordinate, Request, check};
 use crate::response::Job;
@@ -72,9 +72,7 @@ impl<'a> ModelSweep<'a> {
         misfit: Misfit,
         threads: usize,
     ) -> Result<Vec<f64>> {
-        for (index, length) in [measured.len(), weights.len()].into_iter().enumerate() {
-            same_length("measured receptance or weights", index, length, self.frequencies.len())?;
-        }
+        one_a_line(measured.len(), weights.len(), self.frequencies.len())?;
         let mut out = vec![0.0; self.rows(candidates)?];
         let arch = Arch::new();
         self.each(candidates, &mut out, 1, threads, |found, out| {

@@ -3,6 +3,7 @@
 //! A measured receptance is H(w - i sigma) F with factors F = exp(g - i w tau) (1 + sigma / (i w))^q of the measurement:
 //! a gain, a delay, an exponential window on what was recorded.
 
+use crate::error::{Result, if_any};
 use crate::frequencies::Frequencies;
 use crate::natural::expected_frequencies;
 use crate::request::{ByLine, Coordinate, Parameter, Request, check};
@@ -101,8 +102,8 @@ impl Modelled {
         at: &At,
         threads: usize,
         work: impl Fn(Lines) -> T + Sync,
-    ) -> Option<Vec<T>> {
-        let Seen::Receptance { w, records, response, excitation } = &self.seen else { return None };
+    ) -> Result<Option<Vec<T>>> {
+        let Seen::Receptance { w, records, response, excitation } = &self.seen else { return Ok(None) };
         let factors = Factors::new(at);
         let request = Request {
             excitations: vec![*excitation],
@@ -111,10 +112,12 @@ impl Modelled {
             ..Request::default()
         };
         let shifted: Vec<Complex64> = w.iter().map(|w| w - Complex64::I * factors.decay).collect();
-        let highest = check(&at.model, &Frequencies::complex(&shifted, 1.0), &request).ok()?;
+        let Some(highest) = if_any(check(&at.model, &Frequencies::complex(&shifted, 1.0), &request))? else {
+            return Ok(None);
+        };
         let arch = Arch::new();
         // A free resonance without damping can make the one denominator of a branch zero to the last bit.
-        [true, false].into_iter().find_map(|whole| {
+        for whole in [true, false] {
             let job = Job::<2>::new(&at.model, &request, whole.then_some((highest, w.len())));
             let tasks: Vec<usize> = (0..w.len()).step_by(LINES_PER_TASK).collect();
             let parts = on_threads(threads, tasks, job.a_task_takes(), |start| {
@@ -136,22 +139,27 @@ impl Modelled {
                     })
                     .collect();
                 Some(work(Lines { range, h: &h, dh: &dh, records: &own }))
-            });
-            parts.ok()?.into_iter().collect()
-        })
+            })?;
+            if let Some(parts) = parts.into_iter().collect() {
+                return Ok(Some(parts));
+            }
+        }
+        Ok(None)
     }
 
     /// Weighted derivatives by the entries and weighted residual of each measured mode.
-    pub(crate) fn frequencies(&self, at: &At) -> Option<Vec<Vec<f64>>> {
-        let Seen::Frequencies { modes, measured, weights } = &self.seen else { return None };
-        let found = expected_frequencies(&at.model, modes, measured, &at.entries).ok()?;
+    pub(crate) fn frequencies(&self, at: &At) -> Result<Option<Vec<Vec<f64>>>> {
+        let Seen::Frequencies { modes, measured, weights } = &self.seen else { return Ok(None) };
+        let Some(found) = if_any(expected_frequencies(&at.model, modes, measured, &at.entries))? else {
+            return Ok(None);
+        };
         let count = at.entries.len();
         let row = |(mode, (measured, weight)): (usize, (&f64, &f64))| {
             let slopes = found.derivative[mode * count..(mode + 1) * count].iter();
             let residual = (found.angular[mode] - measured) * weight;
             slopes.map(|slope| slope * weight).chain([residual]).collect()
         };
-        Some(measured.iter().zip(weights).enumerate().map(row).collect())
+        Ok(Some(measured.iter().zip(weights).enumerate().map(row).collect()))
     }
 }
 

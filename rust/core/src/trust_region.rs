@@ -50,7 +50,8 @@ impl<'a> Local<'a> {
             let g = normal[i * size + n];
             let distance = if g < 0.0 { bounds[1][i] - x[i] } else { x[i] - bounds[0][i] };
             // The cosine between column and residual, small where a bound is near that the slope leads to.
-            let room = if distance.is_finite() { distance / (bounds[1][i] - bounds[0][i]) } else { 1.0 };
+            let range = bounds[1][i] - bounds[0][i];
+            let room = if range.is_finite() { distance / range } else { 1.0 };
             if size_of_residual > 0.0 {
                 steepest = steepest.max((g * column).abs() / size_of_residual * room);
             }
