@@ -63,7 +63,9 @@ impl Function {
         let residual = contiguous("residual", residual.as_slice())?.to_vec();
         if jacobian.shape() != [residual.len(), x.len()] {
             let (found, expected) = (jacobian.shape(), [residual.len(), x.len()]);
-            return Err(PyValueError::new_err(format!("jacobian: shape is {found:?}, expected {expected:?}")));
+            return Err(PyValueError::new_err(format!(
+                "jacobian: shape is {found:?}, expected {expected:?}"
+            )));
         }
         Ok(Some(Rows { residual, jacobian: c_contiguous("jacobian", &jacobian)?.to_vec() }))
     }
