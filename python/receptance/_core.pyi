@@ -155,6 +155,7 @@ class Problem:
         points: NDArray[np.float64],
         measured: NDArray[np.complex128],
         weights: NDArray[np.float64],
+        percent: bool = False,
     ) -> None: ...
     def add_frequencies(
         self,

@@ -132,13 +132,21 @@ def recorded() -> Task:
     return Task(observed, Parameters(unknowns, TOLERANCES[:2], places), ("standard deviations",) * 3, threads=1)
 
 
+def percentages() -> Task:
+    """Return a task of magnitudes in percent, in bands, and of natural frequencies."""
+    task = everything()
+    observed = (*task.observed, altered(task.observed[0], label="again"))
+    parameters = Parameters(UNKNOWNS[2:], TOLERANCES, [place_of(one, i) for i, one in enumerate(observed)])
+    return Task(observed, parameters, ("percent",) * 5, bands=[(900.0, 2000.0), (3000.0, 5000.0)], threads=1)
+
+
 def near(task: Task) -> np.ndarray:
     low, high = task.variables.limits
     x = task.variables.start + RNG.normal(scale=0.02, size=task.variables.start.size)
     return np.clip(x, low + 1e-3 * (high - low), high - 1e-3 * (high - low))
 
 
-@pytest.mark.parametrize("made", [everything, recorded])
+@pytest.mark.parametrize("made", [everything, recorded, percentages])
 def test_normal_matrices_are_those_of_the_residuals(made):
     task = made()
     problem = task.problem()
@@ -157,7 +165,7 @@ def test_normal_matrices_are_those_of_the_residuals(made):
         )
 
 
-@pytest.mark.parametrize("made", [everything, recorded])
+@pytest.mark.parametrize("made", [everything, recorded, percentages])
 def test_rows_are_those_of_the_residuals(made):
     task = made()
     problem = task.problem()
@@ -181,9 +189,9 @@ def test_records_of_one_model_share_its_evaluation(monkeypatch):
         def __init__(self, *arguments):
             self.problem = problem_of_the_core(*arguments)
 
-        def add_receptance(self, model, lines, points, measured, weights):
+        def add_receptance(self, model, lines, points, measured, *others):
             records.append(len(measured))
-            self.problem.add_receptance(model, lines, points, measured, weights)
+            self.problem.add_receptance(model, lines, points, measured, *others)
 
         @property
         def lines(self):
@@ -221,6 +229,22 @@ def test_the_optimum_is_that_of_scipy():
     scipy = scipy_fits.fit(found.task, best.variables + 0.01)
     assert best.cost == pytest.approx(scipy.cost, rel=1e-8)
     assert np.max(np.abs(best.variables - scipy.x) / np.sqrt(np.diag(found.covariance))) < 1e-3
+
+
+def test_the_optimum_of_percentages_is_that_of_scipy():
+    """Sums of smoothed absolute values, against SciPy's `soft_l1`."""
+    frfs = [measured(0.05), measured(0.08)]
+    modes = MeasuredFrequencies(assembly=assembled(0.07), frequency_hz=assembled(0.07).natural_frequencies(9e3)[:2])
+    unknowns = [replace(UNKNOWNS[0], prior=None), UNKNOWNS[3]]
+    found = identify([*frfs, modes], unknowns, objective="percentage", starts=2)
+    best = min(found.starts, key=lambda run: run.cost)
+    for smoothing in (0.1, 3.0):
+        end = found.task.problem(smoothing=smoothing).fit_one(best.variables + 0.003, 200)
+        scipy = scipy_fits.fit(found.task, best.variables + 0.003, smoothing)
+        assert end.converged
+        assert end.cost == pytest.approx(scipy.cost, rel=1e-6)
+        assert end.x == pytest.approx(scipy.x, abs=1e-4)
+    assert best.cost == pytest.approx(scipy_fits.fit(found.task, best.variables, 0.1).cost, rel=1e-6)
 
 
 def test_starts_that_are_left_on_the_way_are_told():

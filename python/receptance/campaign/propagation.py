@@ -129,9 +129,9 @@ class Propagation:
         priors = prior_table(fit.unknowns)
         if len(priors):
             # Priors oppose the errors as well.
-            rows = np.zeros((len(priors), count))
-            rows[np.arange(len(priors)), priors[:, 0].astype(np.intp)] = priors[:, 1]
-            jacobian = np.vstack([jacobian, rows])
+            known = np.zeros((len(priors), count))
+            known[np.arange(len(priors)), priors[:, 0].astype(np.intp)] = priors[:, 1]
+            jacobian = np.vstack([jacobian, known])
             moved = np.vstack([moved, np.zeros((len(priors), len(self.errors)))])
         scale = np.linalg.norm(jacobian, axis=0)
         scale = np.where(scale > 0.0, scale, 1.0)

@@ -342,6 +342,7 @@ class _Receptance:
     w: NDArray[np.complex128]
     model: _core.TiedModel
     points: NDArray[np.float64]
+    percent: bool
     indices: list[int] = field(default_factory=list)
     measured: list[NDArray[np.complex128]] = field(default_factory=list)
     weights: list[NDArray[np.float64]] = field(default_factory=list)
@@ -381,33 +382,36 @@ class _Builder:
         """Add the receptances that were collected."""
         for one in self.receptances.values():
             self.core.add_receptance(
-                one.model, _core.Lines(one.w), one.points, np.stack(one.measured), np.stack(one.weights)
+                one.model, _core.Lines(one.w), one.points, np.stack(one.measured), np.stack(one.weights), one.percent
             )
             self.order += one.indices
 
     def _add_receptance(self, index: int, one: Observed, frf: MeasuredFRF) -> bool:
-        if one.unit == "percent" or frf.ends is not None:
+        if frf.ends is not None:
             return False
+        percent = one.unit == "percent"
         select: Any = slice(None) if one.chosen is None else one.chosen
         measured = np.ascontiguousarray(frf.receptance[select])
         weights = np.ones(measured.size)
         if one.unit == "standard deviations" and frf.standard_deviation is not None:
             weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
-        if self._add_reduced(index, one, frf, np.ascontiguousarray(frf.frequency_hz[select]), measured, weights):
+        if not percent and self._add_reduced(
+            index, one, frf, np.ascontiguousarray(frf.frequency_hz[select]), measured, weights
+        ):
             return True
         tied = _tied(one)
         if tied is None:
             return False
         model, addresses, factors = tied
         w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz[select], dtype=np.complex128)
-        key = (w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
+        key = (one.unit.encode(), w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
         if key not in self.receptances:
-            self.receptances[key] = _Receptance(w, model.model(addresses, factors), model.points)
+            self.receptances[key] = _Receptance(w, model.model(addresses, factors), model.points, percent)
         own = self.receptances[key]
         own.indices.append(index)
         own.measured.append(measured)
         own.weights.append(weights)
-        self.sizes[index] = 2 * measured.size
+        self.sizes[index] = measured.size if percent else 2 * measured.size
         return True
 
     def _add_reduced(

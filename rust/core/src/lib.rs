@@ -48,6 +48,6 @@ pub use model::{overlap, section};
 pub use modes::determinant::log_determinant;
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};
 pub use observe::lines::Rows;
-pub use observe::observed::{Modelled, Record, Seen};
+pub use observe::observed::{Measure, Modelled, Record, Seen};
 pub use observe::sweep::ModelSweep;
 pub use observe::ties::{Factor, Rate, Tied};

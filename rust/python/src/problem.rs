@@ -14,8 +14,8 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    End, Error, Modelled, Observation, OfJoint, Prior, Record, Residuals, Rows, SPRING_COLUMNS, Seen,
-    Settings, Variables,
+    End, Error, Measure, Modelled, Observation, OfJoint, Prior, Record, Residuals, Rows, SPRING_COLUMNS,
+    Seen, Settings, Variables,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -140,7 +140,9 @@ impl Problem {
     }
 
     /// Adds receptances between two coordinates (response, excitation) of a model: `measured` and `weights` are
-    /// (n_records, n_freq), records of the same receptance.
+    /// (n_records, n_freq), records of the same receptance. `percent` compares magnitudes, in percent of the measured one.
+    #[pyo3(signature = (model, lines, points, measured, weights, percent=false))]
+    #[allow(clippy::too_many_arguments)]
     fn add_receptance(
         &mut self,
         py: Python<'_>,
@@ -149,6 +151,7 @@ impl Problem {
         points: PyReadonlyArray2<'_, f64>,
         measured: PyReadonlyArray2<'_, Complex64>,
         weights: PyReadonlyArray2<'_, f64>,
+        percent: bool,
     ) -> PyResult<()> {
         if measured.shape() != weights.shape() {
             let (found, expected) = (weights.shape(), measured.shape());
@@ -168,6 +171,7 @@ impl Problem {
             weights: weights.to_vec(),
         };
         let seen = Seen::Receptance {
+            measure: if percent { Measure::Percent } else { Measure::Logarithm },
             w,
             records: measured.zip(weights).map(record).collect(),
             response,

@@ -12,7 +12,7 @@ use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::frequencies::every;
 use crate::observe::joint::Reduced;
 use crate::observe::lines::{Rows, spread};
-use crate::observe::observed::{Modelled, Record, Seen};
+use crate::observe::observed::{Measure, Modelled, Record, Seen};
 use crate::observe::ties::At;
 use crate::threads::on_threads;
 use core::fmt::Debug;
@@ -216,11 +216,12 @@ impl Problem {
         let fewer = |one: &Observation| match one {
             Observation::Whole(Modelled {
                 tied,
-                seen: Seen::Receptance { w, records, response, excitation },
+                seen: Seen::Receptance { measure, w, records, response, excitation },
             }) => {
                 let stride = stride(w.len(), lines);
                 let records = records.iter().map(|record| record.thinned(stride)).collect();
                 let seen = Seen::Receptance {
+                    measure: *measure,
                     w: every(w, stride),
                     records,
                     response: *response,
@@ -252,8 +253,12 @@ impl Problem {
             Observation::Whole(one) => {
                 let Some(at) = one.tied.at(&values, &slopes) else { return Ok(None) };
                 Ok(match one.seen {
-                    Seen::Receptance { .. } => {
+                    Seen::Receptance { measure: Measure::Logarithm, .. } => {
                         one.normal_of_lines(&at, threads)?.map(|sum| Part::Sum(sum, at))
+                    }
+                    Seen::Receptance { measure: Measure::Percent, .. } => {
+                        let every: Vec<usize> = (0..x.len()).collect();
+                        one.rows_of_lines(&at, &every, x.len(), threads)?.map(Part::Given)
                     }
                     Seen::Frequencies { .. } => one.frequencies(&at)?.map(|rows| Part::Rows(rows, at)),
                 })
@@ -455,7 +460,7 @@ impl Observation {
     /// Whether its residuals are complex logarithms.
     fn is_logarithmic(&self) -> bool {
         match self {
-            Self::Whole(one) => matches!(one.seen, Seen::Receptance { .. }),
+            Self::Whole(one) => matches!(one.seen, Seen::Receptance { measure: Measure::Logarithm, .. }),
             Self::Joint(_) => true,
             Self::Given(_) => false,
         }
@@ -577,7 +582,8 @@ mod tests {
         let rates =
             [(5, 0), (2, 1)].map(|(column, address)| Rate { entry: entry(column), address, rate: 1.0 });
         let response = Coordinate { node: 0, direction: 0 };
-        let seen = Seen::Receptance { w, records: vec![record.clone()], response, excitation: response };
+        let (measure, records) = (Measure::Logarithm, vec![record.clone()]);
+        let seen = Seen::Receptance { measure, w, records, response, excitation: response };
         let tied = Tied::new(Motion::Bending, tables, &rates, &[BAR[5], BAR[2]], ADDRESSES.to_vec(), 2);
         let priors = vec![Prior { variable: 1, scale: 1.0, offset: 0.0 }];
         let mut problem = Problem::new(variables(), priors, None).unwrap();
@@ -710,7 +716,8 @@ mod tests {
         let addresses = vec![0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
         let tied = Tied::new(Motion::Bending, tables, &rates, &[1e5, 1e8], addresses, 2).unwrap();
         let records = vec![record.clone()];
-        let seen = Seen::Receptance { w: w.clone(), records, response: tip, excitation: tip };
+        let measure = Measure::Logarithm;
+        let seen = Seen::Receptance { measure, w: w.clone(), records, response: tip, excitation: tip };
         let mut whole = Problem::new(variables(), priors(), None).unwrap();
         whole.add(Observation::Whole(Modelled { tied: Arc::new(tied), seen })).unwrap();
         let x = [5.1, 1.3e8];

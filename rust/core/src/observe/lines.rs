@@ -4,7 +4,7 @@
 //! entries of the tables that move. How these follow from the fitted variables is applied to the sums.
 
 use crate::error::Result;
-use crate::observe::observed::{Lines, Modelled, RecordLines, Seen};
+use crate::observe::observed::{Lines, Measure, Modelled, RecordLines, Seen};
 use crate::observe::ties::At;
 use crate::simd::lane::{C, MAX_LANES, R};
 use num_complex::Complex64;
@@ -14,7 +14,7 @@ use pulp::{Arch, Simd, WithSimd};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
     /// Observation after observation, record after record: all real parts of the logarithm, then all imaginary
-    /// parts, or calculated less measured frequencies. Priors come last.
+    /// parts, or percentages, or calculated less measured frequencies. Priors come last.
     pub residual: Vec<f64>,
     /// `(residuals, free variables)`.
     pub jacobian: Vec<f64>,
@@ -28,7 +28,7 @@ impl Modelled {
         count: usize,
         threads: usize,
     ) -> Result<Option<Rows>> {
-        let Seen::Receptance { w, records, .. } = &self.seen else { return Ok(None) };
+        let Seen::Receptance { w, records, measure, .. } = &self.seen else { return Ok(None) };
         let (lines, wide) = (w.len(), moving.len());
         let slopes = picked(at, moving, count);
         let parts = self.lines(at, threads, |Lines { range, h, dh, records }| {
@@ -47,23 +47,30 @@ impl Modelled {
             }
             let own = records.iter().map(|record| {
                 let log = record.measured.iter().zip(h).map(|(measured, h)| (measured / h).ln());
-                log.zip(record.weights).map(|(log, weight)| log * weight).collect::<Vec<_>>()
+                log.collect::<Vec<_>>()
             });
             (range, change, own.collect::<Vec<_>>())
         })?;
         let Some(parts) = parts else { return Ok(None) };
-        let mut rows = Rows {
-            residual: vec![0.0; 2 * lines * records.len()],
-            jacobian: vec![0.0; 2 * lines * records.len() * wide],
+        let numbers = match measure {
+            Measure::Logarithm => 2,
+            Measure::Percent => 1,
         };
+        let count = numbers * lines * records.len();
+        let mut rows = Rows { residual: vec![0.0; count], jacobian: vec![0.0; count * wide] };
         for (range, change, own) in parts {
-            for (n, (record, residual)) in records.iter().zip(own).enumerate() {
-                for (line, residual) in range.clone().zip(residual) {
-                    let weight = record.weights[line];
+            for (n, (record, logarithms)) in records.iter().zip(own).enumerate() {
+                for (line, log) in range.clone().zip(logarithms) {
                     let from = (line - range.start) * wide;
-                    for (part, value) in [residual.re, residual.im].into_iter().enumerate() {
-                        let row = (2 * n + part) * lines + line;
-                        rows.residual[row] = value;
+                    // With q the ratio of the magnitudes, 100 (q - 1) changes by -100 q times the logarithm's change.
+                    let percent = 100.0 * (-log.re).exp();
+                    let (values, weight) = match measure {
+                        Measure::Logarithm => ([log.re, log.im], record.weights[line]),
+                        Measure::Percent => ([100.0 / percent - 1.0, 0.0], -percent * record.weights[line]),
+                    };
+                    for (part, value) in values.into_iter().take(numbers).enumerate() {
+                        let row = (numbers * n + part) * lines + line;
+                        rows.residual[row] = value * weight;
                         let into = rows.jacobian[row * wide..(row + 1) * wide].iter_mut();
                         for (into, change) in into.zip(&change[part][from..from + wide]) {
                             *into = change * weight;

@@ -31,11 +31,22 @@ pub(crate) struct RecordLines<'a> {
     pub weights: &'a [f64],
 }
 
+/// The residual of a receptance on a line.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// The weighted complex logarithm of measured over calculated receptance.
+    Logarithm,
+    /// By how many percent the calculated magnitude is larger than the measured one, weighted.
+    Percent,
+}
+
 /// What was measured of a model.
 #[derive(Clone, Debug)]
 pub enum Seen {
     /// A receptance on lines w in rad/s, measured once or several times.
     Receptance {
+        /// How calculated and measured values are compared.
+        measure: Measure,
         /// Lines.
         w: Vec<Complex64>,
         /// What was measured on them.
@@ -92,7 +103,7 @@ impl Modelled {
         threads: usize,
         work: impl Fn(Lines) -> T + Sync,
     ) -> Result<Option<Vec<T>>> {
-        let Seen::Receptance { w, records, response, excitation } = &self.seen else { return Ok(None) };
+        let Seen::Receptance { w, records, response, excitation, .. } = &self.seen else { return Ok(None) };
         let factors = Factors::new(at);
         let request = Request {
             excitations: vec![*excitation],
