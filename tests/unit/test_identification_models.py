@@ -25,7 +25,7 @@ from receptance import (
     _core,
     _ties,
 )
-from receptance.identification import Law, Power, Prior, Tolerance, identify
+from receptance.identification import Law, Power, Prior, Tolerance, complex_frequencies, identify
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
@@ -76,6 +76,11 @@ UNKNOWNS = [
     Unknown(address="joint.k_ytheta", lower=-1e6, upper=1e6),
     Unknown(address="joint.c_theta", lower=1e-2, upper=1e2),
     Unknown(address="sensor.mass", lower=1e-4, upper=1e-1),
+]
+JOINT = [
+    Unknown(address="joint.k_y", lower=1e7, upper=1e10, start=5e8),
+    Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=9e4),
+    Unknown(address="joint.c_theta", lower=1e-1, upper=1e2, start=1.5),
 ]
 TOLERANCES = [
     Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True),
@@ -229,6 +234,42 @@ def test_the_optimum_is_that_of_scipy():
     scipy = scipy_fits.fit(found.task, best.variables + 0.01)
     assert best.cost == pytest.approx(scipy.cost, rel=1e-8)
     assert np.max(np.abs(best.variables - scipy.x) / np.sqrt(np.diag(found.covariance))) < 1e-3
+
+
+def damped() -> Task:
+    """Return a task of natural frequencies with damping ratios."""
+    assembly = assembled(0.07)
+    poles, _ = complex_frequencies(assembly, assembly.natural_frequencies(9e3)[:3])
+    modes = MeasuredFrequencies(
+        assembly=assembly,
+        frequency_hz=np.abs(poles) * [1.001, 0.999, 1.0005],
+        standard_deviation_hz=2.0,
+        damping_ratio=poles.imag / np.abs(poles) * [1.02, 0.99, 1.01],
+        standard_deviation_damping=1e-4,
+    )
+    return scipy_fits.task_of(modes, JOINT[1:], "standard deviations")
+
+
+def truncated() -> Task:
+    """Return a task of a record that ends early."""
+    one = altered(measured(0.06, LINES[::5]), ends=0.1)
+    return scipy_fits.task_of(one, JOINT, "standard deviations", TOLERANCES[:1])
+
+
+def alone() -> Task:
+    """Return a task of one joint, to which the model is reduced."""
+    return scipy_fits.task_of([measured(0.06), measured(0.08)], JOINT, "standard deviations")
+
+
+@pytest.mark.parametrize("made", [everything, recorded, damped, truncated, alone])
+def test_fits_end_where_those_of_scipy_do(made):
+    task = made()
+    start = task.variables.start
+    end, scipy = task.problem().fit_one(start, 400), scipy_fits.fit(task, start)
+    assert end.converged
+    assert end.cost == pytest.approx(scipy.cost, rel=1e-6)
+    errors = 1.0 / np.linalg.svd(scipy_fits.residual_and_jacobian(task, scipy.x)[1], compute_uv=False)[-1]
+    assert np.linalg.norm(end.x - scipy.x) < 0.01 * errors
 
 
 def test_the_optimum_of_percentages_is_that_of_scipy():

@@ -85,40 +85,37 @@ def fit_direct(
     begun : sequence of End, optional
         Ends of an easier problem at which the fits begin instead.
     """
-    before = np.zeros(len(starts), dtype=np.int64)
-    at = np.array(starts)
+    spent, at = np.zeros(len(starts), dtype=np.int64), np.array(starts)
     if begun is not None:
-        before, at = _continued(begun, at)
+        spent, at = _continued(begun, at)
     few = problem.thinned(_FEW)
-    leaders, owners = list(range(len(starts))), {i: i for i in range(len(starts))}
-    ways: Sequence[End] | None = None
+    first: list[End] = []
+    owners = {i: i for i in range(len(starts))}
     if few is not None:
-        ways = few.fit(at, np.maximum(most - before, 1), tolerance=max(tolerance, _ROUGH))
-        more, at = _continued(ways, at)
-        before = before + more
+        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _ROUGH))
+        more, at = _continued(first, at)
+        spent = spent + more
         problem.evaluations += few.evaluations
-        leaders, owners = _leaders(ways, problem.variables.limits)
-    left = np.maximum(most - before[leaders], 1)
-    ends = dict(zip(leaders, problem.fit(at[leaders], left, tolerance=tolerance), strict=True)) if leaders else {}
+        owners = _owners(first, problem.variables.limits)
+    leaders = list(dict.fromkeys(owners.values()))
+    ends = problem.fit(at[leaders], np.maximum(most - spent[leaders], 1), tolerance=tolerance) if leaders else []
+    last = dict(zip(leaders, ends, strict=True))
     runs = []
     for i, start in enumerate(starts):
         owner = owners.get(i)
-        if owner is not None:
-            end, message = ends[owner], ends[owner].message
-        elif ways is not None and np.isfinite(ways[i].cost):
-            there = problem.normal(ways[i].x)
-            end = ways[i]._replace(cost=np.inf if there is None else there.cost)
+        end = first[i] if owner is None else last[owner]
+        cost, message = end.cost, end.message
+        if owner is None and np.isfinite(cost):
+            there = problem.normal(end.x)
+            cost = np.inf if there is None else there.cost
             message = "left on fewer lines, where other starts fit better"
-        else:
-            assert ways is not None, "without a first stage every start has an end of its own"
-            end, message = ways[i], ""
         runs.append(
             Start(
                 start=problem.named(start),
                 values=problem.named(end.x),
                 variables=end.x,
-                cost=end.cost,
-                evaluations=max(int(before[i]) + (ends[i].evaluations if i in ends else 0), 1),
+                cost=cost,
+                evaluations=max(int(spent[i]) + (last[i].evaluations if i in last else 0), 1),
                 converged=owner is not None and end.converged,
                 message=problem.reason(end.x) if end.status < 0 else message,
             )
@@ -127,13 +124,13 @@ def fit_direct(
 
 
 def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the evaluations of fits, and where to go on: at their ends, or at the starts that have no value."""
+    """Return the evaluations of fits, and where the next ones begin: at their ends, or at starts without a value."""
     found = np.array([end.x if np.isfinite(end.cost) else x for end, x in zip(ends, starts, strict=True)])
     return np.array([end.evaluations for end in ends], dtype=np.int64), found.reshape(starts.shape)
 
 
-def _leaders(ends: Sequence[End], limits: NDArray[np.float64]) -> tuple[list[int], dict[int, int]]:
-    """Return which ends go on, and for every start that ended at one of them, which."""
+def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
+    """Return for every end that is fitted further the first and best of those at the same place, itself included."""
     leaders: list[int] = []
     owners: dict[int, int] = {}
     order = sorted((i for i, end in enumerate(ends) if np.isfinite(end.cost)), key=lambda i: ends[i].cost)
@@ -144,7 +141,7 @@ def _leaders(ends: Sequence[End], limits: NDArray[np.float64]) -> tuple[list[int
         elif len(leaders) < _KEPT and ends[i].cost <= _WORSE * ends[order[0]].cost:
             leaders.append(i)
             owners[i] = i
-    return leaders, owners
+    return owners
 
 
 def fit_staged(
