@@ -13,7 +13,7 @@ from receptance.identification.inversion import invert_coupling
 from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.prediction import PredictedReceptance
+from receptance.identification.prediction import PredictedReceptance, Scatter
 from receptance.identification.result import Identification, Start
 from receptance.identification.transfer import transfer
 from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
@@ -37,6 +37,7 @@ __all__ = [
     "Prior",
     "RankedCandidate",
     "ReceptanceTarget",
+    "Scatter",
     "Split",
     "Start",
     "Tolerance",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from receptance import _checks, _core
+from receptance._evaluation import by_line
 from receptance._ties import Tied, tie
 from receptance.errors import ReceptanceError
 from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
@@ -343,6 +344,7 @@ class _Receptance:
     model: _core.TiedModel
     points: NDArray[np.float64]
     percent: bool
+    by_line: _core.ByLine | None
     indices: list[int] = field(default_factory=list)
     measured: list[NDArray[np.complex128]] = field(default_factory=list)
     weights: list[NDArray[np.float64]] = field(default_factory=list)
@@ -382,7 +384,13 @@ class _Builder:
         """Add the receptances that were collected."""
         for one in self.receptances.values():
             self.core.add_receptance(
-                one.model, _core.Lines(one.w), one.points, np.stack(one.measured), np.stack(one.weights), one.percent
+                one.model,
+                _core.Lines(one.w),
+                one.points,
+                np.stack(one.measured),
+                np.stack(one.weights),
+                one.percent,
+                one.by_line,
             )
             self.order += one.indices
 
@@ -404,9 +412,13 @@ class _Builder:
             return False
         model, addresses, factors = tied
         w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz[select], dtype=np.complex128)
+        try:
+            tables = by_line(model.flat, w / math.tau)
+        except ValueError:
+            return False
         key = (one.unit.encode(), w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
         if key not in self.receptances:
-            self.receptances[key] = _Receptance(w, model.model(addresses, factors), model.points, percent)
+            self.receptances[key] = _Receptance(w, model.model(addresses, factors), model.points, percent, tables)
         own = self.receptances[key]
         own.indices.append(index)
         own.measured.append(measured)
