@@ -15,7 +15,7 @@ from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
-from receptance.identification.places import Place
+from receptance.identification.mapping import Place
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:

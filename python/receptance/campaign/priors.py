@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from receptance.campaign.deviations import parse_share
 from receptance.campaign.quantities import Kind, parse, shown
-from receptance.identification.priors import Prior
+from receptance.identification.unknowns import Prior
 
 if TYPE_CHECKING:
     from receptance.campaign.measurement_models import PriorTable

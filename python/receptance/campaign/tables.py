@@ -9,8 +9,7 @@ from receptance.beams import Part, Section, Segment
 from receptance.campaign.addresses import FIELDS, SPRING_FIELDS, kind_of
 from receptance.campaign.quantities import KINDS, Kind
 from receptance.identification.laws import Law, Move
-from receptance.identification.priors import Prior
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Prior, Unknown
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import Material
 from receptance.modal_parts import ModalPart, Mode

@@ -21,7 +21,7 @@ from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.tolerances import Effects, assembly_effects
 from receptance.campaign.workshop import Workshop, expected
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
-from receptance.identification.places import Place
+from receptance.identification.mapping import Place
 from receptance.modal_parts import ModalPart
 from receptance.terminals import MeasuredPart
 

@@ -61,7 +61,7 @@ def log_evidence(found: Identification) -> float:
     """
     if not found.known_scatter:
         raise ValueError("evidence needs standard deviations: give the observations them, and the objective 'log'")
-    problem = found.task.quick(found.task.problem())
+    problem = found.task.problem()
     x = problem.variables.from_values(np.array(list(found.values.values())))
     residual = problem.residual(x)
     total = -0.5 * float(residual @ residual)

@@ -1,10 +1,12 @@
-"""The staged fit: natural frequencies first, then broad resonances, then the data as they are.
+"""From starts to optima: straight into the problem, or by way of easier problems.
+
+A direct fit runs from every start on some of the lines first; the best different ends go on to all lines.
 
 The squared log residual of a lightly damped receptance has a narrow valley: a start whose resonances are off by more
-than their width slides into another one. So every start is led through problems that are easier and easier to miss:
-the peaks as natural frequencies, the receptance with damping added to data and model alike (`smearing`) and taken down
-step by step, and only then the whitened complex log residual itself. The early stages see few lines and take
-tolerances as exact; whatever they end in is only a start.
+than their width leads to another optimum. A staged fit therefore goes through problems with broader valleys: the peaks
+as natural frequencies, the receptance with damping added to data and model alike (`smearing`) and reduced step by step,
+and only then the whitened complex log residual itself. The early stages use few lines and exact dimensions and
+materials; their ends are starts of the problem itself.
 """
 
 from __future__ import annotations
@@ -15,8 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.identification.minimise import minimise
-from receptance.identification.models import ModelledProblem
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.identification.result import Start
 from receptance.identification.smearing import smeared
@@ -24,11 +24,17 @@ from receptance.identification.smearing import smeared
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import Problem
+    from receptance.identification.problem import End, Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["fit_staged"]
+__all__ = ["different_ends", "fit_direct", "fit_staged"]
 
+_FEW = 400
+"""Lines of each receptance in the first stage of a direct fit."""
+_ROUGH = 1e-4
+"""Tolerance of that stage."""
+_WORSE = 2.0
+"""Ends of that stage with more than this many times the least cost are left there."""
 _WIDTHS = (0.3, 0.1, 0.03, 0.01)
 """Relative widths of the resonances, step by step."""
 _STIFFNESS = 2
@@ -38,7 +44,7 @@ _LINES = 80
 _MORE = 15
 """Starts that are drawn besides each given one."""
 _KEPT = 4
-"""How many different ends go on to the data as they are."""
+"""How many different ends go on to all lines."""
 _SOME = 60
 """Evaluations on all lines, after which the best ends go on."""
 _AHEAD = 3
@@ -55,8 +61,87 @@ _EASY = 1e-4
 """Tolerance of an early stage."""
 _LOSS = 0.02
 """Loss factor that dampings are set to before they are found."""
+_LEAST = 1e-6
+"""Decrease of the cost that is not worth another step."""
 _PEAK = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
+
+
+def fit_direct(
+    problem: Problem, starts: NDArray[np.float64], most: int, tolerance: float, begun: Sequence[End] | None = None
+) -> list[Start]:
+    """Return the ends of all starts: on some of the lines first, the best different ones on all.
+
+    Parameters
+    ----------
+    problem : Problem
+        The residuals.
+    starts : ndarray
+        `(n, p)`.
+    most : int
+        Most evaluations from each start.
+    tolerance : float
+        Relative change of the cost and of the variables at which a fit has converged.
+    begun : sequence of End, optional
+        Ends of an easier problem at which the fits begin instead.
+    """
+    spent, at = np.zeros(len(starts), dtype=np.int64), np.array(starts)
+    if begun is not None:
+        spent, at = _continued(begun, at)
+    few = problem.thinned(_FEW)
+    first: list[End] = []
+    owners = {i: i for i in range(len(starts))}
+    if few is not None:
+        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _ROUGH))
+        more, at = _continued(first, at)
+        spent = spent + more
+        problem.evaluations += few.evaluations
+        owners = _owners(first, problem.variables.limits)
+    leaders = list(dict.fromkeys(owners.values()))
+    ends = problem.fit(at[leaders], np.maximum(most - spent[leaders], 1), tolerance=tolerance) if leaders else []
+    last = dict(zip(leaders, ends, strict=True))
+    runs = []
+    for i, start in enumerate(starts):
+        owner = owners.get(i)
+        end = first[i] if owner is None else last[owner]
+        cost, message = end.cost, end.message
+        if owner is None and np.isfinite(cost):
+            there = problem.normal(end.x)
+            cost = np.inf if there is None else there.cost
+            message = "left on fewer lines, where other starts fit better"
+        runs.append(
+            Start(
+                start=problem.named(start),
+                values=problem.named(end.x),
+                variables=end.x,
+                cost=cost,
+                evaluations=max(int(spent[i]) + (last[i].evaluations if i in last else 0), 1),
+                converged=owner is not None and end.converged,
+                message=problem.reason(end.x) if end.status < 0 else message,
+            )
+        )
+    return runs
+
+
+def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the evaluations of fits, and where the next ones begin: at their ends, or at starts without a value."""
+    found = np.array([end.x if np.isfinite(end.cost) else x for end, x in zip(ends, starts, strict=True)])
+    return np.array([end.evaluations for end in ends], dtype=np.int64), found.reshape(starts.shape)
+
+
+def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
+    """Return for every end that is fitted further the first and best of those at the same place, itself included."""
+    leaders: list[int] = []
+    owners: dict[int, int] = {}
+    order = sorted((i for i, end in enumerate(ends) if np.isfinite(end.cost)), key=lambda i: ends[i].cost)
+    for i in order:
+        near = [j for j in leaders if np.max(np.abs(ends[i].x - ends[j].x) / (limits[1] - limits[0])) <= _NEAR]
+        if near:
+            owners[i] = near[0]
+        elif len(leaders) < _KEPT and ends[i].cost <= _WORSE * ends[order[0]].cost:
+            leaders.append(i)
+            owners[i] = i
+    return owners
 
 
 def fit_staged(
@@ -75,10 +160,10 @@ def fit_staged(
     for own, x in enumerate(starts):
         ends = [(cost[i], way[i]) for way, cost in zip(ways, costs, strict=True) for i in (own, *shared)]
         before = problem.evaluations
-        chosen = np.array([end for _, end in _different(ends, task, 2 * _KEPT)]).reshape(-1, count)
+        chosen = np.array([end for _, end in different_ends(ends, task, 2 * _KEPT)]).reshape(-1, count)
         errors = task.variables.start[count:]
-        wholes = [np.append(end, errors) for _, end in _different(ladder.descend(chosen), task, _KEPT)]
-        wholes += [end for _, end in _different(ladder.descend_with_errors(chosen, errors), task, _KEPT)]
+        wholes = [np.append(end, errors) for _, end in different_ends(ladder.descend(chosen), task, _KEPT)]
+        wholes += [end for _, end in different_ends(ladder.descend_with_errors(chosen, errors), task, _KEPT)]
         runs.append(_one(problem, x, wholes, before, most, tolerance))
     return runs
 
@@ -178,21 +263,13 @@ def _ends(
     tolerance: float,
     free: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where fits end, and their cost: in the core if it knows the models."""
-    if not len(starts) or (free is not None and not free.any()):
-        costs = [stage.normal(x) for x in starts]
-        return starts, np.array([np.inf if cost is None else cost.cost for cost in costs])
-    if isinstance(stage, ModelledProblem):
-        ends = stage.models.fit(starts, most, tolerance, free)
-        return np.array([end.x for end in ends]), np.array([end.cost for end in ends])
-    found = [minimise(stage, x, free=free, most=most, least=10.0 * tolerance) for x in starts]
-    return np.array([end.x for end in found]), np.array([end.cost for end in found])
+    """Return the ends of fits and their cost."""
+    ends = stage.fit(starts, most, tolerance=tolerance, free=free)
+    return np.array([end.x for end in ends]).reshape(starts.shape), np.array([end.cost for end in ends])
 
 
 def _with(task: Task, observed: Sequence[Observation]) -> Problem:
-    other = task.on(observed, ["standard deviations"] * len(observed))
-    whole = other.problem()
-    return other.modelled(whole) or other.quick(whole)
+    return task.on(observed, ["standard deviations"] * len(observed)).problem()
 
 
 def _peaks(task: Task) -> Problem | None:
@@ -234,7 +311,7 @@ def _one(
 ) -> Start:
     """Return the best end of the problem itself that the easier ones led a start to."""
     first = problem.named(start)
-    runs = problem.fit_all(np.array(_ahead(problem, wholes)), most, tolerance) if wholes else []
+    runs = fit_direct(problem, np.array(_ahead(problem, wholes)), most, tolerance) if wholes else []
     runs = sorted(runs, key=lambda run: run.cost)[:_FINISHED]
     runs = [run if run.converged or not np.isfinite(run.cost) else _finished(problem, run, most) for run in runs]
     best = min(runs, key=lambda run: run.cost, default=None)
@@ -246,15 +323,13 @@ def _one(
             cost=np.inf,
             evaluations=problem.evaluations - before,
             converged=False,
-            message=problem.reason or "the model has no value there",
+            message=problem.reason(start),
         )
     return replace(best, start=first, evaluations=problem.evaluations - before)
 
 
 def _ahead(problem: Problem, wholes: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """Return the ends that are best after some steps on all lines, where there are many."""
-    if not isinstance(problem, ModelledProblem):
-        return wholes
     there, cost = _ends(problem, np.array(wholes), _SOME, _EASY)
     order = np.argsort(cost)[:_AHEAD]
     return [there[i] for i in order if np.isfinite(cost[i])] or wholes[:1]
@@ -266,24 +341,15 @@ def _finished(problem: Problem, run: Start, most: int) -> Start:
     Along a bent narrow valley, stiffness against coupling, the trust region creeps, most of all where an error was
     thrown far off on the way; steps from the normal matrix with bounds left out of it are longer there.
     """
-    end = minimise(problem, run.variables, most=_LONGER * most)
+    end = problem.fit_one(run.variables, _LONGER * most, least=_LEAST)
     if not end.cost < run.cost:
         return run
-    message = "no step promises anything more" if end.converged else run.message
+    message = end.message if end.converged else run.message
     values = problem.named(end.x)
     return replace(run, variables=end.x, values=values, cost=end.cost, converged=end.converged, message=message)
 
 
-def _feasible(stage: Problem, x: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return a start at which the model has a value: what may have either sign goes back to its own start."""
-    if np.isfinite(stage.residual(x)).all():
-        return x
-    variables = stage.variables
-    other = np.where(variables.logarithmic, x, variables.start)
-    return other if np.isfinite(stage.residual(other)).all() else None
-
-
-def _different(
+def different_ends(
     ends: Sequence[tuple[float, NDArray[np.float64]]], task: Task, most: int
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Return the best ends that are different ones."""
@@ -296,18 +362,3 @@ def _different(
         if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _NEAR for _, other in kept):
             kept.append((cost, x))
     return kept
-
-
-def dense_reference(task: Task, problem: Problem, starts: int, seed: int) -> float:
-    """Return the least cost from many starts over all bounds, straight into the problem: what a fit is held to.
-
-    Dimensions and materials are exact first, as in the early stages, and then free from every different end.
-    """
-    exact = task.without_errors()
-    bare = exact.problem()
-    quick = exact.quick(bare)
-    begun = [x for x in (_feasible(quick, x) for x in exact.variables.draw(starts, seed)) if x is not None]
-    ends = [(run.cost, run.variables) for run in quick.fit_all(np.array(begun), 200, 1e-6)] if begun else []
-    count = task.parameters.count
-    wholes = [np.append(x, task.variables.start[count:]) for _, x in _different(ends, task, starts)[:8]]
-    return min((run.cost for run in problem.fit_all(np.array(wholes), 200, 1e-8)), default=np.inf) if wholes else np.inf
