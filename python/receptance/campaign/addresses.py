@@ -5,76 +5,72 @@ from __future__ import annotations
 import re
 from typing import Any, Literal
 
-from receptance.campaign.quantities import KINDS, Kind, parse, shown
-from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance import units
+from receptance._text import did_you_mean, one_of, shown
+from receptance.units import Quantity, parse
 
 __all__ = ["FIELDS", "SPRING_FIELDS", "kind_of", "parse_position", "value_at"]
 
 _SPRING = {
-    "k_y": "a stiffness",
-    "k_theta": "a rotational stiffness",
-    "k_ytheta": "a coupling stiffness",
-    "c_y": "a damping",
-    "c_theta": "a rotational damping",
-    "c_ytheta": "a coupling damping",
-    "loss_factor": "a loss factor",
+    "k_y": units.STIFFNESS,
+    "k_theta": units.ROTATIONAL_STIFFNESS,
+    "k_ytheta": units.COUPLING_STIFFNESS,
+    "c_y": units.DAMPING,
+    "c_theta": units.ROTATIONAL_DAMPING,
+    "c_ytheta": units.COUPLING_DAMPING,
+    "loss_factor": units.LOSS_FACTOR,
 }
 SPRING_FIELDS = tuple(_SPRING)
 _SLIP = {
-    "slip_y": "a share",
-    "slip_theta": "a share",
-    "exponent": "an exponent",
-    "level": "a level",
-    "reference_y": "an amplitude",
-    "reference_theta": "an angle",
+    "slip_y": units.SHARE,
+    "slip_theta": units.SHARE,
+    "exponent": units.EXPONENT,
+    "level": units.LEVEL,
+    "reference_y": units.AMPLITUDE,
+    "reference_theta": units.ANGLE,
 }
-_SEGMENT = {"length": "a length", "outer_diameter": "a length", "inner_diameter": "a length or zero"}
+_SEGMENT = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
 _MATERIAL = {
-    "youngs_modulus": "a modulus",
-    "density": "a density",
-    "poisson_ratio": "a Poisson's ratio",
-    "loss_factor": "a loss factor",
+    "youngs_modulus": units.MODULUS,
+    "density": units.DENSITY,
+    "poisson_ratio": units.POISSON_RATIO,
+    "loss_factor": units.LOSS_FACTOR,
 }
 _OBSERVATION = {
-    "log_gain": "a logarithm",
-    "delay": "a time of either sign",
-    "decay_rate": "a rate of decay",
-    "decay_rate_of_velocity": "a rate of decay",
-    "decay_rate_of_displacement": "a rate of decay",
-    "end": "a time",
+    "log_gain": units.LOGARITHM,
+    "delay": units.DELAY,
+    "decay_rate": units.DECAY_RATE,
+    "decay_rate_of_velocity": units.DECAY_RATE,
+    "decay_rate_of_displacement": units.DECAY_RATE,
+    "end": units.TIME,
 }
 """What stands between a structure and the record, see `receptance.identification.factors`."""
-FIELDS: dict[str, Kind] = {
-    field: KINDS[name]
-    for field, name in (
-        {
-            **_SPRING,
-            **_SLIP,
-            **_SEGMENT,
-            **_MATERIAL,
-            **_OBSERVATION,
-            "mass": "a mass",
-            "inertia": "a moment of inertia",
-        }.items()
-    )
-}
 _MODE = {
-    "frequency_hz": "a frequency or zero",
-    "damping_ratio": "a damping ratio",
-    "y": "a mode shape",
-    "theta": "a slope of a mode shape",
-    "y_imaginary": "a mode shape",
-    "theta_imaginary": "a slope of a mode shape",
-    "residual_y": "a receptance",
-    "residual_theta": "a rotational receptance",
-    "residual_ytheta": "a coupling receptance",
+    "frequency_hz": units.FREQUENCY_OR_ZERO,
+    "damping_ratio": units.DAMPING_RATIO,
+    "y": units.MODE_SHAPE,
+    "theta": units.MODE_SLOPE,
+    "y_imaginary": units.MODE_SHAPE,
+    "theta_imaginary": units.MODE_SLOPE,
+    "residual_y": units.RECEPTANCE,
+    "residual_theta": units.ROTATIONAL_RECEPTANCE,
+    "residual_ytheta": units.COUPLING_RECEPTANCE,
 }
-FIELDS |= {field: KINDS[name] for field, name in _MODE.items()}
+FIELDS: dict[str, Quantity] = {
+    **_SPRING,
+    **_SLIP,
+    **_SEGMENT,
+    **_MATERIAL,
+    **_OBSERVATION,
+    **_MODE,
+    "mass": units.MASS,
+    "inertia": units.INERTIA,
+}
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 
-def kind_of(address: str) -> Kind:
+def kind_of(address: str) -> Quantity:
     """Return what kind of quantity an address names.
 
     Raises
@@ -107,7 +103,7 @@ def parse_position(text: str) -> float | Literal["end"]:
     if text == "end":
         return "end"
     try:
-        return parse(text, KINDS["a length or zero"])
+        return parse(text, units.LENGTH_OR_ZERO)
     except ValueError as error:
         found = str(error).split(", expected", 1)[0]
         raise ValueError(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
+from receptance._text import did_you_mean, one_of
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.campaign.addresses import parse_position, value_at
-from receptance.campaign.suggestions import did_you_mean, one_of
 from receptance.campaign.unknown_building import addresses_of
 from receptance.campaign.workshop import expected
 from receptance.coordinates import Coordinate

@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from receptance import units
 from receptance.campaign.models import CoordinateTable, Table, Written
-from receptance.campaign.quantities import KINDS, Amount, OneOf
+from receptance.campaign.quantities import Amount, OneOf
 
 __all__ = ["CandidateFRFTable", "CandidateFrequenciesTable", "CandidateTable"]
 
-_Frequency = Annotated[float, Amount(KINDS["a frequency"])]
+_Frequency = Annotated[float, Amount(units.FREQUENCY)]
 
 
 class _Possible(Table):

@@ -6,13 +6,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from receptance.campaign.deviations import Deviation, Spread
+from receptance import units
 from receptance.campaign.models import Table
-from receptance.campaign.quantities import KINDS
+from receptance.campaign.quantities import Deviation, Spread
 
 __all__ = ["CatalogueSpread", "CatalogueTable"]
 
-_LengthSpread = Annotated[Deviation | None, Spread(KINDS["a length"])]
+_LengthSpread = Annotated[Deviation | None, Spread(units.LENGTH)]
 
 
 class CatalogueSpread(Table):

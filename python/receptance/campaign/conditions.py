@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from receptance.campaign.quantities import parse_any, shown
+from receptance._text import shown
+from receptance.units import parse_any
 
 __all__ = ["Condition", "parse_condition"]
 

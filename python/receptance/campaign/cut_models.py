@@ -6,17 +6,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from receptance.campaign.deviations import Deviation, Spread
+from receptance import units
+from receptance._text import shown
 from receptance.campaign.file_models import Band, FileFields
 from receptance.campaign.models import Table
-from receptance.campaign.quantities import KINDS, Amount, shown
+from receptance.campaign.quantities import Amount, Deviation, Spread
 
 __all__ = ["CutTable", "MillingTable", "StabilityTable", "TipTable", "TurningTable"]
 
-_Coefficient = Annotated[float, Amount(KINDS["a cutting coefficient"])]
-_CoefficientOrZero = Annotated[float, Amount(KINDS["a cutting coefficient or zero"])]
-_CoefficientSpread = Annotated[Deviation | None, Spread(KINDS["a cutting coefficient"])]
-_Speed = Annotated[float, Amount(KINDS["a spindle speed"])]
+_Coefficient = Annotated[float, Amount(units.CUTTING_COEFFICIENT)]
+_CoefficientOrZero = Annotated[float, Amount(units.CUTTING_COEFFICIENT_OR_ZERO)]
+_CoefficientSpread = Annotated[Deviation | None, Spread(units.CUTTING_COEFFICIENT)]
+_Speed = Annotated[float, Amount(units.SPINDLE_SPEED)]
 _Tooth = Annotated[int, Field(ge=1, le=1000)]
 
 
@@ -64,7 +65,7 @@ class MillingTable(Table):
     """`"milling"`"""
     teeth: _Tooth
     """number of teeth"""
-    immersion: Annotated[float, Amount(KINDS["an immersion"])] = 1.0
+    immersion: Annotated[float, Amount(units.IMMERSION)] = 1.0
     """width of cut over diameter of the tool, up to 1, a slot"""
     feed: Literal["up", "down"] = "down"
     """up-milling (conventional) or down-milling (climb)"""
@@ -87,7 +88,7 @@ class TurningTable(Table):
     """`"turning"`"""
     k: _Coefficient
     """cutting coefficient: force over depth and chip thickness"""
-    angle: Annotated[float, Amount(KINDS["a direction"])] = 0.0
+    angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
     """between the force and the direction of the chip's thickness"""
     tolerance: TurningSpread = TurningSpread()
     """standard deviation of the coefficient"""
@@ -115,7 +116,7 @@ class StabilityTable(Table):
     """of what is drawn"""
     method: Literal["mean force", "semi-discretisation"] = "mean force"
     """mean of the force over a tooth pitch (zeroth order), or the force as it is, for interrupted cuts"""
-    largest_depth: Annotated[float, Amount(KINDS["a length"])] | None = None
+    largest_depth: Annotated[float, Amount(units.LENGTH)] | None = None
     """up to which semi-discretisation looks; by default ten times the lowest limit of the mean force"""
 
     @property

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import units
 from receptance.campaign.problems import Problems
 from receptance.campaign.propagation import tolerances_of
-from receptance.campaign.quantities import KINDS
 from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tables import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
 from receptance.campaign.unknown_building import addresses_of
@@ -94,7 +94,7 @@ def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
     for name, one in measured.items():
         _write_measurement(data, name, one, name in diagnosis.measurements)
         if end is not None and isinstance(one.given, MeasuredFRF):
-            data["measurements"][name]["ends"] = quantity(end, KINDS["a time"])
+            data["measurements"][name]["ends"] = quantity(end, units.TIME)
     _write_unknowns(data, diagnosis)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "tolerances": "fit", "starts": 1}
@@ -242,7 +242,7 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
     for side in ("response", "excitation"):
         old, new = getattr(given, side), getattr(found, side)
         if (old.part, old.position) != (new.part, new.position):
-            at = new.position if isinstance(new.position, str) else quantity(new.position, KINDS["a length"])
+            at = new.position if isinstance(new.position, str) else quantity(new.position, units.LENGTH)
             table[side] = {**table.get(side, {}), "part": new.part, "position": at}
     times = _integrations(given, found)
     if times:

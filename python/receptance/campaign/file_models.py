@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from receptance import units
 from receptance.campaign.models import Table
-from receptance.campaign.quantities import KINDS, Amount, OneOf
+from receptance.campaign.quantities import Amount, OneOf
 
 __all__ = ["Band", "EntryTable", "FileFields", "FrequencyOrZero"]
 
-FrequencyOrZero = Annotated[float, Amount(KINDS["a frequency or zero"])]
+FrequencyOrZero = Annotated[float, Amount(units.FREQUENCY_OR_ZERO)]
 Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
 _Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
 
@@ -52,5 +53,5 @@ class FileFields(Table):
     """how many hits were averaged, where the file does not say"""
     standard_deviation: str | None = None
     """of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from coherence and averages"""
-    decay_rate: Annotated[float, Amount(KINDS["a rate of decay"])] | None = None
+    decay_rate: Annotated[float, Amount(units.DECAY_RATE)] | None = None
     """of an exponential window on both channels, where the file does not say"""

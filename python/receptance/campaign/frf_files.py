@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.deviations import parse_share
-from receptance.frf.forms import FORMS
+from receptance.campaign.quantities import parse_share
 from receptance.identification import MeasuredFRF
 from receptance.identification.observations import altered
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.deviations import parse_share
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, tolerances_of
+from receptance.campaign.quantities import parse_share
 from receptance.campaign.series import FEWEST, level_unit, over_levels, started_by_level
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.factors import FACTORS

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from receptance.campaign.deviations import Deviation, Spread
+from receptance import units
 from receptance.campaign.models import MassSpread, SpringFields, SpringSpread, Table
-from receptance.campaign.quantities import KINDS, Amount
+from receptance.campaign.quantities import Amount, Deviation, Spread
 
 __all__ = [
     "ColletJointTable",
@@ -20,22 +20,22 @@ __all__ = [
     "SpreadJointTable",
 ]
 
-_Length = Annotated[float, Amount(KINDS["a length"])]
-_Bore = Annotated[float, Amount(KINDS["a length or zero"])]
-_Stiffness = Annotated[float, Amount(KINDS["a stiffness"])]
-_Rotational = Annotated[float, Amount(KINDS["a rotational stiffness"])]
-_Damping = Annotated[float, Amount(KINDS["a damping"])]
-_RotationalDamping = Annotated[float, Amount(KINDS["a rotational damping"])]
-_Loss = Annotated[float, Amount(KINDS["a loss factor"])]
-_Mass = Annotated[float, Amount(KINDS["a mass"])]
-_Inertia = Annotated[float, Amount(KINDS["a moment of inertia"])]
-_Share = Annotated[float, Amount(KINDS["a share"])]
-_Exponent = Annotated[float, Amount(KINDS["an exponent"])]
-_Level = Annotated[float, Amount(KINDS["a level"])]
-_Travel = Annotated[float, Amount(KINDS["an amplitude"])]
-_Turn = Annotated[float, Amount(KINDS["an angle"])]
-_Force = Annotated[float, Amount(KINDS["a force"])]
-_LengthSpread = Annotated[Deviation | None, Spread(KINDS["a length"])]
+_Length = Annotated[float, Amount(units.LENGTH)]
+_Bore = Annotated[float, Amount(units.LENGTH_OR_ZERO)]
+_Stiffness = Annotated[float, Amount(units.STIFFNESS)]
+_Rotational = Annotated[float, Amount(units.ROTATIONAL_STIFFNESS)]
+_Damping = Annotated[float, Amount(units.DAMPING)]
+_RotationalDamping = Annotated[float, Amount(units.ROTATIONAL_DAMPING)]
+_Loss = Annotated[float, Amount(units.LOSS_FACTOR)]
+_Mass = Annotated[float, Amount(units.MASS)]
+_Inertia = Annotated[float, Amount(units.INERTIA)]
+_Share = Annotated[float, Amount(units.SHARE)]
+_Exponent = Annotated[float, Amount(units.EXPONENT)]
+_Level = Annotated[float, Amount(units.LEVEL)]
+_Travel = Annotated[float, Amount(units.AMPLITUDE)]
+_Turn = Annotated[float, Amount(units.ANGLE)]
+_Force = Annotated[float, Amount(units.FORCE)]
+_LengthSpread = Annotated[Deviation | None, Spread(units.LENGTH)]
 
 
 class PointJointTable(SpringFields):
@@ -78,15 +78,15 @@ class SpreadJointSpread(Table):
 
     length: _LengthSpread = None
     """of the length"""
-    k_y: Annotated[Deviation | None, Spread(KINDS["a stiffness"])] = None
+    k_y: Annotated[Deviation | None, Spread(units.STIFFNESS)] = None
     """of k_y"""
-    k_theta: Annotated[Deviation | None, Spread(KINDS["a rotational stiffness"])] = None
+    k_theta: Annotated[Deviation | None, Spread(units.ROTATIONAL_STIFFNESS)] = None
     """of k_theta"""
-    c_y: Annotated[Deviation | None, Spread(KINDS["a damping"])] = None
+    c_y: Annotated[Deviation | None, Spread(units.DAMPING)] = None
     """of c_y"""
-    c_theta: Annotated[Deviation | None, Spread(KINDS["a rotational damping"])] = None
+    c_theta: Annotated[Deviation | None, Spread(units.ROTATIONAL_DAMPING)] = None
     """of c_theta"""
-    loss_factor: Annotated[Deviation | None, Spread(KINDS["a loss factor"])] = None
+    loss_factor: Annotated[Deviation | None, Spread(units.LOSS_FACTOR)] = None
     """of the loss factor"""
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from receptance.campaign.quantities import KINDS, parse, shown
+from receptance import units
+from receptance._text import shown
 from receptance.microslip import MicroslipJoint
+from receptance.units import parse
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
@@ -26,7 +28,7 @@ def parse_level(written: str | float) -> tuple[float, bool]:
     ((50.0, True), (2.0, False))
     """
     if isinstance(written, str):
-        return parse(written, KINDS["a force"]), True
+        return parse(written, units.FORCE), True
     if not 0.0 <= written < float("inf"):
         raise ValueError(f'is {shown(written)}, expected a number from 0 on, or a force such as "50 N"')
     return float(written), False

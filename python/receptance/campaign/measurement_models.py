@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from receptance import units
 from receptance.campaign.candidate_models import CandidateTable
 from receptance.campaign.catalogue_models import CatalogueTable
 from receptance.campaign.cut_models import CutTable, StabilityTable
@@ -24,7 +25,7 @@ from receptance.campaign.models import (
     Word,
     Written,
 )
-from receptance.campaign.quantities import KINDS, Amount, OneOf
+from receptance.campaign.quantities import Amount, OneOf
 from receptance.campaign.series_models import SeriesTable
 
 __all__ = [
@@ -39,12 +40,13 @@ __all__ = [
     "UnknownTable",
 ]
 
-Frequency = Annotated[float, Amount(KINDS["a frequency"])]
-Force = Annotated[float, Amount(KINDS["a force"])]
-Time = Annotated[float, Amount(KINDS["a time"])]
-TimeOrZero = Annotated[float, Amount(KINDS["a time or zero"])]
+Frequency = Annotated[float, Amount(units.FREQUENCY)]
+Force = Annotated[float, Amount(units.FORCE)]
+Time = Annotated[float, Amount(units.TIME)]
+TimeOrZero = Annotated[float, Amount(units.TIME_OR_ZERO)]
+ShareAboveZero = Annotated[float, Amount(units.SHARE_ABOVE_ZERO)]
 Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
-Rate = Annotated[float, Amount(KINDS["a rate of decay"])]
+Rate = Annotated[float, Amount(units.DECAY_RATE)]
 
 
 class _Measured(Table):
@@ -119,7 +121,7 @@ class HammerTable(_Response):
     """how long before the trigger a block begins, by default 10 ms, where a record holds several hits"""
     double_hits: Literal["drop", "keep"] = "drop"
     """what to do with double hits: leave them out, or use them with a force window that spans all contacts"""
-    double_share: Annotated[float, Amount(KINDS["a share above zero"])] | None = None
+    double_share: ShareAboveZero | None = None
     """smallest second contact that makes a hit a double one, over the first one's peak; by default 0.02"""
     separation: Time | None = None
     """contacts closer than this are one double hit, where a record holds several hits; by default 100 ms"""

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstraints, Tag
 
-from receptance.campaign.deviations import Deviation, Spread
-from receptance.campaign.quantities import KINDS, Amount, OneOf
+from receptance import units
+from receptance.campaign.quantities import Amount, Deviation, OneOf, Spread
 
 __all__ = [
     "AssemblyTable",
@@ -46,36 +46,36 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
 
-_Length = Annotated[float, Amount(KINDS["a length"])]
-_Bore = Annotated[float, Amount(KINDS["a length or zero"])]
-_Modulus = Annotated[float, Amount(KINDS["a modulus"])]
-_Density = Annotated[float, Amount(KINDS["a density"])]
-_Poisson = Annotated[float, Amount(KINDS["a Poisson's ratio"])]
-_Loss = Annotated[float, Amount(KINDS["a loss factor"])]
-_Mass = Annotated[float, Amount(KINDS["a mass"])]
-_Inertia = Annotated[float, Amount(KINDS["a moment of inertia"])]
-_Stiffness = Annotated[float, Amount(KINDS["a stiffness"])]
-_Rotational = Annotated[float, Amount(KINDS["a rotational stiffness"])]
-_Coupling = Annotated[float, Amount(KINDS["a coupling stiffness"])]
-_Damping = Annotated[float, Amount(KINDS["a damping"])]
-_RotationalDamping = Annotated[float, Amount(KINDS["a rotational damping"])]
-_CouplingDamping = Annotated[float, Amount(KINDS["a coupling damping"])]
+_Length = Annotated[float, Amount(units.LENGTH)]
+_Bore = Annotated[float, Amount(units.LENGTH_OR_ZERO)]
+_Modulus = Annotated[float, Amount(units.MODULUS)]
+_Density = Annotated[float, Amount(units.DENSITY)]
+_Poisson = Annotated[float, Amount(units.POISSON_RATIO)]
+_Loss = Annotated[float, Amount(units.LOSS_FACTOR)]
+_Mass = Annotated[float, Amount(units.MASS)]
+_Inertia = Annotated[float, Amount(units.INERTIA)]
+_Stiffness = Annotated[float, Amount(units.STIFFNESS)]
+_Rotational = Annotated[float, Amount(units.ROTATIONAL_STIFFNESS)]
+_Coupling = Annotated[float, Amount(units.COUPLING_STIFFNESS)]
+_Damping = Annotated[float, Amount(units.DAMPING)]
+_RotationalDamping = Annotated[float, Amount(units.ROTATIONAL_DAMPING)]
+_CouplingDamping = Annotated[float, Amount(units.COUPLING_DAMPING)]
 
-_LengthSpread = Annotated[Deviation | None, Spread(KINDS["a length"])]
-_MassSpread = Annotated[Deviation | None, Spread(KINDS["a mass"])]
-_InertiaSpread = Annotated[Deviation | None, Spread(KINDS["a moment of inertia"])]
+_LengthSpread = Annotated[Deviation | None, Spread(units.LENGTH)]
+_MassSpread = Annotated[Deviation | None, Spread(units.MASS)]
+_InertiaSpread = Annotated[Deviation | None, Spread(units.INERTIA)]
 
 
 class MaterialSpread(Table):
     """Standard deviations of a material; one error for everything that is made of it."""
 
-    youngs_modulus: Annotated[Deviation | None, Spread(KINDS["a modulus"])] = None
+    youngs_modulus: Annotated[Deviation | None, Spread(units.MODULUS)] = None
     """of Young's modulus"""
-    density: Annotated[Deviation | None, Spread(KINDS["a density"])] = None
+    density: Annotated[Deviation | None, Spread(units.DENSITY)] = None
     """of the density"""
-    poisson_ratio: Annotated[Deviation | None, Spread(KINDS["a Poisson's ratio"])] = None
+    poisson_ratio: Annotated[Deviation | None, Spread(units.POISSON_RATIO)] = None
     """of Poisson's ratio"""
-    loss_factor: Annotated[Deviation | None, Spread(KINDS["a loss factor"])] = None
+    loss_factor: Annotated[Deviation | None, Spread(units.LOSS_FACTOR)] = None
     """of the loss factor"""
 
 
@@ -136,17 +136,17 @@ class PartTable(Table):
 class ModeTable(Table):
     """A mode of a modal part, as seen at the plane where it joins the part before it."""
 
-    frequency_hz: Annotated[float | None, Amount(KINDS["a frequency or zero"])] = None
+    frequency_hz: Annotated[float | None, Amount(units.FREQUENCY_OR_ZERO)] = None
     """undamped natural frequency with the plane free; zero for a rigid-body mode; not needed with `identify`"""
-    damping_ratio: Annotated[float, Amount(KINDS["a damping ratio"])] = 0.03
+    damping_ratio: Annotated[float, Amount(units.DAMPING_RATIO)] = 0.03
     """share of critical damping"""
-    y: Annotated[float, Amount(KINDS["a mode shape"])] = 0.0
+    y: Annotated[float, Amount(units.MODE_SHAPE)] = 0.0
     """mass-normalised mode shape at the plane; one that is unknown and not given starts in the middle of its bounds"""
-    theta: Annotated[float, Amount(KINDS["a slope of a mode shape"])] = 0.0
+    theta: Annotated[float, Amount(units.MODE_SLOPE)] = 0.0
     """its rotation, likewise"""
-    y_imaginary: Annotated[float, Amount(KINDS["a mode shape"])] = 0.0
+    y_imaginary: Annotated[float, Amount(units.MODE_SHAPE)] = 0.0
     """imaginary part of the shape, where dampers couple the modes"""
-    theta_imaginary: Annotated[float, Amount(KINDS["a slope of a mode shape"])] = 0.0
+    theta_imaginary: Annotated[float, Amount(units.MODE_SLOPE)] = 0.0
     """imaginary part of its rotation"""
 
 
@@ -157,11 +157,11 @@ class ModalPartTable(Table):
     """one or more, `[[modal_parts.NAME.modes]]`"""
     identify: bool = False
     """whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has none"""
-    residual_y: Annotated[float, Amount(KINDS["a receptance"])] = 0.0
+    residual_y: Annotated[float, Amount(units.RECEPTANCE)] = 0.0
     """what modes above the band add to y over force"""
-    residual_theta: Annotated[float, Amount(KINDS["a rotational receptance"])] = 0.0
+    residual_theta: Annotated[float, Amount(units.ROTATIONAL_RECEPTANCE)] = 0.0
     """to theta over moment"""
-    residual_ytheta: Annotated[float, Amount(KINDS["a coupling receptance"])] = 0.0
+    residual_ytheta: Annotated[float, Amount(units.COUPLING_RECEPTANCE)] = 0.0
     """to y over moment"""
 
 
@@ -187,19 +187,19 @@ class SpringFields(Table):
 class SpringSpread(Table):
     """Standard deviations of the numbers of a joint or spring that are not identified."""
 
-    k_y: Annotated[Deviation | None, Spread(KINDS["a stiffness"])] = None
+    k_y: Annotated[Deviation | None, Spread(units.STIFFNESS)] = None
     """of k_y"""
-    k_theta: Annotated[Deviation | None, Spread(KINDS["a rotational stiffness"])] = None
+    k_theta: Annotated[Deviation | None, Spread(units.ROTATIONAL_STIFFNESS)] = None
     """of k_theta"""
-    k_ytheta: Annotated[Deviation | None, Spread(KINDS["a coupling stiffness"])] = None
+    k_ytheta: Annotated[Deviation | None, Spread(units.COUPLING_STIFFNESS)] = None
     """of k_ytheta"""
-    c_y: Annotated[Deviation | None, Spread(KINDS["a damping"])] = None
+    c_y: Annotated[Deviation | None, Spread(units.DAMPING)] = None
     """of c_y"""
-    c_theta: Annotated[Deviation | None, Spread(KINDS["a rotational damping"])] = None
+    c_theta: Annotated[Deviation | None, Spread(units.ROTATIONAL_DAMPING)] = None
     """of c_theta"""
-    c_ytheta: Annotated[Deviation | None, Spread(KINDS["a coupling damping"])] = None
+    c_ytheta: Annotated[Deviation | None, Spread(units.COUPLING_DAMPING)] = None
     """of c_ytheta"""
-    loss_factor: Annotated[Deviation | None, Spread(KINDS["a loss factor"])] = None
+    loss_factor: Annotated[Deviation | None, Spread(units.LOSS_FACTOR)] = None
     """of the loss factor"""
 
 

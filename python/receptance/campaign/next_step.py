@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from receptance._text import did_you_mean, one_of
 from receptance.campaign.identification import identify_campaign, tolerances_of_measurements
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import tolerances_of
-from receptance.campaign.suggestions import did_you_mean, one_of
 from receptance.identification import FrequencyTarget, NextMeasurement, next_measurement
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from receptance._text import did_you_mean
 from receptance.campaign.addresses import kind_of, parse_position, value_at
 from receptance.campaign.conditions import parse_condition
-from receptance.campaign.deviations import parse_deviation
 from receptance.campaign.levels import parse_level
-from receptance.campaign.suggestions import did_you_mean
+from receptance.campaign.quantities import parse_deviation
 from receptance.campaign.workshop import OWNERS, Workshop, expected
 from receptance.identification.factors import FACTORS
 

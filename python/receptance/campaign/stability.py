@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut
 from receptance.campaign.draws import Draws
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation
-from receptance.campaign.suggestions import did_you_mean
 from receptance.campaign.tips import Tips
 from receptance.stability import Lobes, Milling, StableCut, critical_depths, semi_discretised_lobes, stability_lobes
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from receptance import units
 from receptance.beams import Part, Section, Segment
 from receptance.campaign.addresses import FIELDS, SPRING_FIELDS, kind_of
-from receptance.campaign.quantities import KINDS, Kind
 from receptance.identification.laws import Law, Move
 from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown
@@ -16,13 +16,14 @@ from receptance.materials import Material
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
 from receptance.terminals import RESIDUALS
+from receptance.units import Quantity
 
 __all__ = ["Materials", "attachment_table", "element_table", "quantity", "quantity_at", "unknown_table"]
 
 _MATERIAL = ("youngs_modulus", "density", "poisson_ratio", "loss_factor")
 
 
-def quantity(value: float, kind: Kind) -> str | float:
+def quantity(value: float, kind: Quantity) -> str | float:
     """Return a number in SI units as a campaign writes it, with all its digits."""
     return f"{float(value)!r} {kind.unit}" if kind.unit else float(value)
 
@@ -89,7 +90,7 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
 
 def _section(one: Segment | Section, materials: Materials) -> dict[str, Any]:
     names = (*(("length",) if isinstance(one, Segment) else ()), "outer_diameter", "inner_diameter")
-    table = {name: quantity(getattr(one, name), KINDS["a length"]) for name in names}
+    table = {name: quantity(getattr(one, name), units.LENGTH) for name in names}
     table["material"] = materials.name_of(one.material)
     if one.core is not None:
         table["core"] = materials.name_of(one.core)
@@ -108,7 +109,7 @@ def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
     ValueError
         A ground spring along a stretch, which campaigns do not have.
     """
-    position = point.position if isinstance(point.position, str) else quantity(point.position, KINDS["a length"])
+    position = point.position if isinstance(point.position, str) else quantity(point.position, units.LENGTH)
     placed = {"part": point.part, "position": position}
     if isinstance(point, PointMass):
         own = {name: quantity(getattr(point, name), FIELDS[name]) for name in ("mass", "inertia")}
@@ -123,7 +124,7 @@ def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     if isinstance(unknown, Law):
         raise ValueError(f"{unknown!r} cannot be written as a table of a campaign")
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
-    kind = Kind("a number", "", "0.02", "any") if plain else kind_of(unknown.address)
+    kind = Quantity("a number", "", "0.02") if plain else kind_of(unknown.address)
     start = min(max(start, unknown.lower), unknown.upper)
     table: dict[str, Any] = {
         key: quantity(value, kind) for key, value in (("lower", unknown.lower), ("upper", unknown.upper))
@@ -143,6 +144,6 @@ def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     return {**table, **({"also": dict(unknown.also)} if unknown.also else {})}
 
 
-def _prior(prior: Prior, logarithmic: bool, kind: Kind) -> dict[str, Any]:
+def _prior(prior: Prior, logarithmic: bool, kind: Quantity) -> dict[str, Any]:
     spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else quantity(prior.standard_deviation, kind)
     return {"value": quantity(prior.mean, kind), "spread": spread}

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.addresses import kind_of
 from receptance.campaign.assembling import no_address
-from receptance.campaign.deviations import Deviation, parse_deviation
 from receptance.campaign.problems import path_text
+from receptance.campaign.quantities import Deviation, parse_deviation
 from receptance.campaign.unknown_building import addresses_of
 from receptance.identification.unknowns import covered
 

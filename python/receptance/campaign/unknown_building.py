@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.addresses import kind_of
 from receptance.campaign.conditions import parse_condition
-from receptance.campaign.deviations import parse_share
 from receptance.campaign.joint_building import given
 from receptance.campaign.priors import prior_of
-from receptance.campaign.quantities import Kind, parse
+from receptance.campaign.quantities import parse_share
 from receptance.identification.laws import Law, Move, Power
 from receptance.identification.unknowns import Unknown
+from receptance.units import Quantity, parse
 
 if TYPE_CHECKING:
     from receptance.campaign.lines import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["addresses_of", "build_unknown"]
 
-_PLAIN = Kind("a number", "", "0.02", "any")
+_PLAIN = Quantity("a number", "", "0.02")
 _LAW = ("power_of", "free", "individual")
 
 

@@ -6,8 +6,8 @@ import warnings
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from receptance._text import did_you_mean, one_of
 from receptance.campaign.problems import path_text
-from receptance.campaign.suggestions import did_you_mean, one_of
 from receptance.errors import ReceptanceError
 
 if TYPE_CHECKING:

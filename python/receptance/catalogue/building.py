@@ -14,11 +14,11 @@ from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.campaign.building import build_segment
 from receptance.campaign.catalogue_models import CatalogueTable
-from receptance.campaign.deviations import Deviation
 from receptance.campaign.lines import Path as Place
 from receptance.campaign.models import AssemblyTable, PartTable, SegmentSpread, SegmentTable
 from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.propagation import Where
+from receptance.campaign.quantities import Deviation
 from receptance.campaign.tolerances import Effects, assembly_effects
 from receptance.campaign.workshop import Workshop, expected
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools

@@ -23,7 +23,7 @@ from receptance.io.uff.units import declared_form, declared_unit, directions, ex
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.frf.forms import Form
+    from receptance.units import Form
 
 __all__ = ["read_uff"]
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from receptance.frf.forms import FORMS, Form
 from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
 from receptance.io.uff.sets import Function
-from receptance.io.units import CHANNEL_UNITS, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
+from receptance.units import CHANNEL_UNITS, FORMS, Form, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
 
 __all__ = [
     "LOADS",

@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from receptance.frf.forms import FORMS
-from receptance.io.units import FRFKind, UnitError, channel_kind, form_name, frf_kind, frf_unit, parse_unit
+from receptance.units import FORMS, FRFKind, UnitError, channel_kind, form_name, frf_kind, frf_unit, parse_unit
 
 G = 9.80665
 LBF = 4.4482216152605
