@@ -86,7 +86,7 @@ def _through_terminals(
     result[..., ~own] = dh[..., :first]
     for row, (_, terminal) in enumerate(flat.terminals):
         columns = np.flatnonzero(own & (asked[:, 1] == row))
-        slopes = terminal.slopes(lines, [terminal.columns_of[int(asked[column, 2])] for column in columns])
+        slopes = terminal.slopes(lines, [terminal.addresses[int(asked[column, 2])] for column in columns])
         start = first + len(ENTRIES) * row
         through = dh[..., start : start + len(ENTRIES)]
         result[..., columns] = np.einsum("nres,nsm->nrem", through, slopes)

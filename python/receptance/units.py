@@ -207,8 +207,8 @@ def parse_unit(text: str) -> Unit:
     Examples
     --------
     >>> from receptance.units import parse_unit
-    >>> parse_unit("g/N").factor, parse_unit("g/cm^3").factor
-    (9.80665, 1000.0)
+    >>> parse_unit("g/N").factor, parse_unit("g").factor, parse_unit("g/m^3").factor
+    (9.80665, 9.80665, 0.001)
     """
     if not isinstance(text, str):
         raise TypeError(f"the unit is {text!r}, expected a text such as 'm/s^2/N'")
@@ -405,19 +405,21 @@ class Quantity:
             return f"a number such as {self.example}"
         return f'{self.name} as text with a unit, such as "{self.example}"'
 
-    def fault(self, value: float) -> str:
-        """Return what a finite value should be if it is out of bounds, else nothing."""
-        if value <= self.above:
-            return f"more than {_bound(self.above)}"
-        if value < self.least:
-            return "zero or more" if self.least == 0.0 else f"at least {_bound(self.least)}"
-        if value > self.most:
-            return f"at most {self.most:g}"
-        return ""
+    @property
+    def bounds(self) -> str:
+        """The allowed values, as in "more than -1 and at most 0.5"; empty without bounds."""
+        texts = []
+        if math.isfinite(self.above):
+            texts.append(f"more than {self.above:g}" if self.above else "more than zero")
+        if math.isfinite(self.least):
+            texts.append(f"at least {self.least:g}" if self.least else "zero or more")
+        if math.isfinite(self.most):
+            texts.append(f"at most {self.most:g}")
+        return " and ".join(texts)
 
-
-def _bound(value: float) -> str:
-    return f"{value:g}" if value else "zero"
+    def holds(self, value: float) -> bool:
+        """Return whether a value is within the bounds."""
+        return value > self.above and self.least <= value <= self.most
 
 
 LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0)
@@ -510,8 +512,8 @@ def parse(text: Any, quantity: Quantity) -> float:
             raise ValueError(f"is a number of more than 300 digits, expected {quantity.expected}") from None
     if not math.isfinite(value):
         raise ValueError(f"is {shown(text)}, expected a finite value: {quantity.expected}")
-    if wrong := quantity.fault(value):
-        raise ValueError(f"is {shown(text)}, expected {wrong}: {quantity.expected}")
+    if not quantity.holds(value):
+        raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {quantity.expected}")
     return value
 
 
