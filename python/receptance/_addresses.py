@@ -13,7 +13,6 @@ from receptance._flatten import Flat
 from receptance.beams import Part, Segment
 from receptance.collet import ColletJoint
 from receptance.errors import SingularInterfaceError
-from receptance.fields import columns_of
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart
@@ -74,7 +73,7 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     indices = range(count) if which == "*" else [int(which)]
     if indices[0] >= count:
         raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
-    known = [column.address for column in columns_of(Segment) if column.address]
+    known = [column.address for column in Segment.layout if column.address]
     if field not in known:
         raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
     found = [(i, field) for i in indices if field in part.segments[i].places()]

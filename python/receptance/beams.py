@@ -35,8 +35,7 @@ class _Round(Element):
         Material | None,
         Member(
             Material,
-            "second material, which fills the bore and shares its motion, such as an inserted shank; stiffness and "
-            "inertia of the two add",
+            "material that fills the bore and shares its motion, such as an inserted shank; stiffness and inertia add",
             prefix="core.",
         ),
     ] = None

@@ -7,7 +7,6 @@ documentation, and the keys of a campaign file.
 
 from __future__ import annotations
 
-import functools
 import inspect
 import textwrap
 from collections.abc import Mapping
@@ -17,7 +16,7 @@ from typing import Any, ClassVar, Self, get_args, get_type_hints
 from receptance import _checks
 from receptance.units import Quantity
 
-__all__ = ["Choice", "Column", "Count", "Element", "Field", "Member", "Number", "columns_of", "fields_of"]
+__all__ = ["Choice", "Column", "Count", "Element", "Field", "Member", "Number"]
 
 
 @dataclass(frozen=True)
@@ -121,34 +120,23 @@ class Column:
         return float(self.field.words.index(value) if isinstance(self.field, Choice) else value)
 
 
-@functools.cache
-def fields_of(kind: type) -> dict[str, Field]:
-    """Return the declared fields of a class by name, in the order of their definition.
-
-    Examples
-    --------
-    >>> from receptance import PointMass
-    >>> from receptance.fields import fields_of
-    >>> fields_of(PointMass)["mass"].quantity.unit
-    'kg'
-    """
+def _declared(kind: type) -> dict[str, Field]:
+    """Return the declared fields of a class by name, those of its bases first."""
     found: dict[str, Field] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         for one in getattr(hint, "__metadata__", ()):
             if isinstance(one, Field):
                 found[name] = one
-    # The hints of bases come last, the fields of bases first.
     order = [name for base in reversed(kind.__mro__) for name in inspect.get_annotations(base)]
     return {name: found[name] for name in dict.fromkeys(order) if name in found}
 
 
-@functools.cache
-def columns_of(kind: type) -> tuple[Column, ...]:
-    """Return the columns of the core's tables that a class fills, in order."""
+def _layout(fields: Mapping[str, Field]) -> tuple[Column, ...]:
+    """Return the columns of the core's tables that some fields fill, in order."""
     found: list[Column] = []
-    for name, field in fields_of(kind).items():
+    for name, field in fields.items():
         if isinstance(field, Member):
-            for column in columns_of(field.kind):
+            for column in field.kind.layout:
                 address = f"{field.prefix}{column.address}" if column.address else ""
                 found.append(Column(address, (name, *column.path), column.field))
         elif isinstance(field, Number) and field.parameter:
@@ -159,17 +147,33 @@ def columns_of(kind: type) -> tuple[Column, ...]:
 
 
 class Element:
-    """Base of all elements: checks, columns and addresses follow from the declarations of the fields."""
+    """Base of all elements: checks, columns and addresses follow from the declarations of the fields.
 
+    Examples
+    --------
+    >>> from receptance import PointMass
+    >>> PointMass.declared["mass"].quantity.unit
+    'kg'
+    >>> [column.address for column in PointMass.layout]
+    ['mass', 'inertia']
+    """
+
+    declared: ClassVar[dict[str, Field]] = {}
+    """Declarations of the fields by name, in the order of their definition."""
+    layout: ClassVar[tuple[Column, ...]] = ()
+    """Columns of the core's tables that an element fills."""
     columns_of: ClassVar[tuple[str, ...]] = ()
     """Names of the parameters that are fields of the class itself."""
+    toleranced: ClassVar[bool] = True
+    """Whether a campaign states tolerances of its numbers."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        fields = fields_of(cls)
-        cls.columns_of = tuple(n for n, one in fields.items() if isinstance(one, Number) and one.parameter)
+        cls.declared = _declared(cls)
+        cls.layout = _layout(cls.declared)
+        cls.columns_of = tuple(column.address for column in cls.layout if column.path == (column.address,))
         if cls.__doc__ and "{fields}" in cls.__doc__:
-            cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, fields))
+            cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, cls.declared))
 
     @property
     def owner(self) -> str:
@@ -185,7 +189,7 @@ class Element:
         TypeError, ValueError
             The message names class, element and field, and what was expected.
         """
-        for name, field in fields_of(type(self)).items():
+        for name, field in self.declared.items():
             value = getattr(self, name)
             if isinstance(field, Number):
                 checked = _checks.quantity(self.owner, name, value, field.quantity)
@@ -213,13 +217,13 @@ class Element:
 
     def columns(self) -> tuple[float, ...]:
         """Return the element's row in the tables of the core, without its nodes."""
-        return tuple(column.number(self) for column in columns_of(type(self)))
+        return tuple(column.number(self) for column in self.layout)
 
     def places(self) -> dict[str, int]:
         """Return the addresses of the element's parameters, and the columns in which they stand."""
         return {
             column.address: index
-            for index, column in enumerate(columns_of(type(self)))
+            for index, column in enumerate(self.layout)
             if column.address and _is_there(self, column.path)
         }
 
@@ -237,7 +241,7 @@ class Element:
         for address, value in values.items():
             name, *rest = self._path(address)
             if rest:
-                member = fields_of(type(self))[name]
+                member = self.declared[name]
                 assert isinstance(member, Member)
                 inside.setdefault(name, {})[address.removeprefix(member.prefix)] = value
             else:
@@ -247,7 +251,7 @@ class Element:
         return replace(self, **changes)  # type: ignore[type-var]
 
     def _path(self, address: str) -> tuple[str, ...]:
-        for column in columns_of(type(self)):
+        for column in self.layout:
             if column.address == address and _is_there(self, column.path):
                 return column.path
         raise ValueError(f"{self.owner} has no parameter {address!r}, expected one of {', '.join(self.places())}")

@@ -48,6 +48,8 @@ class Mode(Element):
     >>> bending = Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)
     """
 
+    toleranced = False
+
     frequency_hz: Annotated[
         float,
         Number(units.FREQUENCY_OR_ZERO, "undamped natural frequency with the plane free; zero for a rigid-body mode"),

@@ -32,6 +32,8 @@ ENTRIES = ((0, 0), (1, 1), (0, 1))
 class Terminal(Element, ABC):
     """Something known by its receptances at one plane; the last element of an assembly."""
 
+    toleranced = False
+
     residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
     residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
     residual_ytheta: Annotated[float, Number(units.COUPLING_RECEPTANCE, "receptance added to y over moment")] = 0.0

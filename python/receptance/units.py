@@ -466,7 +466,7 @@ QUANTITIES = tuple(one for one in tuple(globals().values()) if isinstance(one, Q
 """All of them."""
 
 _RATES = {
-    "Hz": ("Hz or kHz", re.compile(r"[kM]?(Hz|hertz|Hertz)")),
+    "Hz": ("Hz or kHz", re.compile(r"[A-Za-zµμ]*(Hz|hertz|Hertz)")),
     "rpm": ("rpm", re.compile(r"rpm|revolutions_per_minute")),
     "1/s": ("1/s; a rate of decay is in 1/s, not in Hz", re.compile(r"(?!.*(Hz|hertz)).*", re.IGNORECASE)),
 }

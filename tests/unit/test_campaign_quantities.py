@@ -80,7 +80,7 @@ def test_quantities(text: object, kind: Quantity, value: float) -> None:
         ("20 rad/s", units.DECAY_RATE, "a rate of decay is in 1/s, not in Hz"),
         (True, units.POISSON_RATIO, "is true, expected a number such as 0.22"),
         ("0.22", units.POISSON_RATIO, 'is "0.22", expected a number such as 0.22'),
-        (0.7, units.POISSON_RATIO, "is 0.7, expected at most 0.5"),
+        (0.7, units.POISSON_RATIO, "is 0.7, expected more than -1 and at most 0.5"),
         (float("nan"), units.LOSS_FACTOR, "expected a finite value"),
         ({"value": 3}, units.LENGTH, "is a table, expected a length"),
         (["3 mm"], units.LENGTH, "is a list of 1, expected a length"),

@@ -85,7 +85,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     [
         ("teeth = 2", "teeth = 0", "cuts.slot.teeth: is 0, expected at least 1"),
         ("teeth = 2", "teeth = 2.5", "cuts.slot.teeth: is 2.5, expected a whole number"),
-        ("teeth = 2", "teeth = 2\nimmersion = 1.2", "cuts.slot.immersion: is 1.2, expected at most 1"),
+        ("teeth = 2", "teeth = 2\nimmersion = 1.2", "immersion: is 1.2, expected more than zero and at most 1"),
         ("teeth = 2", "teeth = 2\nimmersion = 0", "cuts.slot.immersion: is 0, expected more than zero"),
         ("teeth = 2", 'teeth = 2\nfeed = "climb"', 'cuts.slot.feed: is "climb", expected one of "up", "down"'),
         ('"600 MPa"', '"-600 MPa"', 'cuts.slot.k_t: is "-600 MPa", expected more than zero'),
@@ -98,7 +98,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
         ('file = "tip.csv", ', 'assembly = "long", ', 'cuts.slot.x.assembly: is "long", which is not an assembly'),
         ('file = "tip.csv", ', "", "cuts.slot.x: has neither an assembly, a measurement nor a file"),
         ('kind = "milling"', 'kind = "drilling"', 'cuts.slot: has the kind "drilling", expected one of'),
-        ('"8000 rpm"', '"130 Hz"', 'stability.speeds[0]: is "130 Hz", expected a spindle speed'),
+        ('"8000 rpm"', '"130 Hz"', 'stability.speeds[0]: is "130 Hz", a frequency, expected a spindle speed'),
         ('"8000 rpm"', '"80000 rpm"', "stability.speeds: goes from 80000 to 26000 rpm, expected the lower speed first"),
         ("draws = 40", "draws = 40\nprobability = 0.99", "stability.draws: is 40, too few to show a"),
         ('"250 rpm"', '"0.1 rpm"', "stability.step: is 0.1 rpm, which makes more than 20000 speeds"),

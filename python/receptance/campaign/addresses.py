@@ -7,35 +7,18 @@ from typing import Any, Literal
 
 from receptance import units
 from receptance._text import did_you_mean, one_of, shown
+from receptance.beams import Segment
+from receptance.collet import ColletJoint
+from receptance.fields import Element, Number
+from receptance.joints import PointJoint, PointMass
+from receptance.materials import Material
+from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart, Mode
+from receptance.spread import SpreadJoint
 from receptance.units import Quantity, parse
 
-__all__ = ["FIELDS", "SPRING_FIELDS", "kind_of", "parse_position", "value_at"]
+__all__ = ["FIELDS", "kind_of", "parse_position", "value_at"]
 
-_SPRING = {
-    "k_y": units.STIFFNESS,
-    "k_theta": units.ROTATIONAL_STIFFNESS,
-    "k_ytheta": units.COUPLING_STIFFNESS,
-    "c_y": units.DAMPING,
-    "c_theta": units.ROTATIONAL_DAMPING,
-    "c_ytheta": units.COUPLING_DAMPING,
-    "loss_factor": units.LOSS_FACTOR,
-}
-SPRING_FIELDS = tuple(_SPRING)
-_SLIP = {
-    "slip_y": units.SHARE,
-    "slip_theta": units.SHARE,
-    "exponent": units.EXPONENT,
-    "level": units.LEVEL,
-    "reference_y": units.AMPLITUDE,
-    "reference_theta": units.ANGLE,
-}
-_SEGMENT = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
-_MATERIAL = {
-    "youngs_modulus": units.MODULUS,
-    "density": units.DENSITY,
-    "poisson_ratio": units.POISSON_RATIO,
-    "loss_factor": units.LOSS_FACTOR,
-}
 _OBSERVATION = {
     "log_gain": units.LOGARITHM,
     "delay": units.DELAY,
@@ -44,28 +27,24 @@ _OBSERVATION = {
     "decay_rate_of_displacement": units.DECAY_RATE,
     "end": units.TIME,
 }
-"""What stands between a structure and the record, see `receptance.identification.factors`."""
-_MODE = {
-    "frequency_hz": units.FREQUENCY_OR_ZERO,
-    "damping_ratio": units.DAMPING_RATIO,
-    "y": units.MODE_SHAPE,
-    "theta": units.MODE_SLOPE,
-    "y_imaginary": units.MODE_SHAPE,
-    "theta_imaginary": units.MODE_SLOPE,
-    "residual_y": units.RECEPTANCE,
-    "residual_theta": units.ROTATIONAL_RECEPTANCE,
-    "residual_ytheta": units.COUPLING_RECEPTANCE,
-}
+"""Unknowns of the measuring chain, see `receptance.identification.factors`."""
+_ELEMENTS: tuple[type[Element], ...] = (
+    PointJoint,
+    MicroslipJoint,
+    SpreadJoint,
+    ColletJoint,
+    Segment,
+    Material,
+    PointMass,
+    Mode,
+    ModalPart,
+)
 FIELDS: dict[str, Quantity] = {
-    **_SPRING,
-    **_SLIP,
-    **_SEGMENT,
-    **_MATERIAL,
-    **_OBSERVATION,
-    **_MODE,
-    "mass": units.MASS,
-    "inertia": units.INERTIA,
-}
+    name: field.quantity
+    for element in _ELEMENTS
+    for name, field in element.declared.items()
+    if isinstance(field, Number) and field.parameter
+} | _OBSERVATION
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 

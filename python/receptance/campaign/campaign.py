@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
 from receptance.assembly import Assembly
-from receptance.campaign.building import Built
+from receptance.campaign.builder import Built
 from receptance.campaign.conditions import Condition
 from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
@@ -18,9 +18,9 @@ from receptance.identification import Candidate, Unknown
 if TYPE_CHECKING:
     from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.diagnosis import CampaignDiagnosis
+    from receptance.campaign.format import CampaignTable
     from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.inversion import CampaignInversion
-    from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.next_step import CampaignNext
     from receptance.campaign.prediction import CampaignPrediction
     from receptance.campaign.stability import CampaignStability

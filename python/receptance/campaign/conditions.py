@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from receptance._text import shown
 from receptance.units import parse_any
@@ -30,7 +31,7 @@ class Condition:
     written: str
 
 
-def parse_condition(written: str | float) -> Condition:
+def parse_condition(written: Any) -> Condition:
     """Return a condition.
 
     Examples
@@ -39,6 +40,8 @@ def parse_condition(written: str | float) -> Condition:
     >>> parse_condition("5 kN")
     Condition(value=5000.0, unit='kg m/s^2', written='5 kN')
     """
+    if isinstance(written, bool) or not isinstance(written, (str, int, float)):
+        raise ValueError(f"is {shown(written)}, expected text with a number and a unit, or a plain number")
     value, unit = parse_any(written) if isinstance(written, str) else (float(written), "")
     if not math.isfinite(value):
         raise ValueError(f"is {shown(written)}, expected a finite number")

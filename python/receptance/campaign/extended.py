@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import units
+from receptance.campaign.builder import addresses_of
 from receptance.campaign.problems import Problems
 from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.series_tables import spelled_out
-from receptance.campaign.tables import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
-from receptance.campaign.unknown_building import addresses_of
+from receptance.campaign.writer import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import changed
 from receptance.diagnosis.model import Model
@@ -260,7 +260,7 @@ def _write_beside(data: dict[str, Any], name: str, attached: str, one: _Extended
         and (point.part, point.position) == (place.part, place.position)
         and "sensor" not in table
     ):
-        section, made = "sensors", {key: made[key] for key in ("mass", "inertia")}
+        section, made = "sensors", {key: made[key] for key in ("mass", "inertia") if key in made}
         table["sensor"] = attached
     else:
         table["attachments"] = [*table.get("attachments", []), attached]

@@ -17,7 +17,7 @@ from receptance.io.text import doubts_of_end
 from receptance.units import parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurement_models import FrequenciesTable
+    from receptance.campaign.format import FrequenciesTable
 
 __all__ = ["Frequencies", "FrequencyTableError", "damping_of", "deviations_of", "read_frequencies"]
 

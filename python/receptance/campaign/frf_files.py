@@ -15,8 +15,7 @@ from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
-    from receptance.campaign.file_models import FileFields
-    from receptance.campaign.measurement_models import FRFTable, HammerTable
+    from receptance.campaign.format import FileFields, FRFTable, HammerTable
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
 

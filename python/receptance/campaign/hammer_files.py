@@ -10,7 +10,7 @@ from receptance._text import shown
 from receptance.units import parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurement_models import HammerTable
+    from receptance.campaign.format import HammerTable
     from receptance.frf import FRF
     from receptance.measurement import TimeRecords
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.measurement_models import SettingsTable
+    from receptance.campaign.format import SettingsTable
     from receptance.campaign.observations import Measurement
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile

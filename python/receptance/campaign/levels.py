@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from receptance import units
 from receptance._text import shown
@@ -11,14 +11,14 @@ from receptance.units import parse
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
+    from receptance.campaign.builder import Builder
+    from receptance.campaign.format import CampaignTable
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.workshop import Workshop
 
 __all__ = ["at_level", "parse_level"]
 
 
-def parse_level(written: str | float) -> tuple[float, bool]:
+def parse_level(written: Any) -> tuple[float, bool]:
     """Return a level, and whether it is a force in N.
 
     Examples
@@ -27,6 +27,8 @@ def parse_level(written: str | float) -> tuple[float, bool]:
     >>> parse_level("50 N"), parse_level(2.0)
     ((50.0, True), (2.0, False))
     """
+    if isinstance(written, bool) or not isinstance(written, (str, int, float)):
+        raise ValueError(f'is {shown(written)}, expected a number, or a force such as "50 N"')
     if isinstance(written, str):
         return parse(written, units.FORCE), True
     if not 0.0 <= written < float("inf"):
@@ -35,27 +37,25 @@ def parse_level(written: str | float) -> tuple[float, bool]:
 
 
 def at_level(
-    path: Path, written: str | float | None, assembly: Assembly, campaign: CampaignTable, workshop: Workshop
+    path: Path, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable, builder: Builder
 ) -> Assembly | None:
     """Return the assembly with its joints in micro-slip at a measurement's level, or None after mistakes are added."""
-    if written is None:
+    if level is None:
         return assembly
     here = (*path, "level")
-    if workshop.problems.at(here):
-        return None
-    amount, is_force = parse_level(written)
+    amount, is_force = level
     levels: dict[str, float] = {}
     for name in (name for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)):
         reference = getattr(campaign.joints[name], "reference_force", None)
         if is_force and reference is None:
-            text = f'is the force {shown(written)}, but the joint "{name}" has no `reference_force`; expected one there'
-            workshop.problems.add(here, text)
+            text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one there'
+            builder.problems.add(here, text)
             return None
         if f"{name}.level" in campaign.unknowns:
-            workshop.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
+            builder.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
             return None
         levels[f"{name}.level"] = amount / reference if is_force and reference is not None else amount
     if not levels:
-        workshop.problems.add(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
+        builder.problems.add(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
         return None
-    return workshop.make(here, assembly.replace, levels)
+    return builder.make(here, assembly.replace, levels)

@@ -11,7 +11,7 @@ from receptance.identification.priors import Prior
 from receptance.units import Quantity, parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurement_models import PriorTable
+    from receptance.campaign.format import PriorTable
 
 __all__ = ["prior_of"]
 

@@ -17,8 +17,7 @@ from receptance.identification.unknowns import Unknown, covered
 
 if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.measurement_models import SettingsTable
-    from receptance.campaign.series_models import SeriesTable
+    from receptance.campaign.format import SeriesTable, SettingsTable
     from receptance.identification import Identification
     from receptance.identification.task import Observation
     from receptance.taper import ForceSeries
@@ -152,7 +151,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     Examples
     --------
     >>> from receptance.campaign.series import level_unit
-    >>> from receptance.campaign.series_models import SeriesTable
+    >>> from receptance.campaign.format import SeriesTable
     >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
     ('kN', 1000.0)
     """

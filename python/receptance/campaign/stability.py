@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.cut_models import StabilityTable
+    from receptance.campaign.format import StabilityTable
     from receptance.campaign.identification import CampaignIdentification
 
 __all__ = ["CampaignStability", "CutLobes", "chosen_cuts", "spindle_speeds", "stability_of_campaign"]

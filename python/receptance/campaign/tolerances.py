@@ -9,21 +9,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.addresses import kind_of
-from receptance.campaign.assembling import no_address
+from receptance.campaign.builder import addresses_of, no_address
 from receptance.campaign.problems import path_text
-from receptance.campaign.quantities import Deviation, parse_deviation
-from receptance.campaign.unknown_building import addresses_of
+from receptance.campaign.quantities import Deviation
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from receptance.assembly import Assembly
-    from receptance.campaign.building import Built
+    from receptance.campaign.builder import Builder, Built
+    from receptance.campaign.format import CampaignTable
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.workshop import Workshop
 
 __all__ = ["Effects", "assembly_effects", "effects_beside"]
 
@@ -32,7 +29,7 @@ Effects = dict[str, dict[str, float]]
 _DIMENSIONS = ("length", "outer_diameter", "inner_diameter")
 
 
-def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> Effects:
+def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: Builder) -> Effects:
     """Return the errors of an assembly.
 
     A value that the assembly sets errs on its own, by the tolerance of what it takes the place of; a tolerance of
@@ -46,16 +43,13 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop:
     own_sets = {own for address in table.set for own in covered(address, assembly)}
     effects: Effects = {}
 
-    for address, written in table.tolerance.items():
+    for address, deviation in table.tolerance.items():
         path = (*here, "tolerance", address)
-        if workshop.problems.at(path):
-            continue
-        deviation = parse_deviation(written, kind_of(address))
         addresses = sorted(covered(address, assembly))
         if not addresses:
-            workshop.problems.add(path, no_address(address, assembly))
+            builder.problems.add(path, no_address(address, assembly))
         elif taken & set(addresses):
-            workshop.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
+            builder.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
         else:
             own = {a: deviation.of(assembly.get(a)) for a in addresses}
             effects.setdefault(deviation.name or path_text(path), {}).update(own)
