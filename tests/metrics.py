@@ -1,5 +1,9 @@
 """Size and structure of a checkout: `python tests/metrics.py [PATH]` prints them as a table.
 
+`--walk` lists instead the Python files through which the start value of a `k_theta` passes on its way from a campaign
+file to the core: those in which a local variable, or an entry of one, is the number, its text or its logarithm. The
+checkout must have its compiled extension.
+
 Python is counted from the syntax tree, Rust from the text, without building anything, so that any commit can be
 compared with any other: `git worktree add ../old COMMIT && python tests/metrics.py ../old`.
 """
@@ -8,7 +12,9 @@ from __future__ import annotations
 
 import argparse
 import ast
+import os
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -128,13 +134,93 @@ def measured(root: Path) -> list[tuple[str, str]]:
     ]
 
 
+_WALK = """
+import math, sys, tempfile
+from pathlib import Path
+import numpy as np
+from receptance import campaign, examples
+START = 54321.0
+NUMBERS = (START, math.log(START), math.log10(START))
+seen = {}
+
+def holds(value, depth=0):
+    if isinstance(value, str):
+        return len(value) < 100 and "54321" in value
+    if isinstance(value, (int, float)):
+        return any(abs(value - number) < 1e-9 * number for number in NUMBERS)
+    if isinstance(value, np.ndarray):
+        small = value.dtype.kind == "f" and value.size < 1000
+        return small and any(np.isclose(value, number, 1e-9, 0).any() for number in NUMBERS)
+    if depth < 1 and isinstance(value, dict):
+        return len(value) < 50 and any(holds(one, 1) for one in value.values())
+    return depth < 1 and isinstance(value, (list, tuple)) and len(value) < 50 and any(holds(one, 1) for one in value)
+
+def trace(frame, event, argument):
+    file = frame.f_code.co_filename
+    if "/receptance/" not in file:
+        return None
+    if event == "return" and (any(map(holds, list(frame.f_locals.values()))) or holds(argument)):
+        seen.setdefault(file.split("/receptance/", 1)[1], []).append(frame.f_code.co_qualname)
+    return trace
+
+text = '''
+[materials.steel]
+youngs_modulus = "210 GPa"
+density = "7850 kg/m^3"
+poisson_ratio = 0.3
+[parts.tool]
+segments = [{ length = "60 mm", outer_diameter = "12 mm", material = "steel" }]
+[parts.holder]
+segments = [{ length = "120 mm", outer_diameter = "45 mm", material = "steel" }]
+[joints.joint]
+k_y = "3e8 N/m"
+[assemblies.one]
+chain = ["tool", "joint", "holder"]
+[measurements.one]
+kind = "natural frequencies"
+assembly = "one"
+frequencies = ["2600 Hz", "9300 Hz", "13000 Hz"]
+standard_deviation = "1 %"
+[unknowns]
+"joint.k_theta" = { lower = "1e3 N m/rad", upper = "1e7 N m/rad", start = "54321 N m/rad" }
+[settings]
+starts = 1
+profiles = false
+'''
+with tempfile.TemporaryDirectory() as folder:
+    (Path(folder) / "campaign.toml").write_text(text)
+    sys.settrace(trace)
+    try:
+        campaign.load(folder).identify(threads=1)
+    finally:
+        sys.settrace(None)
+for file, functions in seen.items():
+    print(f"{file}: {', '.join(dict.fromkeys(functions))}")
+"""
+
+
+def walk(root: Path) -> list[str]:
+    """Return a line for each file through which a start value passes, with the functions that hold it."""
+    environment = {**os.environ, "PYTHONPATH": str(root / "python")}
+    done = subprocess.run([sys.executable, "-c", _WALK], env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(done.stderr)
+    return done.stdout.splitlines()
+
+
 def main() -> None:
     """Print the table of a checkout."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("path", nargs="?", type=Path, default=Path(__file__).resolve().parents[1], metavar="PATH")
-    root = parser.parse_args().path
+    parser.add_argument("--walk", action="store_true", help="list the files through which a start value passes")
+    arguments = parser.parse_args()
+    root = arguments.path.resolve()
     if not (root / "python" / "receptance").is_dir():
         sys.exit(f"{root} has no python/receptance, expected a checkout of the project")
+    if arguments.walk:
+        found = walk(root)
+        print("\n".join(found), f"{len(found)} files", sep="\n")
+        return
     rows = measured(root)
     width = max(len(name) for name, _ in rows)
     for name, value in rows:

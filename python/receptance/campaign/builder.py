@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from receptance.campaign.problems import Problems
 
 __all__ = [
+    "JOINTS",
     "OWNERS",
     "AnyJoint",
     "Builder",
@@ -50,12 +51,13 @@ __all__ = [
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
 """Sections whose names are first words of addresses."""
-_JOINTS: dict[str, type[Element]] = {
+JOINTS: dict[str, type[Element]] = {
     "point": PointJoint,
     "spread": SpreadJoint,
     "collet": ColletJoint,
     "micro-slip": MicroslipJoint,
 }
+"""Classes of joints by the `kind` of their tables."""
 _ATTACHMENTS: dict[str, type[Element]] = {"mass": PointMass, "ground": GroundSpring}
 _SINGULAR = {
     "assemblies": "an assembly",
@@ -66,7 +68,7 @@ _SINGULAR = {
 }
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
-    *(kind.__name__ for kind in (*_JOINTS.values(), *_ATTACHMENTS.values())),
+    *(kind.__name__ for kind in (*JOINTS.values(), *_ATTACHMENTS.values())),
     "Section",
     "Candidate",
     "Milling",
@@ -221,7 +223,7 @@ class Builder:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
         if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
             return None  # the mistake of the unknown was reported; that the joint lacks a value only follows from it
-        made: AnyJoint | None = self.element(_JOINTS[table.kind], table, ("joints", name), name, name=name)
+        made: AnyJoint | None = self.element(JOINTS[table.kind], table, ("joints", name), name, name=name)
         return made
 
     def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart | None:

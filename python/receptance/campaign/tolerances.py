@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.builder import addresses_of, no_address
+from receptance.beams import Segment
+from receptance.campaign.builder import JOINTS, addresses_of, no_address
 from receptance.campaign.problems import path_text
 from receptance.campaign.quantities import Deviation
+from receptance.fields import Member
 from receptance.identification.unknowns import covered
+from receptance.materials import Material
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     from receptance.campaign.builder import Builder, Built
     from receptance.campaign.format import CampaignTable
     from receptance.campaign.lines import Path
+    from receptance.fields import Element
 
 __all__ = ["Effects", "assembly_effects", "effects_beside"]
 
@@ -82,35 +86,29 @@ def _inherited(
     """Yield address, place in the file and deviation of what the parts of an assembly bring with them."""
     for name in assembly.elements:
         if name in campaign.joints:
-            yield from _of_joint(name, campaign)
-            continue
-        if name not in campaign.parts:
-            continue  # a spindle known by its receptances brings its own errors
-        for index, segment in enumerate(campaign.parts[name].segments):
-            place: Path = ("parts", name, "segments", index)
-            first = f"{name}.segment[{index}]"
-            yield from _fields(place, first, segment.tolerance)
-            yield from _of_materials(first, segment, campaign)
+            joint = campaign.joints[name]
+            yield from _of_element(("joints", name), name, JOINTS[joint.kind], joint, campaign)
+        elif name in campaign.parts:  # a spindle known by its receptances brings its own errors
+            for index, segment in enumerate(campaign.parts[name].segments):
+                place: Path = ("parts", name, "segments", index)
+                yield from _of_element(place, f"{name}.segment[{index}]", Segment, segment, campaign)
     for name in attachments:
         yield from _fields(("attachments", name), name, campaign.attachments[name].tolerance)
 
 
-def _of_joint(name: str, campaign: CampaignTable) -> Iterator[tuple[str, Path, Deviation]]:
-    table = campaign.joints[name]
-    yield from _fields(("joints", name), name, table.tolerance)
-    for member in ("inner", "outer", "shank", "sleeve"):
-        inside = getattr(table, member, None)
-        if inside is not None:
-            yield from _fields(("joints", name, member), f"{name}.{member}", inside.tolerance)
-            if member in ("shank", "sleeve"):
-                yield from _of_materials(f"{name}.{member}", inside, campaign)
-
-
-def _of_materials(first: str, table: Any, campaign: CampaignTable) -> Iterator[tuple[str, Path, Deviation]]:
-    """Yield what the materials of a segment or section bring with them."""
-    for prefix, material in ((first, table.material), (f"{first}.core", table.core)):
-        if material in campaign.materials:
-            yield from _fields(("materials", material), prefix, campaign.materials[material].tolerance)
+def _of_element(
+    place: Path, first: str, kind: type[Element], table: Any, campaign: CampaignTable
+) -> Iterator[tuple[str, Path, Deviation]]:
+    """Yield the errors of an element, of its members and of its materials; addresses begin with `first`."""
+    yield from _fields(place, first, table.tolerance)
+    for name, member in kind.declared.items():
+        if not isinstance(member, Member):
+            continue
+        inside, own = getattr(table, name), f"{first}.{member.prefix}".removesuffix(".")
+        if member.kind is not Material:
+            yield from _of_element((*place, name), own, member.kind, inside, campaign)
+        elif inside in campaign.materials:
+            yield from _fields(("materials", inside), own, campaign.materials[inside].tolerance)
 
 
 def _fields(place: Path, owner: str, spread: Any) -> Iterator[tuple[str, Path, Deviation]]:
