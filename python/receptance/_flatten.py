@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance import _core
-from receptance.beams import Part
+from receptance.beams import Part, Segment
 from receptance.collet import ColletJoint
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import WIDTHS, GroundSpring, PointJoint, PointMass
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
@@ -77,16 +77,12 @@ class Flat:
 
     @cached_property
     def _tables(self) -> Tables:
-        return (
-            _table(self.segments, 14),
-            _table(self.joints, 9),
-            _table(self.masses, 3),
-            _table(self.grounds, 8),
-        )
+        joints, masses, grounds = map(_table, (self.joints, self.masses, self.grounds), WIDTHS)
+        return _table(self.segments, 2 + len(Segment.layout)), joints, masses, grounds
 
     @cached_property
     def _beside(self) -> NDArray[np.float64]:
-        return _table(self.overlaps, 31)
+        return _table(self.overlaps, 2 + len(SpreadJoint.layout))
 
     def new_node(self) -> int:
         """Number a new node."""

@@ -12,6 +12,7 @@ import numpy as np
 from receptance import _checks, _core, units
 from receptance.errors import ReceptanceWarning
 from receptance.fields import Choice, Element, Member, Number
+from receptance.joints import WIDTHS
 from receptance.materials import Material
 
 if TYPE_CHECKING:
@@ -211,7 +212,7 @@ class Part:
         return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
 
     def _model(self, motion: int = 0) -> _core.Model:
-        return _core.Model(motion, self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
+        return _core.Model(motion, self.table(), *(np.zeros((0, width)) for width in WIDTHS))
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies in bending of the free part up to `upper_hz`, in Hz, zero modes left out.

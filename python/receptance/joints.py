@@ -188,3 +188,7 @@ class PointMass(Element):
 
     def __post_init__(self) -> None:
         self.check()
+
+
+WIDTHS = tuple(nodes + len(kind.layout) for nodes, kind in ((2, PointJoint), (1, PointMass), (1, GroundSpring)))
+"""Columns of the core's tables of joints, masses and ground springs: nodes, then the columns of the element."""

@@ -125,6 +125,14 @@ def test_other_texts_are_refused_at_once(text: str) -> None:
     assert time.perf_counter() - began < 0.5
 
 
+@pytest.mark.parametrize(
+    ("text", "factor"),
+    [("g", G), ("mg", 1e-3 * G), ("V/(100 mV/g)", 10.0 * G), ("g/N", G), ("g/cm^3", 1e3), ("g m^2", 1e-3), ("kg", 1.0)],
+)
+def test_g_is_gravity_in_motions_and_a_gram_elsewhere(text: str, factor: float) -> None:
+    assert parse_unit(text).factor == pytest.approx(factor, rel=1e-12)
+
+
 def test_words_for_mistakes() -> None:
     with pytest.raises(UnitError, match="a level in dB"):
         parse_unit("dB")
