@@ -9,8 +9,7 @@ import pytest
 from receptance import units
 from receptance._text import did_you_mean, one_of
 from receptance.campaign.addresses import kind_of, parse_position
-from receptance.campaign.conditions import parse_condition
-from receptance.campaign.quantities import Deviation, parse_deviation
+from receptance.campaign.quantities import Deviation, parse_condition, parse_deviation
 from receptance.units import QUANTITIES, Quantity, parse
 
 

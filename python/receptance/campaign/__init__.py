@@ -2,7 +2,6 @@
 
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
-from receptance.campaign.conditions import Condition
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.diagnosis import CampaignDiagnosis
 from receptance.campaign.identification import CampaignIdentification
@@ -13,6 +12,7 @@ from receptance.campaign.observations import Measurement
 from receptance.campaign.prediction import CampaignPrediction
 from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.propagation import Propagation, Scatter
+from receptance.campaign.quantities import Condition
 from receptance.campaign.schema import field_tables, json_schema
 from receptance.campaign.stability import CampaignStability, CutLobes
 from receptance.campaign.transfer import CampaignTransfer

@@ -398,6 +398,33 @@ class Builder:
         direction: Literal["y", "theta"] = "theta" if table.direction.endswith("theta") else "y"
         return Coordinate(name, position, direction)
 
+    def at_level(
+        self, path: Path, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
+    ) -> Assembly | None:
+        """Return the assembly with its joints in micro-slip at the level of a measurement, or None with mistakes.
+
+        The level is a number, and whether it is a force in N, which the `reference_force` of the joints divides.
+        """
+        if level is None:
+            return assembly
+        here = (*path, "level")
+        amount, is_force = level
+        levels: dict[str, float] = {}
+        for name in (name for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)):
+            reference = campaign.joints[name].reference_force
+            if is_force and reference is None:
+                text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one'
+                self.problems.add(here, f"{text} there")
+                return None
+            if f"{name}.level" in campaign.unknowns:
+                self.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
+                return None
+            levels[f"{name}.level"] = amount / reference if is_force else amount
+        if not levels:
+            self.problems.add(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
+            return None
+        return self.make(here, assembly.replace, levels)
+
 
 def _keep(store: dict[str, Any], name: str, made: Any) -> None:
     if made is not None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 from receptance.assembly import Assembly
 from receptance.campaign.builder import Built
-from receptance.campaign.conditions import Condition
 from receptance.campaign.observations import Measurement
+from receptance.campaign.quantities import Condition
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown

@@ -13,10 +13,8 @@ from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Stri
 from receptance import units
 from receptance._text import shown
 from receptance.beams import Segment
-from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.element_tables import AtAddress, ByAddress, ElementTable, Of, OneKind, Position, Table
-from receptance.campaign.levels import parse_level
-from receptance.campaign.quantities import Amount, Deviation, OneOf, Spread
+from receptance.campaign.quantities import Amount, Condition, Deviation, OneOf, Spread, parse_condition, parse_level
 from receptance.collet import ColletJoint
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import Material

@@ -8,9 +8,8 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from receptance.campaign.builder import carrying, with_sensor
-from receptance.campaign.conditions import Condition
 from receptance.campaign.frequencies import damping_of, deviations_of, frequencies_of
-from receptance.campaign.levels import at_level
+from receptance.campaign.quantities import Condition
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ class _Reader:
         there = not any(self.builder.problems.at((*self.path, key)) for key in ("file", "coherence"))
         assembly = self.built.assemblies.get(self.table.assembly)
         if assembly is not None:
-            assembly = at_level(self.path, self.table.level, assembly, self.campaign, self.builder)
+            assembly = self.builder.at_level(self.path, self.table.level, assembly, self.campaign)
         sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
         if assembly is None or (self.table.sensor is not None and sensor is None):
             return None

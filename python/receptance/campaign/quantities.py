@@ -1,17 +1,29 @@
-"""Quantities and standard deviations in a campaign file: how they are read and what their JSON schema is."""
+"""Quantities, standard deviations, conditions and levels in a campaign file: reading, and their JSON schema."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 from receptance._text import shown
-from receptance.units import NUMBER, Quantity, parse, split
+from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
 
-__all__ = ["Amount", "Deviation", "OneOf", "Spread", "json_schema", "parse_deviation", "parse_share"]
+__all__ = [
+    "Amount",
+    "Condition",
+    "Deviation",
+    "OneOf",
+    "Spread",
+    "json_schema",
+    "parse_condition",
+    "parse_deviation",
+    "parse_level",
+    "parse_share",
+]
 
 
 @dataclass(frozen=True)
@@ -164,3 +176,60 @@ def _deviation_schema(quantity: Quantity) -> dict[str, Any]:
         "additionalProperties": False,
     }
     return {"anyOf": [*spellings, named], "examples": [example if quantity.unit else float(example), "2 %"]}
+
+
+# Conditions and levels -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A number that describes a configuration or a measurement.
+
+    Attributes
+    ----------
+    value : float
+        In SI units.
+    unit : str
+        SI unit, empty for a plain number.
+    written : str
+        As it stands in the file.
+    """
+
+    value: float
+    unit: str
+    written: str
+
+
+def parse_condition(written: Any) -> Condition:
+    """Return a condition.
+
+    Examples
+    --------
+    >>> from receptance.campaign.quantities import parse_condition
+    >>> parse_condition("5 kN")
+    Condition(value=5000.0, unit='kg m/s^2', written='5 kN')
+    """
+    if isinstance(written, bool) or not isinstance(written, (str, int, float)):
+        raise ValueError(f"is {shown(written)}, expected text with a number and a unit, or a plain number")
+    value, unit = parse_any(written) if isinstance(written, str) else (float(written), "")
+    if not math.isfinite(value):
+        raise ValueError(f"is {shown(written)}, expected a finite number")
+    return Condition(value, unit, written if isinstance(written, str) else f"{written:g}")
+
+
+def parse_level(written: Any) -> tuple[float, bool]:
+    """Return a level, and whether it is a force in N.
+
+    Examples
+    --------
+    >>> from receptance.campaign.quantities import parse_level
+    >>> parse_level("50 N"), parse_level(2.0)
+    ((50.0, True), (2.0, False))
+    """
+    if isinstance(written, bool) or not isinstance(written, (str, int, float)):
+        raise ValueError(f'is {shown(written)}, expected a number, or a force such as "50 N"')
+    if isinstance(written, str):
+        return parse(written, FORCE), True
+    if not 0.0 <= written < float("inf"):
+        raise ValueError(f'is {shown(written)}, expected a number from 0 on, or a force such as "50 N"')
+    return float(written), False

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from receptance._text import did_you_mean, shown
-from receptance.campaign.conditions import parse_condition
+from receptance.campaign.quantities import parse_condition
 
 if TYPE_CHECKING:
     from receptance.campaign.lines import Path

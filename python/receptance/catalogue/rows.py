@@ -14,8 +14,8 @@ from typing import Any
 from receptance import units
 from receptance._files import read_whole
 from receptance._text import did_you_mean, one_of, shown
-from receptance.campaign.conditions import parse_condition
 from receptance.campaign.problems import CampaignError, Problem, Problems
+from receptance.campaign.quantities import parse_condition
 from receptance.units import Quantity, parse
 
 __all__ = ["HolderRow", "ToolRow", "read_holders", "read_tools"]
