@@ -1,4 +1,4 @@
-"""Units and quantities of the functions of a universal file: axis labels, specific data types and data set 164."""
+"""Axes of the functions of a universal file: labels, specific data types and the units of data set 164."""
 
 from __future__ import annotations
 
