@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, get_args, get_type_hints
 
+import numpy as np
+
 from receptance import _checks
 from receptance.units import Quantity
 
@@ -210,7 +212,7 @@ class Element:
         if value is None and optional:
             return
         expected = f"a whole number from {field.least} to {field.most}{' or None' if optional else ''}"
-        if isinstance(value, bool) or not isinstance(value, int):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
             raise TypeError(f"{self.owner}: {name} is {value!r}, expected {expected}")
         if not field.least <= value <= field.most:
             raise ValueError(f"{self.owner}: {name} is {value}, expected {expected}")

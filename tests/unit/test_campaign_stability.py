@@ -87,7 +87,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
         ("teeth = 2", "teeth = 2.5", "cuts.slot.teeth: is 2.5, expected a whole number"),
         ("teeth = 2", "teeth = 2\nimmersion = 1.2", "immersion: is 1.2, expected more than zero and at most 1"),
         ("teeth = 2", "teeth = 2\nimmersion = 0", "cuts.slot.immersion: is 0, expected more than zero"),
-        ("teeth = 2", 'teeth = 2\nfeed = "climb"', 'cuts.slot.feed: is "climb", expected one of "up", "down"'),
+        ("teeth = 2", 'teeth = 2\nfeed = "climb"', 'cuts.slot.feed: is "climb", expected one of "down", "up"'),
         ('"600 MPa"', '"-600 MPa"', 'cuts.slot.k_t: is "-600 MPa", expected more than zero'),
         ('"600 MPa"', '"600 N"', 'cuts.slot.k_t: is "600 N", a force, expected a cutting coefficient'),
         ('"200 N/mm^2"', '"-1 MPa"', 'cuts.slot.k_n: is "-1 MPa", expected zero or more'),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from receptance.campaign.builder import Builder
-    from receptance.campaign.format import CampaignTable, CutTable, TipTable
+    from receptance.campaign.format import CampaignTable, TipTable
     from receptance.campaign.lines import Path
     from receptance.campaign.observations import Measurement
 
@@ -82,7 +82,10 @@ def build_cut(
 ) -> CampaignCut | None:
     """Return a cut, or None after its mistakes are added."""
     own, path = table.cuts[name], ("cuts", name)
-    cut = builder.make(path, _cut, own)
+    if own.kind == "milling":
+        cut = builder.element(Milling, own, path)
+    else:
+        cut = builder.element(Turning, own, path, angle_deg=own.angle)
     spread = {
         key: deviation.of(getattr(own, key)) / getattr(own, key)
         for key, deviation in own.tolerance
@@ -97,12 +100,6 @@ def build_cut(
     if cut is None or x is None or builder.problems.at(path):
         return None
     return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
-
-
-def _cut(table: CutTable) -> Milling | Turning:
-    if table.kind == "turning":
-        return Turning(k=table.k, angle_deg=table.angle)
-    return Milling(teeth=table.teeth, k_t=table.k_t, k_n=table.k_n, immersion=table.immersion, feed=table.feed)
 
 
 def _tip(

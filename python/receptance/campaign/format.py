@@ -21,6 +21,7 @@ from receptance.materials import Material
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
+from receptance.stability import Milling, Turning
 
 __all__ = [
     "AssemblyTable",
@@ -492,11 +493,7 @@ class SeriesTable(Table):
 # Cuts and catalogues ------------------------------------------------------------------------------------------------
 
 LengthSpread = Annotated[Deviation | None, Spread(units.LENGTH)]
-_Coefficient = Annotated[float, Amount(units.CUTTING_COEFFICIENT)]
-_CoefficientOrZero = Annotated[float, Amount(units.CUTTING_COEFFICIENT_OR_ZERO)]
-_CoefficientSpread = Annotated[Deviation | None, Spread(units.CUTTING_COEFFICIENT)]
 _Speed = Annotated[float, Amount(units.SPINDLE_SPEED)]
-_Tooth = Annotated[int, Field(ge=1, le=1000)]
 
 
 class TipTable(FileFields):
@@ -520,62 +517,25 @@ def _across(value: Any) -> Any:
     raise ValueError(f'is {shown(value)}, expected a table, "as x" or "rigid"')
 
 
-class MillingSpread(Table):
-    """Standard deviations of the cutting coefficients, which are drawn log-normal and independent."""
-
-    k_t: _CoefficientSpread = None
-    """of the tangential coefficient"""
-    k_n: _CoefficientSpread = None
-    """of the normal coefficient"""
+class _TurningKeys(ElementTable):
+    angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
+    """between the force and the direction of the chip's thickness"""
+    x: TipTable
+    """receptance of the tip in the direction of the chip's thickness"""
 
 
-class TurningSpread(Table):
-    """Standard deviation of the cutting coefficient, which is drawn log-normal."""
-
-    k: _CoefficientSpread = None
-    """of the coefficient"""
-
-
-class MillingTable(Table):
-    """A milling cut with straight teeth at equal distances."""
-
-    kind: Literal["milling"]
-    """`"milling"`"""
-    teeth: _Tooth
-    """number of teeth"""
-    immersion: Annotated[float, Amount(units.IMMERSION)] = 1.0
-    """width of cut over diameter of the tool, up to 1, a slot"""
-    feed: Literal["up", "down"] = "down"
-    """up-milling (conventional) or down-milling (climb)"""
-    k_t: _Coefficient
-    """tangential cutting coefficient: force over depth and chip thickness"""
-    k_n: _CoefficientOrZero
-    """normal (radial) cutting coefficient"""
-    tolerance: MillingSpread = MillingSpread()
-    """standard deviations of the coefficients, by the same keys"""
+class _MillingKeys(ElementTable):
     x: TipTable
     """receptance of the tip in the direction of feed"""
     y: Annotated[TipTable | Literal["as x", "rigid"], BeforeValidator(_across)] = "as x"
     """receptance across it; `"as x"` the same, `"rigid"` none"""
 
 
-class TurningTable(Table):
-    """A turning cut: one tooth, always in the cut."""
-
-    kind: Literal["turning"]
-    """`"turning"`"""
-    k: _Coefficient
-    """cutting coefficient: force over depth and chip thickness"""
-    angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
-    """between the force and the direction of the chip's thickness"""
-    tolerance: TurningSpread = TurningSpread()
-    """standard deviation of the coefficient"""
-    x: TipTable
-    """receptance of the tip in the direction of the chip's thickness"""
-
-
 CutTable = Annotated[
-    Annotated[MillingTable, Tag("milling")] | Annotated[TurningTable, Tag("turning")], Discriminator("kind")
+    ElementTable,
+    OneKind(
+        Of(Milling, "milling", keys=_MillingKeys), Of(Turning, "turning", keys=_TurningKeys, without=("angle_deg",))
+    ),
 ]
 
 
