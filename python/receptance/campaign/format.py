@@ -112,7 +112,7 @@ AttachmentTable = Annotated[ElementTable, OneKind(Of(PointMass, "mass"), Of(Grou
 
 
 class CoordinateTable(Table):
-    """A place on a part, a direction and a sign."""
+    """A position on a part, a direction and a sign."""
 
     part: str = ""
     """name of the part; by default the first one of the chain"""
@@ -123,12 +123,12 @@ class CoordinateTable(Table):
 
 
 class AssemblyTable(Table):
-    """A configuration: parts and joints in a row from the tip, and what is set differently in it."""
+    """A configuration: parts and joints in a row from the tip, and values of its own."""
 
     chain: Annotated[list[str], Field(min_length=1)]
     """names of parts and joints from the tip on; begins with a part and ends with a part or a modal part"""
     attachments: list[str] = Field(default=[])
-    """names of masses and ground springs that are on it"""
+    """names of the masses and ground springs on it"""
     set: Annotated[dict[str, Value], ByAddress()] = Field(default={})
     """values of this configuration by address, `{ "tool.segment[0].length" = "60 mm" }`"""
     tolerance: Annotated[dict[str, Annotated[Deviation, AtAddress(deviation=True)]], ByAddress()] = Field(default={})
@@ -136,7 +136,7 @@ class AssemblyTable(Table):
     conditions: Conditions = Field(default={})
     """numbers with units that describe the configuration: torque, insertion, drawbar force"""
     motion: Literal["bending", "axial"] = "bending"
-    """across, or along the axis: then y, k_y and c_y are along it, and nothing turns"""
+    """bending or axial; in axial motion y, k_y and c_y are along the axis, and there is no rotation"""
 
 
 # Measurements -------------------------------------------------------------------------------------------------------
@@ -147,43 +147,45 @@ _Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a 
 
 
 class EntryTable(Table):
-    """Which part of a file with several FRFs, responses or excitations is meant."""
+    """The FRF to read from a file with several FRFs, responses or excitations."""
 
     number: Annotated[int, Field(ge=0)] | None = None
-    """number from 0 of the FRF, where the file holds several"""
+    """number of the FRF, counted from 0, if the file holds several"""
     response: _Which = None
-    """number from 0 of the response, or its name in the file"""
+    """number of the response, counted from 0, or its name in the file"""
     excitation: _Which = None
-    """number from 0 of the excitation, or its name in the file"""
+    """number of the excitation, counted from 0, or its name in the file"""
 
 
 class FileFields(Table):
-    """A file with an FRF, and what it does not say itself; the base of tables that name one."""
+    """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
 
     file: str
     """file beside the campaign: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
     format: str | None = None
-    """format of the file where its ending does not tell"""
+    """format of the file, if its ending does not determine it"""
     quantity: Literal["receptance", "mobility", "accelerance"] | None = None
-    """what was measured, where the file does not say"""
+    """measured quantity, if the file does not state it"""
     unit: str | None = None
-    """its unit, where the file does not say, such as `"m/s^2/N"`"""
+    """unit of the FRF, if the file does not state it, such as `"m/s^2/N"`"""
     entry: EntryTable = EntryTable()
-    """which part of the file, where it holds several FRFs, responses or excitations"""
+    """the FRF to read, if the file holds several FRFs, responses or excitations"""
     coherence: str | None = None
     """another file with the coherence"""
     ignore_coherence: bool = False
-    """read the FRF without its coherence, where that is worth nothing"""
+    """whether the coherence in the file is ignored"""
     variables: dict[str, str] = Field(default={})
-    """which variables of an NPZ, MAT or HDF5 file of another program are `frequency_hz`, `values`, `coherence`"""
+    """names of the variables for `frequency_hz`, `values` and `coherence` in an NPZ, MAT or HDF5 file of another
+    program"""
     columns: list[str] = Field(default=[])
     """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
     averages: Annotated[int, Field(ge=1)] | None = None
-    """how many hits were averaged, where the file does not say"""
+    """number of averages, if the file does not state it"""
     standard_deviation: str | None = None
-    """of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from coherence and averages"""
+    """standard deviation of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from
+    coherence and averages"""
     decay_rate: Annotated[float, Amount(units.DECAY_RATE)] | None = None
-    """of an exponential window on both channels, where the file does not say"""
+    """decay rate of an exponential window on both channels, if the file does not state it"""
 
 
 Frequency = Annotated[float, Amount(units.FREQUENCY)]
@@ -205,32 +207,33 @@ class _Measured(Table):
     assembly: str
     """name of the assembly that was measured"""
     role: Literal["identify", "hold out"] = "identify"
-    """whether the fit sees it, or predictions are compared with it"""
+    """whether it is used in the fit, or held out for comparison with predictions"""
     sensor: str | None = None
-    """name of the sensor that sat at the response coordinate; none for a laser"""
+    """name of the sensor at the response coordinate; none for a laser"""
     conditions: Conditions = Field(default={})
     """numbers with units that describe the measurement: a force level, a temperature"""
     attachments: list[str] = Field(default=[])
-    """names of masses and ground springs that were on it only while it was measured: a second sensor, a suspension"""
+    """names of masses and ground springs that were attached during this measurement only: a second sensor, a
+    suspension"""
     level: Level | None = None
     """level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"""
 
 
 class _Response(_Measured):
     response: CoordinateTable = CoordinateTable()
-    """where motion was seen"""
+    """coordinate of the measured motion"""
     excitation: CoordinateTable = CoordinateTable()
-    """where the load acted"""
+    """coordinate of the load"""
     bands: Annotated[list[Band], Field(min_length=1)] | None = None
-    """bands of frequency that count, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
+    """frequency bands to use, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
     floor: str | None = None
-    """what no noise model covers, as a standard deviation added in squares on every line, such as `"0.3 %"`"""
+    """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
     integrate: Annotated[int, Field(ge=-2, le=2)] = 0
-    """how often the motion is integrated in addition, where a file holds another quantity than it says: 1 where it
-    holds velocities and says displacements, -1 the other way round"""
+    """number of additional integrations of the motion, for a file that states a wrong quantity: 1 if it holds
+    velocities and states displacements, -1 for the reverse"""
     ends: Time | None = None
-    """how long after the hit the record ended, where the structure still rang; `"observation.end"` as an unknown
-    finds it exactly"""
+    """time from the hit to the end of a record that was truncated while the structure still vibrated; the unknown
+    `"observation.end"` estimates it"""
 
 
 class FRFTable(FileFields, _Response):
@@ -239,7 +242,7 @@ class FRFTable(FileFields, _Response):
     kind: Literal["frf"]
     """`"frf"`"""
     force: Force | None = None
-    """amplitude of a stepped sine: joints in micro-slip are then at the level that it brings about on each line"""
+    """amplitude of a stepped sine; it determines the level of joints in micro-slip on each line"""
 
 
 class HammerTable(_Response):
@@ -250,46 +253,47 @@ class HammerTable(_Response):
     file: Annotated[str | list[str], OneOf(str, list, what="the name of a file, or a list of them")]
     """file beside the campaign with one or several hits, or a list of files: UFF58, CSV, NPZ, MAT, HDF5"""
     format: str | None = None
-    """format of the files where their ending does not tell"""
+    """format of the files, if their ending does not determine it"""
     force: Channel
-    """name or number (from 0) of the hammer's channel"""
+    """name of the force channel, or its number counted from 0"""
     motion: Channel
-    """name or number (from 0) of the response's channel"""
+    """name of the response channel, or its number counted from 0"""
     units: dict[str, str] = Field(default={})
-    """units of channels, where the files do not say, `{ hammer = "N", tip = "m/s^2" }`"""
+    """units of channels, if the files do not state them, `{ hammer = "N", tip = "m/s^2" }`"""
     variables: dict[str, str] = Field(default={})
-    """which variables of NPZ, MAT or HDF5 files of another program are the time, `time_s`, and the channels"""
+    """names of the variables for the time, `time_s`, and the channels in NPZ, MAT or HDF5 files of another program"""
     columns: list[str] = Field(default=[])
     """header of tables that have none, `["time [s]", "hammer [N]", "tip [m/s^2]"]`"""
     sample_rate: Frequency | None = None
-    """samples per second, where the files do not say"""
+    """samples per second, if the files do not state it"""
     full_scale_force: Force | None = None
-    """largest force that the recorder can hold; without it only a flat top tells an overload"""
+    """full scale of the force channel; without it an overload is detected only by a flat top"""
     trigger: Force | None = None
-    """force that begins a hit; by default a tenth of the largest"""
+    """force at which a hit begins; by default a tenth of the largest"""
     duration: Time | None = None
-    """length of the block of a hit; by default as much as is free between hits"""
+    """length of the block of a hit; by default the time between hits"""
     pre_trigger: TimeOrZero | None = None
-    """how long before the trigger a block begins, by default 10 ms, where a record holds several hits"""
+    """time from the beginning of a block to the trigger, by default 10 ms, if a record holds several hits"""
     double_hits: Literal["drop", "keep"] = "drop"
-    """what to do with double hits: leave them out, or use them with a force window that spans all contacts"""
+    """treatment of double hits: leave them out, or use them with a force window that spans all contacts"""
     double_share: ShareAboveZero | None = None
-    """smallest second contact that makes a hit a double one, over the first one's peak; by default 0.02"""
+    """smallest peak of a second contact, over that of the first, that makes a double hit; by default 0.02"""
     separation: Time | None = None
-    """contacts closer than this are one double hit, where a record holds several hits; by default 100 ms"""
+    """contacts closer than this are one double hit, if a record holds several hits; by default 100 ms"""
     drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])
-    """numbers of hits that are to be dropped by hand, counted from 1 as they are found"""
+    """numbers of hits to drop, counted from 1 in the order in which they are found"""
     estimator: Literal["H1", "H2", "Hv"] = "H1"
-    """how the FRF is estimated"""
+    """estimator of the FRF"""
     force_drop_db: Annotated[float, Field(gt=0.0)] = 20.0
     """the usable band ends where the force's spectrum is this many dB below its largest value; with a larger number
-    lines with less force count as well, and their larger scatter is in the variance"""
+    lines with less force are used as well, with their larger variance"""
     decay_rate: Rate = 0.0
-    """of the exponential window that is put on both channels"""
+    """decay rate of the exponential window to apply to both channels"""
     response_decay_rate: Rate = 0.0
-    """of an exponential window that the recorder has put on the response alone"""
+    """decay rate of an exponential window that the recorder applied to the response alone"""
     force_window: str = "auto"
-    """how long the force counts after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"`: the whole block"""
+    """length of the force window after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"` for the whole
+    block"""
 
 
 class FrequenciesTable(_Measured):
@@ -300,11 +304,11 @@ class FrequenciesTable(_Measured):
     frequencies: Annotated[list[Frequency], Field(min_length=1)] | None = None
     """natural frequencies, ascending"""
     modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
-    """which elastic modes they are, the lowest is 1; by default 1, 2, and so on"""
+    """numbers of the elastic modes, the lowest is 1; by default 1, 2, and so on"""
     standard_deviation: Annotated[
         str | list[str] | None, OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
     ] = None
-    """of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+    """standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
     damping_ratios: Annotated[list[str], Field(min_length=1)] | None = None
     """damping ratios such as `"1.2 %"`, one for each frequency, or `"unknown"`; frequencies are then those of damped
     modes (their magnitudes), else of undamped ones"""
@@ -315,10 +319,10 @@ class FrequenciesTable(_Measured):
     """standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one for
     each"""
     file: str | None = None
-    """CSV file instead, with columns `mode`, `frequency [Hz]` and, if you like, `standard_deviation [Hz]`,
+    """CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`,
     `damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"""
     response: CoordinateTable = CoordinateTable()
-    """where the sensor sat"""
+    """coordinate of the sensor"""
 
 
 MeasurementTable = Annotated[
@@ -333,13 +337,13 @@ class _Possible(Table):
     assembly: str
     """name of the assembly that would be measured; one that was measured is the same clamping"""
     sensor: str | None = None
-    """name of the sensor that would sit at the response coordinate; none for a laser"""
+    """name of the sensor at the response coordinate; none for a laser"""
     response: CoordinateTable = CoordinateTable()
-    """where motion would be seen"""
+    """coordinate of the measured motion"""
     conditions: Conditions = Field(default={})
     """numbers with units that describe the measurement"""
     cost: Annotated[float, Field(gt=0.0)] = 1.0
-    """what it costs, in any unit, the same for all candidates"""
+    """cost, in any unit that all candidates share"""
 
 
 class CandidateFRFTable(_Possible):
@@ -348,7 +352,7 @@ class CandidateFRFTable(_Possible):
     kind: Literal["frf"]
     """`"frf"`"""
     excitation: CoordinateTable = CoordinateTable()
-    """where the load would act"""
+    """coordinate of the load"""
     lower: Frequency | None = None
     """lowest line; by default `step`"""
     upper: Frequency
@@ -356,9 +360,9 @@ class CandidateFRFTable(_Possible):
     step: Frequency
     """distance of the lines, which count as independent"""
     standard_deviation: str
-    """expected of the FRF on every line, such as `"2 %"`"""
+    """expected standard deviation of the FRF on every line, such as `"2 %"`"""
     floor: str | None = None
-    """what no noise model covers, as a standard deviation added in squares on every line, such as `"0.3 %"`"""
+    """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
 
 
 class CandidateFrequenciesTable(_Possible):
@@ -367,11 +371,11 @@ class CandidateFrequenciesTable(_Possible):
     kind: Literal["natural frequencies"]
     """`"natural frequencies"`"""
     modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)]
-    """which elastic modes, the lowest is 1"""
+    """numbers of the elastic modes, the lowest is 1"""
     standard_deviation: Annotated[
         str | list[str], OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
     ]
-    """expected of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+    """expected standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
 
 
 CandidateTable = Annotated[
@@ -384,7 +388,7 @@ CandidateTable = Annotated[
 
 
 class PriorTable(Table):
-    """What is known of an unknown before the measurement: a Gaussian on the scale of the fit."""
+    """Prior knowledge of an unknown: a Gaussian on the scale of the fit."""
 
     value: Written
     """most likely value, a quantity of the parameter's kind"""
@@ -394,52 +398,53 @@ class PriorTable(Table):
 
 
 class UnknownTable(Table):
-    """A parameter to identify; shared by all assemblies that have it, unless it says how it goes across them."""
+    """A parameter to identify; all assemblies that have it share it, unless a law across assemblies is given."""
 
     lower: Value
     """lower bound, a quantity of the parameter's kind"""
     upper: Value
     """upper bound"""
     start: Value | None = None
-    """where the first fit starts; by default the joint's value, else the middle of the bounds"""
+    """start value; by default the joint's value, else the middle of the bounds"""
     scale: Literal["log", "linear"] | None = None
     """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
     prior: PriorTable | None = None
-    """what is known of it beforehand; the measurements then need standard deviations"""
+    """prior; the measurements then need standard deviations"""
     name: str = ""
-    """what results call it; by default its address"""
+    """name in results; by default its address"""
     assemblies: list[str] | None = None
     """only measurements of these assemblies have it; by default all"""
     multiple: float | None = None
-    """the parameter is so many times the unknown, which then has plain numbers in SI units"""
+    """the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"""
     also: dict[str, float] = Field(default={})
-    """further parameters by address, and how many times the unknown they are"""
+    """further parameters by address, and their multiples of the unknown"""
     moves: dict[str, float] = Field(default={})
     """parameters by address that it moves, whatever else they are made of: v becomes v + n u, with the unknown u and
     the number n given here; it stands under a name of its own then, and has plain numbers in SI units"""
     relative: bool = False
     """with `moves`: v becomes v exp(n u)"""
     power_of: str | None = None
-    """name of a condition, or an address: the parameter is a power of it across assemblies, or, with `moves`, n is
+    """name of a condition, or an address; the parameter is a power of it across assemblies, or, with `moves`, n is
     multiplied by the logarithm of that condition over its reference"""
     reference: ConditionValue | None = None
-    """value of that condition at which the parameter has the value that is identified, such as `"135 N m"`, or at
-    which nothing moves"""
+    """value of that condition at which the parameter equals the unknown, such as `"135 N m"`, or, with `moves`, at
+    which there is no change"""
     exponent: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
     """bounds of the exponent, by default `[-4, 4]`"""
     free: bool = False
     """a value for each assembly instead of one for all"""
     along: str | None = None
-    """of a free one: name of a condition; assemblies that were not measured have what lies between their neighbours in
-    it, by default that of the series"""
+    """with `free`: name of the condition over which values are interpolated for assemblies that were not measured; by
+    default that of the series"""
     individual: str | None = None
-    """standard deviation of the part that every assembly has of its own, such as `"5 %"`"""
+    """standard deviation of the individual deviation of each assembly, such as `"5 %"`"""
     follows: dict[str, float] = Field(default={})
-    """further parameters by address that its powers and individual parts multiply too, raised to the number given"""
+    """further parameters by address that are multiplied by its powers and individual deviations, raised to the number
+    given"""
 
 
 class SettingsTable(Table):
-    """How the fit is done."""
+    """Settings of the fit."""
 
     objective: Literal["log", "percentage"] = "log"
     """complex logarithm of measured over calculated, or percentage of the magnitude in bands around the peaks"""
@@ -461,7 +466,7 @@ class SettingsTable(Table):
 
 
 class PredictionTable(Table):
-    """What is predicted of assemblies that were not measured, and how sure intervals are."""
+    """Predictions of assemblies that were not measured, and the level of intervals."""
 
     lower: Frequency | None = None
     """lowest line; by default a tenth of the first natural frequency"""
@@ -470,9 +475,9 @@ class PredictionTable(Table):
     step: Frequency | None = None
     """distance of the lines; by default a two-thousandth of the band"""
     response: CoordinateTable = CoordinateTable()
-    """where motion is seen"""
+    """coordinate of the motion"""
     excitation: CoordinateTable = CoordinateTable()
-    """where the load acts"""
+    """coordinate of the load"""
     level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
     """level of the intervals"""
     force: Force | None = None
@@ -480,7 +485,7 @@ class PredictionTable(Table):
 
 
 class SeriesTable(Table):
-    """Levels at which the same was measured: tables with `{level}` in their names stand for one table for each."""
+    """Levels of repeated measurements: tables with `{level}` in their names stand for one table for each."""
 
     over: Name
     """name of the condition that the levels are of, such as `"drawbar force"`"""
@@ -540,18 +545,18 @@ CutTable = Annotated[
 
 
 class StabilityTable(Table):
-    """At which speeds cuts are looked at, and how sure a depth is to be."""
+    """Speeds and probability of stable depths."""
 
     speeds: Annotated[list[_Speed], Field(min_length=2, max_length=2)] | None = None
     """lowest and highest spindle speed, `["4000 rpm", "24000 rpm"]`"""
     step: _Speed | None = None
     """distance of the speeds; by default a four-hundredth of their range, a thirtieth with semi-discretisation"""
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
-    """with which recommended depths are stable"""
+    """probability with which recommended depths are stable"""
     draws: Annotated[int, Field(ge=20)] | None = None
-    """how many receptances and coefficients are drawn; by default 200, with semi-discretisation 40"""
+    """number of draws of receptances and coefficients; by default 200, with semi-discretisation 40"""
     seed: Annotated[int, Field(ge=0)] = 0
-    """of what is drawn"""
+    """seed of the draws"""
     method: Literal["mean force", "semi-discretisation"] = "mean force"
     """mean of the force over a tooth pitch (zeroth order), or the force as it is, for interrupted cuts"""
     largest_depth: Annotated[float, Amount(units.LENGTH)] | None = None
@@ -575,7 +580,7 @@ class CatalogueSpread(Table):
 
 
 class CatalogueTable(Table):
-    """Tools and holders in tables of their own, and the machine that they are put into."""
+    """Tools and holders in tables of their own, and their machine."""
 
     tools: str | None = None
     """CSV file beside the campaign with a tool in each row; by default the one that the command is given"""
@@ -597,14 +602,14 @@ class CatalogueTable(Table):
 
 
 class CampaignTable(Table):
-    """A measuring campaign: what was measured, on what, and what is to be found."""
+    """A measuring campaign: structures, measurements and unknowns."""
 
     format: Literal[1] = 1
     """version of this format"""
     title: str = ""
-    """for people"""
+    """free text"""
     description: str = ""
-    """for people: where the data come from, whether they are simulated"""
+    """free text: the origin of the data, and whether they are simulated"""
     materials: dict[Name, Annotated[ElementTable, Of(Material, name="MaterialTable")]]
     """materials by name"""
     parts: dict[Word, PartTable]
@@ -622,18 +627,18 @@ class CampaignTable(Table):
     measurements: dict[Name, MeasurementTable] = Field(default={})
     """measurements by name"""
     candidates: dict[Name, CandidateTable] = Field(default={})
-    """measurements that could be taken next, by name"""
+    """candidates for the next measurement, by name"""
     cuts: dict[Name, CutTable] = Field(default={})
-    """cuts whose stable depths are asked for, by name"""
+    """cuts whose stable depth is computed, by name"""
     unknowns: Annotated[dict[str, UnknownTable], ByAddress("lower", "upper", "start")] = Field(default={})
-    """what is to be identified, by address: `"joint.k_theta"`"""
+    """parameters to identify, by address: `"joint.k_theta"`"""
     series: SeriesTable | None = None
-    """levels at which the same was measured"""
+    """levels of a condition at which the same measurements were repeated"""
     settings: SettingsTable = SettingsTable()
-    """how the fit is done"""
+    """settings of the fit"""
     prediction: PredictionTable = PredictionTable()
-    """what is predicted"""
+    """settings of predictions"""
     stability: StabilityTable = StabilityTable()
-    """at which speeds cuts are looked at, and how sure a depth is to be"""
+    """speeds and probability of stable depths"""
     catalogue: CatalogueTable | None = None
-    """tools and holders in tables of their own, and the machine they are put into"""
+    """tools and holders in tables of their own, and their machine"""
