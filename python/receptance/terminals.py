@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import tau
 from typing import TYPE_CHECKING, Annotated, Any, Self
@@ -60,26 +59,12 @@ class Terminal(Element, ABC):
             result[:, i, j] = result[:, j, i] = entries[:, column]
         return result
 
-    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return y/F, theta/M and y/M on checked lines, `(n, 3)`."""
-        residual = np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
-        return self._entries(lines) + residual
-
-    def slopes(self, lines: NDArray[Any], parameters: Sequence[str]) -> NDArray[np.complex128]:
-        """Return the derivatives of the entries with respect to parameters, `(n, 3, m)`."""
-        result = np.zeros((lines.size, len(ENTRIES), len(parameters)), dtype=np.complex128)
-        for column, parameter in enumerate(parameters):
-            if parameter in RESIDUALS:
-                result[:, RESIDUALS.index(parameter), column] = 1.0
-            else:
-                result[:, :, column] = self._slope(lines, parameter)
-        return result
-
     @abstractmethod
-    def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]: ...
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
 
-    def _slope(self, lines: NDArray[Any], parameter: str) -> NDArray[np.complex128]:
-        raise ValueError(f"{self.owner}: there is no parameter {parameter!r}")
+    def _residual(self) -> NDArray[np.complex128]:
+        return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -176,7 +161,12 @@ class MeasuredPart(Terminal):
         mean = 0.5 * (found.values + found.values.transpose(0, 2, 1))
         return cls(frequency_hz=found.frequency_hz, matrix=mean, decay_rate=found.decay_rate, name=name)
 
-    def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+        return self.table_entries(lines) + self._residual()
+
+    def table_entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the entries without the residuals."""
         table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
         decay = 0.0 - lines.imag * tau
         if np.any(np.abs(decay - self.decay_rate) > 1e-9 * (np.abs(lines) + self.decay_rate)):

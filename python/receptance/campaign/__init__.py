@@ -11,7 +11,6 @@ from receptance.campaign.next_step import CampaignNext
 from receptance.campaign.observations import Measurement
 from receptance.campaign.prediction import CampaignPrediction
 from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.propagation import Propagation, Scatter
 from receptance.campaign.quantities import Condition
 from receptance.campaign.schema import field_tables, json_schema
 from receptance.campaign.stability import CampaignStability, CutLobes
@@ -35,8 +34,6 @@ __all__ = [
     "PredictedFRF",
     "PredictedFrequencies",
     "Problem",
-    "Propagation",
-    "Scatter",
     "Tip",
     "field_tables",
     "json_schema",

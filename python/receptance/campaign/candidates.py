@@ -10,8 +10,8 @@ import numpy as np
 from receptance.campaign.builder import with_sensor
 from receptance.campaign.frequencies import deviations_of
 from receptance.campaign.frf_files import deviation_share
-from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.quantities import Condition
+from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import Candidate
 from receptance.identification.candidates import natural_slopes
 
