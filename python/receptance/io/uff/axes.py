@@ -1,14 +1,13 @@
-"""Units and quantities of the functions of a universal file: axis labels, specific data types and data set 164."""
+"""Axes of the functions of a universal file: labels, specific data types and the units of data set 164."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from receptance.frf.forms import FORMS, Form
 from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
 from receptance.io.uff.sets import Function
-from receptance.io.units import CHANNEL_UNITS, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
+from receptance.units import CHANNEL_UNITS, FORMS, Form, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
 
 __all__ = [
     "LOADS",

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import MISSING
 from typing import Any
 
-from receptance.beams import Part, Section, Segment
-from receptance.campaign.addresses import FIELDS, SPRING_FIELDS, kind_of
-from receptance.campaign.quantities import KINDS, Kind
+from receptance import units
+from receptance.beams import Part
+from receptance.campaign.addresses import kind_of
+from receptance.campaign.element_tables import PLAIN_NUMBER
+from receptance.fields import Choice, Count, Element, Member, Number
 from receptance.identification.laws import Law, Move
 from receptance.identification.unknowns import Prior, Unknown
 from receptance.joints import GroundSpring, PointJoint, PointMass
 from receptance.materials import Material
-from receptance.modal_parts import ModalPart, Mode
+from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
-from receptance.terminals import RESIDUALS
+from receptance.units import Quantity
 
 __all__ = ["Materials", "attachment_table", "element_table", "quantity", "quantity_at", "unknown_table"]
 
-_MATERIAL = ("youngs_modulus", "density", "poisson_ratio", "loss_factor")
 
-
-def quantity(value: float, kind: Kind) -> str | float:
+def quantity(value: float, kind: Quantity) -> str | float:
     """Return a number in SI units as a campaign writes it, with all its digits."""
     return f"{float(value)!r} {kind.unit}" if kind.unit else float(value)
 
@@ -57,7 +58,7 @@ class Materials:
         while name in self._known or name in self.added:
             name, number = f"{base} {number}", number + 1
         self._made.append((material, name))
-        self.added[name] = {field: quantity(getattr(material, field), FIELDS[field]) for field in _MATERIAL}
+        self.added[name] = _fields(material, self)
         return name
 
 
@@ -70,33 +71,16 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         A kind of joint that no cause makes.
     """
     if isinstance(element, Part):
-        return {"segments": [_section(one, materials) for one in element.segments]}
+        return {"segments": [_fields(one, materials) for one in element.segments]}
     if isinstance(element, SpreadJoint):
-        fields = {name: quantity(getattr(element, name), FIELDS[name]) for name in SpreadJoint.columns_of}
-        sections = {name: _section(getattr(element, name), materials) for name in ("shank", "sleeve")}
-        points = {} if element.points is None else {"points": element.points}
-        return {"kind": "spread", **fields, **points, **sections}
+        return {"kind": "spread", **_fields(element, materials)}
     if type(element) is PointJoint:
-        return _spring(element)
+        return _fields(element, materials)
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a band, which campaigns do not have for modal parts, and is not written")
-        modes = [{n: quantity(getattr(mode, n), FIELDS[n]) for n in Mode.columns_of} for mode in element.modes]
-        return {"modes": modes, **{name: quantity(getattr(element, name), FIELDS[name]) for name in RESIDUALS}}
+        return {"modes": [_fields(mode, materials) for mode in element.modes], **_fields(element, materials)}
     raise ValueError(f"{element!r} cannot be written as a table of a campaign")
-
-
-def _section(one: Segment | Section, materials: Materials) -> dict[str, Any]:
-    names = (*(("length",) if isinstance(one, Segment) else ()), "outer_diameter", "inner_diameter")
-    table = {name: quantity(getattr(one, name), KINDS["a length"]) for name in names}
-    table["material"] = materials.name_of(one.material)
-    if one.core is not None:
-        table["core"] = materials.name_of(one.core)
-    return {**table, "shear": one.shear}
-
-
-def _spring(one: PointJoint | GroundSpring) -> dict[str, Any]:
-    return {name: quantity(getattr(one, name), FIELDS[name]) for name in SPRING_FIELDS if getattr(one, name)}
 
 
 def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
@@ -105,16 +89,29 @@ def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        A ground spring along a stretch, which campaigns do not have.
+        A ground spring along a stretch, which is not written.
     """
-    position = point.position if isinstance(point.position, str) else quantity(point.position, KINDS["a length"])
-    placed = {"part": point.part, "position": position}
-    if isinstance(point, PointMass):
-        own = {name: quantity(getattr(point, name), FIELDS[name]) for name in ("mass", "inertia")}
-        return {"kind": "mass", **placed, **own}
-    if point.length:
+    if isinstance(point, GroundSpring) and point.length:
         raise ValueError(f"{point!r} acts along a stretch and cannot be written as a table of a campaign")
-    return {"kind": "ground", **placed, **_spring(point)}
+    position = point.position if isinstance(point.position, str) else quantity(point.position, units.LENGTH)
+    kind = "mass" if isinstance(point, PointMass) else "ground"
+    return {"kind": kind, "part": point.part, "position": position, **_fields(point, Materials(()))}
+
+
+def _fields(element: Element, materials: Materials) -> dict[str, Any]:
+    """Return the numbers and members of an element that are not at their defaults."""
+    table: dict[str, Any] = {}
+    for name, field in element.declared.items():
+        value = getattr(element, name)
+        if value == getattr(type(element), name, MISSING):
+            continue
+        if isinstance(field, Number):
+            table[name] = quantity(value, field.quantity)
+        elif isinstance(field, Member):
+            table[name] = materials.name_of(value) if field.kind is Material else _fields(value, materials)
+        elif isinstance(field, (Choice, Count)):
+            table[name] = value
+    return table
 
 
 def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
@@ -122,7 +119,7 @@ def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     if isinstance(unknown, Law):
         raise ValueError(f"{unknown!r} cannot be written as a table of a campaign")
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
-    kind = Kind("a number", "", "0.02", "any") if plain else kind_of(unknown.address)
+    kind = PLAIN_NUMBER if plain else kind_of(unknown.address)
     start = min(max(start, unknown.lower), unknown.upper)
     table: dict[str, Any] = {
         key: quantity(value, kind) for key, value in (("lower", unknown.lower), ("upper", unknown.upper))
@@ -142,6 +139,6 @@ def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     return {**table, **({"also": dict(unknown.also)} if unknown.also else {})}
 
 
-def _prior(prior: Prior, logarithmic: bool, kind: Kind) -> dict[str, Any]:
+def _prior(prior: Prior, logarithmic: bool, kind: Quantity) -> dict[str, Any]:
     spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else quantity(prior.standard_deviation, kind)
     return {"value": quantity(prior.mean, kind), "spread": spread}

@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from receptance.frf.forms import FORMS
-from receptance.io.units import FRFKind, UnitError, channel_kind, form_name, frf_kind, frf_unit, parse_unit
+from receptance.units import FORMS, FRFKind, UnitError, channel_kind, form_name, frf_kind, frf_unit, parse_unit
 
 G = 9.80665
 LBF = 4.4482216152605
@@ -124,6 +123,14 @@ def test_other_texts_are_refused_at_once(text: str) -> None:
     with pytest.raises(UnitError, match="not understood as a unit"):
         parse_unit(text)
     assert time.perf_counter() - began < 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "factor"),
+    [("g", G), ("mg", 1e-3 * G), ("V/(100 mV/g)", 10.0 * G), ("g/N", G), ("g/cm^3", 1e3), ("g m^2", 1e-3), ("kg", 1.0)],
+)
+def test_g_is_gravity_in_motions_and_a_gram_elsewhere(text: str, factor: float) -> None:
+    assert parse_unit(text).factor == pytest.approx(factor, rel=1e-12)
 
 
 def test_words_for_mistakes() -> None:
