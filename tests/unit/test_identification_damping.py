@@ -227,6 +227,7 @@ def test_mistakes_of_a_campaign(tmp_path: Path, old: str, new: str, said: str) -
     assert said in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_sees_a_loss_that_is_not_viscous() -> None:
     """Frequencies and damping ratios of four overhangs; damping that no pair of dashpots has."""
     rng = np.random.default_rng(3)

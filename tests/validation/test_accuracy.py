@@ -16,6 +16,8 @@ from validation import accuracy, plain_formulations
 from validation.accuracy import DRIVE, INNER, TRANSFER, Report
 
 FRESH_CASES = 200
+QUICK_CASES = 400
+"""Models of the fast part: enough for every kind and every column; all models are part of the slow tests."""
 BOUNDS = {TRANSFER: 1e-6, INNER: 1e-5}
 """The entries that are not drive points at the ends. Of two reciprocal entries one is right; the other's way back
 from the root can cancel where a part is very light or very soft for its frequency."""
@@ -61,15 +63,14 @@ def assert_rule(report: Report, *, rare: bool = False) -> None:
     assert slope.lines_over <= 1 + int(0.002 * slope.lines), where + "\n".join(slope.offenders)
 
 
-@pytest.fixture(scope="module")
-def report(summarise: Summarise) -> Report:
-    found = accuracy.run(accuracy.base_seed(), accuracy.DEFAULT_CASES)
+@pytest.fixture(scope="module", params=[QUICK_CASES, pytest.param(accuracy.DEFAULT_CASES, marks=pytest.mark.slow)])
+def report(request: pytest.FixtureRequest, summarise: Summarise) -> Report:
+    found = accuracy.run(accuracy.base_seed(), request.param)
     summarise("accuracy", found.text(), found.as_json())
     return found
 
 
 def test_random_models_keep_the_rule(report: Report) -> None:
-    assert report.cases >= 2000
     assert_rule(report)
 
 
@@ -93,7 +94,7 @@ def test_the_draw_reaches_every_kind_and_every_column(report: Report) -> None:
         if tables.is_continuous(table, column)
     }
     assert report.parameters == everything
-    assert report.receptance[DRIVE].lines > 4000
+    assert report.receptance[DRIVE].lines > 2 * report.cases
 
 
 @pytest.mark.parametrize("seed", ONCE_WRONG)

@@ -73,11 +73,12 @@ def test_random_overlaps_against_fifty_digits(summarise: Summarise) -> None:
     summarise("overlaps against fifty digits", text, {"seed": SEED, "drive": drive, "all": all_})
 
 
-def test_derivatives_against_fifty_digits(summarise: Summarise) -> None:
+@pytest.mark.parametrize("count", [3, pytest.param(10, marks=pytest.mark.slow)])
+def test_derivatives_against_fifty_digits(count: int, summarise: Summarise) -> None:
     """By central differences of the reference; the tip's drive point, which everything else is fitted to."""
     columns = [column for column in PHYSICAL if column not in CORE]
     most = 0.0
-    for drawn in cases(1, 10):
+    for drawn in cases(1, count):
         w = drawn.w[:1]
         own = [c for c in columns if drawn.overlaps[0, c] != 0.0]
         expected = overlaps.derivative_complex128(
@@ -87,7 +88,7 @@ def test_derivatives_against_fifty_digits(summarise: Summarise) -> None:
         error = float(np.max(np.abs(found - expected) / np.abs(expected)))
         assert error <= 1e-6, f"seed {SEED}: {error:.2g}, {drawn.label}"
         most = max(most, error)
-    summarise("derivatives of overlaps", f"seed {SEED}, 10 models: {most:.1e}", {"seed": SEED, "tip": most})
+    summarise("derivatives of overlaps", f"seed {SEED}, {count} models: {most:.1e}", {"seed": SEED, "tip": most})
 
 
 def test_a_layer_and_points_against_finite_elements() -> None:
@@ -113,9 +114,10 @@ def test_no_natural_frequency_is_missed(points: int, k_y: float) -> None:
     np.testing.assert_allclose(found / (2 * np.pi), expected, rtol=1e-6)
 
 
-def test_natural_frequencies_of_random_overlaps() -> None:
+@pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.slow)])
+def test_natural_frequencies_of_random_overlaps(count: int) -> None:
     """Without supports, which the finite elements of side-by-side beams do not have."""
-    for drawn in cases(2, 12):
+    for drawn in cases(2, count):
         row = drawn.overlaps[0]
         tool, holder = drawn.tables.segments
         parts = [[(r[2], r[3], r[4], *r[5:8])] for r in (tool, holder)]

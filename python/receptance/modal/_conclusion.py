@@ -147,7 +147,7 @@ def _between_entries(
     from scipy.special import chdtri
 
     pulls = fit.scores @ fit.inverse
-    shares = np.einsum("ij,ejk,ki->ei", fit.inverse, fit.informations, fit.inverse)
+    shares = np.einsum("ij,ejk,ki->ei", fit.inverse, fit.information_matrices, fit.inverse)
     clusters = shares.sum(axis=0) ** 2 / np.sum(shares**2, axis=0)
     told = clusters > _TOLD
     between = np.sum(pulls**2, axis=0) / np.where(told, 1.0 - 1.0 / clusters, 1.0)

@@ -45,7 +45,7 @@ class PoleFit:
     scores : ndarray
         `(m, 2M)` where each entry alone would pull the poles: its share of the derivative of half the sum of squares,
         which is zero for all entries together.
-    informations : ndarray
+    information_matrices : ndarray
         `(m, 2M, 2M)` share of each entry in the inverse of `inverse`.
     degrees_of_freedom : float
         What the sum of squared residuals is expected to be for those weights: twice the number of values less that of
@@ -63,7 +63,7 @@ class PoleFit:
     of_coefficients: NDArray[np.float64]
     with_poles: NDArray[np.float64]
     scores: NDArray[np.float64]
-    informations: NDArray[np.float64]
+    information_matrices: NDArray[np.float64]
     degrees_of_freedom: float
     converged: bool
 
@@ -315,7 +315,7 @@ class PoleProblem:
         coefficients, scores = np.zeros((entries, size)), np.zeros((entries, count))
         # Of the coefficients with the poles held, their slopes by the poles, and what links both errors.
         own, by_poles, link = (np.zeros((entries, size, each)) for each in (size, count, count))
-        informations, squares = (np.zeros((entries, count, count)) for _ in range(2))
+        information_matrices, squares = (np.zeros((entries, count, count)) for _ in range(2))
         freedom = 2.0 * np.count_nonzero(self.weights)
         for group in groups:
             solved = _Solved.of(self, group, basis)
@@ -331,14 +331,14 @@ class PoleProblem:
                     of_coefficients = back @ seen @ back.T
                 turn = solved.turn(modes, place)
                 coefficients[entry] = solved.coefficients[:, place]
-                informations[entry] = turn.T @ gram @ turn
+                information_matrices[entry] = turn.T @ gram @ turn
                 squares[entry] = turn.T @ shared @ turn
                 scores[entry] = -turn.T @ pull[:, place]
                 own[entry] = of_coefficients / group.factor[place] ** 2
                 by_poles[entry] = -back @ (inside @ turn) / group.factor[place]
                 link[entry] = back @ (crossed @ turn) / group.factor[place]
                 freedom -= float(np.trace(seen))
-        inverse = _inverse(informations.sum(axis=0))
+        inverse = _inverse(information_matrices.sum(axis=0))
         fitted = basis @ coefficients.T
         residual = (self.values - fitted) * self.weights
         square = squares.sum(axis=0)
@@ -364,7 +364,7 @@ class PoleProblem:
             of_coefficients,
             with_poles,
             scores,
-            informations,
+            information_matrices,
             freedom,
             converged,
         )

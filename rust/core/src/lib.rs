@@ -1,74 +1,53 @@
 //! Receptances of assemblies of beams, joints and point elements, with derivatives.
 //!
-//! Pure numerics: tables of numbers in, arrays of numbers out. See `receptance` and `natural_frequencies`.
+//! Pure numerics: tables of numbers in, arrays of numbers out. Each folder uses those above it in this drawing.
+//!
+//! ```text
+//! simd       complex numbers and D x D blocks over lanes, one frequency line a lane
+//! model      tables f64[rows, columns] -> Model (checked tree); Request, Frequencies -> checked against it
+//!   |        segments with their coefficients per length
+//! series     whole free branches -> one power series in w^2 (minors of the plane at the branch's end)
+//!   |
+//! line       Job: one plan per root; tasks of LINES_PER_TASK lines over threads; Block: the elements on some lanes
+//!   |        sweep up: 2 x 2 plane of every subtree; sweep down: states under each load -> H; derivatives -> dH
+//! modes      counts of pivots -> natural frequencies; logarithm of the determinant -> complex ones
+//! joint      all but one joint evaluated once -> H of many joints, and their sweeps
+//! observe    Tied: variables -> tables; record, factors and weights beside H, dH -> residuals, J^T J, J^T r
+//! fit        Problem: observations and priors -> normal matrix -> trust-region steps within bounds -> End
+//! ```
 
-mod beside;
-mod bilinear;
-mod block;
-mod branch;
-mod combine;
-mod determinant;
-mod elementary;
 mod error;
-mod four;
-mod frequencies;
-mod gradient;
-mod inertia;
+mod fit;
 mod interrupt;
-mod joint_change;
-mod joint_fit;
-mod joint_hoist;
-mod joint_kernel;
-mod joint_series;
-mod joint_sweep;
-mod kernel;
-mod lane;
-mod layer;
-mod layer_energy;
-mod least_squares;
-mod locate;
-mod minors;
+mod joint;
+mod line;
 mod model;
-mod model_normal;
-mod model_rows;
-mod model_sweep;
-mod natural;
-mod observed;
-mod outputs;
-pub mod overlap;
-mod plane;
-mod problem;
+mod modes;
+mod observe;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod properties;
-mod reduction;
-mod request;
-mod response;
-mod rigid;
-pub mod section;
-mod sensitivity;
 mod series;
-mod small;
-mod sweep;
-mod taylor;
+mod simd;
 mod threads;
-mod ties;
-mod tip;
-mod trust_region;
 
-pub use determinant::log_determinant;
 pub use error::{Error, Result};
-pub use frequencies::{Frequencies, OwnedFrequencies};
+pub use fit::least_squares::{End, Status, Stop};
+pub use fit::problem::{Observation, OfJoint, Prior, Problem, Variables};
 pub use interrupt::interruptible;
-pub use joint_fit::SPRING_COLUMNS;
-pub use joint_sweep::{JointSweep, Misfit};
-pub use least_squares::{End, Status, Stop};
-pub use model::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Motion, Spring, Table, Tables};
-pub use model_sweep::ModelSweep;
-pub use natural::{NaturalFrequencies, natural_frequencies};
-pub use observed::{Factor, Modelled, Record, Seen};
-pub use problem::{Observation, OfJoint, Prior, Problem, Rows, Variables};
-pub use reduction::{Form, JointReduction, reduce_joint};
-pub use request::{Coordinate, Parameter, Request, Response, Terminals};
-pub use response::{instruction_set, receptance};
-pub use ties::{Rate, Tied};
+pub use joint::reduction::{Form, JointReduction, reduce_joint};
+pub use joint::sweep::{JointSweep, Misfit};
+pub use line::response::{instruction_set, receptance};
+pub use model::assembly::{
+    GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, SPRING_COLUMNS, Spring, Table, Tables,
+};
+pub use model::frequencies::{Frequencies, OwnedFrequencies};
+pub use model::request::{Coordinate, Parameter, Request, Response, Terminals};
+pub use model::section::Motion;
+pub use model::{overlap, section};
+pub use modes::determinant::log_determinant;
+pub use modes::natural::{NaturalFrequencies, natural_frequencies};
+pub use observe::lines::Rows;
+pub use observe::observed::{Modelled, Record, Seen};
+pub use observe::sweep::ModelSweep;
+pub use observe::ties::{Factor, Rate, Tied};

@@ -1,0 +1,4 @@
+//! Least-squares problems and their solution.
+
+pub mod least_squares;
+pub mod problem;

@@ -1,0 +1,606 @@
+//! A least-squares problem: everything that was measured, as a function of the fitted variables.
+//!
+//! Observations are of whole models, of which any parameters may be unknown, or of models that are reduced to one
+//! joint. Both give the same numbers: the weighted complex logarithm of measured over calculated receptance, or
+//! calculated less measured natural frequencies. Fits work on the normal matrix A^T A with A = [J | r].
+
+use crate::error::{Error, Result};
+use crate::fit::least_squares::{End, Stop, minimise};
+use crate::joint::reduction::JointReduction;
+use crate::model::assembly::{SPRING_COLUMNS, Spring};
+use crate::model::frequencies::every;
+use crate::observe::joint::Reduced;
+use crate::observe::lines::{Rows, add, spread};
+use crate::observe::observed::{Modelled, Record, Seen};
+use crate::observe::ties::At;
+use crate::threads::on_threads;
+use std::sync::Arc;
+
+/// Least time of one line of a whole model [ns].
+const A_LINE: f64 = 300.0;
+
+/// Lines of a reduced model that take as long as one of a whole model.
+const REDUCED_LINES: usize = 15;
+
+/// Least time of a fit [ns].
+const A_FIT: f64 = 100e3;
+
+/// The fitted variables.
+#[derive(Clone, Debug, Default)]
+pub struct Variables {
+    /// Whether a variable is the base-ten logarithm of the value.
+    pub logarithmic: Vec<bool>,
+    /// Lower bounds.
+    pub lower: Vec<f64>,
+    /// Upper bounds.
+    pub upper: Vec<f64>,
+}
+
+/// A prior of a variable x, as a residual `scale` x - `offset`.
+#[derive(Copy, Clone, Debug)]
+pub struct Prior {
+    /// The variable.
+    pub variable: usize,
+    /// One over its standard deviation.
+    pub scale: f64,
+    /// Its mean times that.
+    pub offset: f64,
+}
+
+/// A receptance of a model that is reduced to one joint.
+#[derive(Clone, Debug)]
+pub struct OfJoint {
+    /// The model.
+    pub reduction: Arc<JointReduction>,
+    /// What was measured on its lines.
+    pub record: Record,
+    /// The seven columns of the joint, where they are not fitted.
+    pub joint: [f64; SPRING_COLUMNS],
+    /// The variable of each column, if it is fitted.
+    pub variables: [Option<usize>; SPRING_COLUMNS],
+}
+
+/// What was measured, beside the model that it is compared with.
+#[derive(Clone, Debug)]
+pub enum Observation {
+    /// Of a whole model.
+    Whole(Modelled),
+    /// Of a model reduced to one joint.
+    Joint(OfJoint),
+}
+
+/// Everything that is fitted.
+#[derive(Clone, Debug, Default)]
+pub struct Problem {
+    observed: Vec<Observation>,
+    priors: Vec<Prior>,
+    variables: Variables,
+}
+
+/// The contribution of an observation to a normal matrix.
+enum Part {
+    /// A^T A over the entries of the tables and the residual, the upper triangle row by row.
+    Sum(Vec<f64>, At),
+    /// Rows of A, the residual last: of few modes they are less work than their products.
+    Rows(Vec<Vec<f64>>, At),
+    /// A^T A over some variables and the residual.
+    Joint(Vec<f64>, Vec<usize>),
+}
+
+impl Problem {
+    /// A problem without observations.
+    ///
+    /// # Errors
+    /// No variable, bounds that are not numbers or cross, or a prior of a variable that does not exist.
+    pub fn new(variables: Variables, priors: Vec<Prior>) -> Result<Self> {
+        let count = variables.logarithmic.len();
+        if count == 0 {
+            return Err(wrong("number of variables", 0, 0.0, "at least one"));
+        }
+        for bounds in [&variables.lower, &variables.upper] {
+            same("bounds of the variables", 0, bounds.len(), count)?;
+        }
+        for (index, (low, high)) in variables.lower.iter().zip(&variables.upper).enumerate() {
+            if low.is_nan() || high.is_nan() || low > high {
+                let expected = format!("a number that is at most the upper bound {high}");
+                return Err(Error::Index { what: "lower bound", index, value: *low, expected });
+            }
+        }
+        for (index, prior) in priors.iter().enumerate() {
+            if prior.variable >= count {
+                let (value, expected) = (prior.variable as f64, format!("a variable below {count}"));
+                return Err(Error::Index { what: "prior", index, value, expected });
+            }
+        }
+        Ok(Self { observed: Vec::new(), priors, variables })
+    }
+
+    /// Number of variables.
+    pub fn count(&self) -> usize {
+        self.variables.logarithmic.len()
+    }
+
+    /// Lines of all receptances, each record counted.
+    pub fn lines(&self) -> usize {
+        let lines = |one: &Observation| match one {
+            Observation::Whole(Modelled { seen: Seen::Receptance { w, records, .. }, .. }) => {
+                w.len() * records.len()
+            }
+            Observation::Whole(_) => 0,
+            Observation::Joint(one) => one.record.measured.len(),
+        };
+        self.observed.iter().map(lines).sum()
+    }
+
+    /// Adds an observation.
+    ///
+    /// # Errors
+    /// Arrays that are empty or of different lengths, a model with other unknowns, natural frequencies that are not
+    /// positive finite numbers, or a variable that does not exist.
+    pub fn add(&mut self, one: Observation) -> Result<()> {
+        let index = self.observed.len();
+        if let Observation::Whole(Modelled { tied, .. }) = &one {
+            same("number of unknowns that the model is tied to", index, tied.count(), self.count())?;
+        }
+        match &one {
+            Observation::Whole(Modelled { seen: Seen::Receptance { w, records, .. }, .. }) => {
+                if w.is_empty() || records.is_empty() {
+                    return Err(wrong("number of lines or records", index, 0.0, "at least one"));
+                }
+                for Record { measured, weights } in records {
+                    same("measured receptance", index, measured.len(), w.len())?;
+                    same("weights", index, weights.len(), w.len())?;
+                }
+            }
+            Observation::Whole(Modelled { seen: Seen::Frequencies { modes, measured, weights }, .. }) => {
+                if modes.is_empty() || !modes.is_sorted() {
+                    return Err(wrong("modes", index, modes.len() as f64, "ascending modes, at least one"));
+                }
+                let usable = |value: &f64| value.is_finite() && *value > 0.0;
+                if let Some(value) = measured.iter().find(|value| !usable(value)) {
+                    return Err(wrong("measured frequency", index, *value, "a positive finite number"));
+                }
+                same("measured frequencies", index, measured.len(), modes.len())?;
+                same("weights", index, weights.len(), modes.len())?;
+            }
+            Observation::Joint(one) => {
+                let count = self.count();
+                if let Some(wrong) = one.variables.iter().flatten().find(|&&variable| variable >= count) {
+                    let (value, expected) = (*wrong as f64, format!("a variable below {count}"));
+                    return Err(Error::Index { what: "joint column", index, value, expected });
+                }
+                one.reduced()?;
+            }
+        }
+        self.observed.push(one);
+        Ok(())
+    }
+
+    /// The same on every so many of the lines, so that about `lines` are left of each receptance.
+    pub fn thinned(&self, lines: usize) -> Self {
+        let fewer = |one: &Observation| match one {
+            Observation::Whole(Modelled {
+                tied,
+                seen: Seen::Receptance { w, records, response, excitation },
+            }) => {
+                let stride = stride(w.len(), lines);
+                let records = records.iter().map(|record| record.thinned(stride)).collect();
+                let seen = Seen::Receptance {
+                    w: every(w, stride),
+                    records,
+                    response: *response,
+                    excitation: *excitation,
+                };
+                Observation::Whole(Modelled { tied: tied.clone(), seen })
+            }
+            Observation::Whole(_) => one.clone(),
+            Observation::Joint(one) => {
+                let stride = stride(one.record.measured.len(), lines);
+                let reduction = Arc::new(one.reduction.thinned(stride));
+                Observation::Joint(OfJoint { reduction, record: one.record.thinned(stride), ..*one })
+            }
+        };
+        let observed = self.observed.iter().map(fewer).collect();
+        Self { observed, priors: self.priors.clone(), variables: self.variables.clone() }
+    }
+
+    /// A^T A over all variables and the residual, row by row; nothing where a model has no value. Rows and columns of
+    /// variables that are not `free` are zero, but for their priors.
+    pub fn normal_matrix(&self, x: &[f64], free: &[bool], threads: usize) -> Option<Vec<f64>> {
+        let size = x.len() + 1;
+        let mut sum = vec![0.0; size * size];
+        let (values, slopes) = self.unknowns(x, free);
+        let parts = self.each(threads, |one, threads| match one {
+            Observation::Whole(one) => {
+                let at = one.tied.at(&values, &slopes)?;
+                Some(match one.seen {
+                    Seen::Receptance { .. } => Part::Sum(one.normal_of_lines(&at, threads)?, at),
+                    Seen::Frequencies { .. } => Part::Rows(one.frequencies(&at)?, at),
+                })
+            }
+            Observation::Joint(one) => {
+                let (columns, mut place) = one.columns(&slopes);
+                let matrix = one.reduced().ok()?.normal_matrix(&one.joint(&values)?, &columns, threads);
+                place.push(x.len());
+                Some(Part::Joint(matrix.ok()?, place))
+            }
+        })?;
+        for part in &parts {
+            match part {
+                Part::Sum(own, at) => spread(own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size),
+                Part::Rows(rows, at) => rows.iter().for_each(|row| add(row, &at.slopes, &mut sum, size)),
+                Part::Joint(own, place) => {
+                    for (i, &row) in place.iter().enumerate() {
+                        for (j, &column) in place.iter().enumerate() {
+                            sum[row * size + column] += own[i * place.len() + j];
+                        }
+                    }
+                }
+            }
+        }
+        for prior in &self.priors {
+            let (i, r) = (prior.variable, prior.scale * x[prior.variable] - prior.offset);
+            sum[i * size + i] += prior.scale * prior.scale;
+            sum[i * size + size - 1] += prior.scale * r;
+            sum[(size - 1) * size + i] += prior.scale * r;
+            sum[size * size - 1] += r * r;
+        }
+        sum.iter().all(|entry| entry.is_finite()).then_some(sum)
+    }
+
+    /// Residuals and their derivatives by the variables that are `free`; nothing where a model has no value. The
+    /// residuals of priors are not among them.
+    pub fn rows(&self, x: &[f64], free: &[bool], threads: usize) -> Option<Rows> {
+        let moving: Vec<usize> = (0..x.len()).filter(|&i| free[i]).collect();
+        let (values, slopes) = self.unknowns(x, free);
+        let parts = self.each(threads, |one, threads| match one {
+            Observation::Whole(one) => {
+                let at = one.tied.at(&values, &slopes)?;
+                match one.seen {
+                    Seen::Receptance { .. } => one.rows_of_lines(&at, &moving, x.len(), threads),
+                    Seen::Frequencies { .. } => one.rows_of_frequencies(&at, &moving, x.len()),
+                }
+            }
+            Observation::Joint(one) => {
+                let (columns, place) = one.columns(&slopes);
+                let found = one.reduced().ok()?.rows(&one.joint(&values)?, &columns, threads).ok()?;
+                let mut jacobian = vec![0.0; found.residual.len() * moving.len()];
+                for (own, into) in
+                    found.jacobian.chunks(place.len().max(1)).zip(jacobian.chunks_mut(moving.len().max(1)))
+                {
+                    for (value, variable) in own.iter().zip(&place) {
+                        if let Ok(column) = moving.binary_search(variable) {
+                            into[column] += value;
+                        }
+                    }
+                }
+                Some(Rows { residual: found.residual, jacobian })
+            }
+        })?;
+        let mut rows = Rows::default();
+        for part in parts {
+            rows.residual.extend(part.residual);
+            rows.jacobian.extend(part.jacobian);
+        }
+        let finite = rows.residual.iter().chain(&rows.jacobian).all(|value| value.is_finite());
+        finite.then_some(rows)
+    }
+
+    /// Fits from each start, `starts` one after the other, with variables that are not `free` held where they start.
+    /// `evaluations` are the most from each start.
+    ///
+    /// # Errors
+    /// Arrays of other lengths than there are variables or starts, or a tolerance that is not positive.
+    pub fn fit(
+        &self,
+        starts: &[f64],
+        free: &[bool],
+        tolerance: f64,
+        evaluations: &[usize],
+        threads: usize,
+    ) -> Result<Vec<End>> {
+        let count = self.count();
+        if starts.len() != evaluations.len() * count || free.len() != count {
+            let expected = format!("rows of {count} variables, one for each of {} starts", evaluations.len());
+            return Err(Error::Index { what: "starts", index: 0, value: starts.len() as f64, expected });
+        }
+        if !(tolerance > 0.0 && tolerance.is_finite()) {
+            return Err(wrong("tolerance", 0, tolerance, "a positive finite number"));
+        }
+        let moving: Vec<usize> = (0..count).filter(|&i| free[i]).collect();
+        let pick = |values: &[f64]| -> Vec<f64> { moving.iter().map(|&i| values[i]).collect() };
+        let (lower, upper) = (pick(&self.variables.lower), pick(&self.variables.upper));
+        let rows: Vec<(&[f64], usize)> = starts.chunks(count).zip(evaluations.iter().copied()).collect();
+        // Many starts share the threads, one start has them for its lines.
+        let inside = if rows.len() > 1 { 1 } else { threads };
+        on_threads(threads, rows, A_FIT, |(start, evaluations)| {
+            let whole = |x: &[f64]| {
+                let mut whole = start.to_vec();
+                for (&i, value) in moving.iter().zip(x) {
+                    whole[i] = *value;
+                }
+                whole
+            };
+            let normal = |x: &[f64]| {
+                let matrix = self.normal_matrix(&whole(x), free, inside)?;
+                if moving.len() == count {
+                    return Some(matrix);
+                }
+                let kept = || moving.iter().copied().chain([count]);
+                let places = kept().flat_map(|i| kept().map(move |j| i * (count + 1) + j));
+                Some(places.map(|at| matrix[at]).collect())
+            };
+            let allowed = |x: &[f64]| self.allows(&whole(x));
+            let stop = Stop { tolerance, evaluations };
+            let end = minimise(&pick(start), [&lower, &upper], stop, normal, allowed);
+            End { x: whole(&end.x), ..end }
+        })
+    }
+
+    /// Whether every model exists at a point.
+    fn allows(&self, x: &[f64]) -> bool {
+        let (values, slopes) = unknowns(&self.variables, x);
+        self.observed.iter().all(|one| match one {
+            Observation::Whole(one) => one.tied.at(&values, &slopes).is_some(),
+            Observation::Joint(one) => one.joint(&values).is_some(),
+        })
+    }
+
+    /// Values of the unknowns and their derivatives by the variables, zero where these are not free.
+    fn unknowns(&self, x: &[f64], free: &[bool]) -> (Vec<f64>, Vec<f64>) {
+        let (values, mut slopes) = unknowns(&self.variables, x);
+        for (slope, free) in slopes.iter_mut().zip(free) {
+            *slope = if *free { *slope } else { 0.0 };
+        }
+        (values, slopes)
+    }
+
+    /// Some work on every observation, in their order.
+    fn each<T: Send>(
+        &self,
+        threads: usize,
+        work: impl Fn(&Observation, usize) -> Option<T> + Sync,
+    ) -> Option<Vec<T>> {
+        // Many observations share the threads, one has them for its lines.
+        let inside = if self.observed.len() > 1 { 1 } else { threads };
+        let lines = |one: &Observation| match one {
+            Observation::Whole(one) => one.seen.lines(),
+            Observation::Joint(one) => one.record.measured.len() / REDUCED_LINES,
+        };
+        let lines: usize = self.observed.iter().map(lines).sum();
+        let a_task = A_LINE * lines as f64 / self.observed.len().max(1) as f64;
+        let parts = on_threads(threads, self.observed.iter().collect(), a_task, |one| work(one, inside));
+        parts.ok()?.into_iter().collect()
+    }
+}
+
+impl OfJoint {
+    /// The model beside what was measured.
+    fn reduced(&self) -> Result<Reduced<'_>> {
+        Reduced::new(&self.reduction, &self.record.measured, &self.record.weights)
+    }
+
+    /// The joint; nothing where it is indefinite or has no stiffness.
+    fn joint(&self, values: &[f64]) -> Option<[f64; SPRING_COLUMNS]> {
+        let mut joint = self.joint;
+        for (column, variable) in joint.iter_mut().zip(&self.variables) {
+            if let Some(variable) = *variable {
+                *column = values[variable];
+            }
+        }
+        Spring::new(&joint).check("joint", 0).ok()?;
+        Some(joint)
+    }
+
+    /// The columns that move with their derivatives by their variables, and these variables.
+    fn columns(&self, slopes: &[f64]) -> (Vec<(usize, f64)>, Vec<usize>) {
+        let each = self.variables.iter().enumerate();
+        let moving = each.filter_map(|(column, variable)| variable.map(|variable| (column, variable)));
+        let moving = moving.filter(|(_, variable)| slopes[*variable] != 0.0);
+        moving.map(|(column, variable)| ((column, slopes[variable]), variable)).unzip()
+    }
+}
+
+impl Record {
+    fn thinned(&self, stride: usize) -> Self {
+        Self { measured: every(&self.measured, stride), weights: every(&self.weights, stride) }
+    }
+}
+
+/// How many lines to go on by, so that about `wanted` of them are left.
+fn stride(lines: usize, wanted: usize) -> usize {
+    (lines / wanted.max(1)).max(1)
+}
+
+/// Values of the unknowns, and their derivatives by the variables.
+fn unknowns(variables: &Variables, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let value = |(x, logarithmic): (&f64, &bool)| if *logarithmic { 10.0_f64.powf(*x) } else { *x };
+    let values: Vec<f64> = x.iter().zip(&variables.logarithmic).map(value).collect();
+    let slope = |(value, logarithmic): (&f64, &bool)| {
+        if *logarithmic { value * core::f64::consts::LN_10 } else { 1.0 }
+    };
+    let slopes = values.iter().zip(&variables.logarithmic).map(slope).collect();
+    (values, slopes)
+}
+
+fn wrong(what: &'static str, index: usize, value: f64, expected: &str) -> Error {
+    Error::Index { what, index, value, expected: expected.to_owned() }
+}
+
+fn same(what: &'static str, index: usize, value: usize, expected: usize) -> Result<()> {
+    if value == expected {
+        return Ok(());
+    }
+    Err(Error::Index { what, index, value: value as f64, expected: format!("{expected} values") })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::joint::reduction::{Form, reduce_joint};
+    use crate::line::response::receptance;
+    use crate::model::assembly::{Model, Table, Tables};
+    use crate::model::frequencies::Frequencies;
+    use crate::model::request::Parameter;
+    use crate::model::request::{Coordinate, Request};
+    use crate::model::section::Motion;
+    use crate::observe::ties::{Rate, Tied};
+    use num_complex::Complex64;
+
+    const BAR: [f64; 14] = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0];
+    // Ten times one unknown as modulus, and a length that is 0.2 exp(0.01 u).
+    const ADDRESSES: [f64; 12] = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.2, 0.0, 0.01, 0.0, 0.0];
+    const LOGARITHMIC: [bool; 2] = [true, false];
+    const BOUNDS: [[f64; 2]; 2] = [[9.0, -8.0], [11.0, 8.0]];
+
+    fn variables() -> Variables {
+        Variables { logarithmic: LOGARITHMIC.to_vec(), lower: BOUNDS[0].to_vec(), upper: BOUNDS[1].to_vec() }
+    }
+
+    fn lines(count: usize) -> Vec<Complex64> {
+        (0..count).map(|i| Complex64::new(500.0 + 20.0 * i as f64, 0.0)).collect()
+    }
+
+    /// A bar with unknown modulus and length, and its record.
+    fn problem(count: usize) -> (Problem, Record) {
+        let w = lines(count);
+        let found = receptance(&model(&BAR), &Frequencies::complex(&w, 1.0), &request(&[]), 1);
+        let measured = found.map(|found| found.receptance).unwrap_or_default();
+        let record = Record { measured, weights: vec![100.0; count] };
+        let tables = Tables { segments: &BAR, ..Tables::default() };
+        let rates =
+            [(5, 0), (2, 1)].map(|(column, address)| Rate { entry: entry(column), address, rate: 1.0 });
+        let response = Coordinate { node: 0, direction: 0 };
+        let seen = Seen::Receptance { w, records: vec![record.clone()], response, excitation: response };
+        let tied = Tied::new(Motion::Bending, tables, &rates, &[BAR[5], BAR[2]], ADDRESSES.to_vec(), 2);
+        let priors = vec![Prior { variable: 1, scale: 1.0, offset: 0.0 }];
+        let mut problem = Problem::new(variables(), priors).unwrap();
+        problem.add(Observation::Whole(Modelled { tied: Arc::new(tied.unwrap()), seen })).unwrap();
+        (problem, record)
+    }
+
+    fn entry(column: usize) -> Parameter {
+        Parameter { table: Table::Segments, row: 0, column }
+    }
+
+    fn model(bar: &[f64]) -> Model {
+        Model::new(Motion::Bending, Tables { segments: bar, ..Tables::default() }).unwrap()
+    }
+
+    fn request(parameters: &[Parameter]) -> Request {
+        let point = vec![Coordinate { node: 0, direction: 0 }];
+        Request {
+            excitations: point.clone(),
+            responses: point,
+            parameters: parameters.to_vec(),
+            ..Request::default()
+        }
+    }
+
+    #[test]
+    fn normal_matrices_are_sums_over_lines() {
+        let (problem, Record { measured, weights }) = problem(300);
+        let x = [10.2, 0.7];
+        let mut bar = BAR;
+        (bar[5], bar[2]) = (10.0_f64.powf(x[0] + 1.0), 0.2 * (0.01 * x[1]).exp());
+        let w = lines(300);
+        let all = Frequencies::complex(&w, 1.0);
+        let found = receptance(&model(&bar), &all, &request(&[entry(5), entry(2)]), 1).unwrap();
+        let by = [bar[5] * core::f64::consts::LN_10, 0.01 * bar[2]];
+        let mut sum = [[0.0; 3]; 3];
+        for line in 0..w.len() {
+            let h = found.receptance[line];
+            let slope = |k: usize| -found.derivative[2 * line + k] / h * by[k] * weights[line];
+            let row = [slope(0), slope(1), (measured[line] / h).ln() * weights[line]];
+            for i in 0..3 {
+                for j in 0..3 {
+                    sum[i][j] += (row[i].conj() * row[j]).re;
+                }
+            }
+        }
+        for (i, j, prior) in [(1, 1, 1.0), (1, 2, x[1]), (2, 1, x[1]), (2, 2, x[1] * x[1])] {
+            sum[i][j] += prior;
+        }
+        for threads in [1, 2] {
+            let own = problem.normal_matrix(&x, &[true; 2], threads).unwrap();
+            for (own, expected) in own.iter().zip(sum.as_flattened()) {
+                assert!((own - expected).abs() <= 1e-10 * expected.abs(), "{own} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn fits_find_the_truth_and_hold_variables_that_are_not_free() {
+        let (problem, _) = problem(300);
+        let starts = [10.25, 0.5, 10.35, -1.0];
+        let free = problem.fit(&starts, &[true, true], 1e-10, &[100; 2], 2).unwrap();
+        assert_eq!(free.len(), 2);
+        for end in &free {
+            assert!((end.x[0] - 2e10_f64.log10()).abs() < 1e-7 && end.x[1].abs() < 1e-4, "{end:?}");
+        }
+        let held = problem.fit(&starts[..2], &[true, false], 1e-10, &[100], 1).unwrap();
+        assert!(held[0].x[1] == 0.5 && held[0].cost > free[0].cost + 0.1, "{held:?}");
+        assert!(problem.fit(&starts, &[true], 1e-10, &[100; 2], 1).is_err());
+        let fewer = problem.thinned(30).fit(&starts, &[true, true], 1e-10, &[100; 2], 1).unwrap();
+        assert!((fewer[0].x[0] - 2e10_f64.log10()).abs() < 1e-7, "{fewer:?}");
+    }
+
+    /// A joint between two bars, reduced and as a whole model: rows and normal matrices are the same.
+    #[test]
+    fn a_reduced_model_is_the_whole_one() {
+        let mut second = BAR;
+        (second[0], second[1]) = (2.0, 3.0);
+        let segments = [BAR, second].concat();
+        let joints = [1.0, 2.0, 1e8, 1e5, 1e6, 100.0, 0.05, 0.0, 0.01];
+        let tables = Tables { segments: &segments, joints: &joints, ..Tables::default() };
+        let model = Model::new(Motion::Bending, tables).unwrap();
+        let w = lines(150);
+        let all = Frequencies::complex(&w, 1.0);
+        let found = receptance(&model, &all, &request(&[]), 1).unwrap();
+        let weights = (0..w.len()).map(|i| 50.0 + i as f64).collect();
+        let record = Record { measured: found.receptance, weights };
+        let tip = Coordinate { node: 0, direction: 0 };
+        // k_theta, then k_y; the first is a logarithm.
+        let priors = || vec![Prior { variable: 0, scale: 2.0, offset: 9.0 }];
+        let variables = || Variables { lower: vec![3.0, 1e6], upper: vec![7.0, 1e10], ..variables() };
+        let rates = [(3, 0), (2, 1)].map(|(column, address)| Rate {
+            entry: Parameter { table: Table::Joints, row: 0, column },
+            address,
+            rate: 1.0,
+        });
+        let addresses = vec![0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let tied = Tied::new(Motion::Bending, tables, &rates, &[1e5, 1e8], addresses, 2).unwrap();
+        let records = vec![record.clone()];
+        let seen = Seen::Receptance { w: w.clone(), records, response: tip, excitation: tip };
+        let mut whole = Problem::new(variables(), priors()).unwrap();
+        whole.add(Observation::Whole(Modelled { tied: Arc::new(tied), seen })).unwrap();
+        let x = [5.1, 1.3e8];
+        for form in [Form::Shortest, Form::Planes] {
+            let found = reduce_joint(&model, 0, &all, tip, tip, Default::default(), form, 1).unwrap();
+            assert_eq!(found.planes().is_some(), form == Form::Planes);
+            let one = OfJoint {
+                reduction: Arc::new(found),
+                record: record.clone(),
+                joint: [1e8, 1e5, 1e6, 100.0, 0.05, 0.0, 0.01],
+                variables: [Some(1), Some(0), None, None, None, None, None],
+            };
+            let mut reduced = Problem::new(variables(), priors()).unwrap();
+            reduced.add(Observation::Joint(one)).unwrap();
+            for free in [[true, true], [true, false]] {
+                let (a, b) = (reduced.rows(&x, &free, 2).unwrap(), whole.rows(&x, &free, 1).unwrap());
+                assert_eq!((a.residual.len(), a.jacobian.len()), (b.residual.len(), b.jacobian.len()));
+                let largest =
+                    |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+                for (a, b) in [(&a.residual, &b.residual), (&a.jacobian, &b.jacobian)] {
+                    let off = a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
+                    assert!(largest(&off) <= 1e-8 * largest(b), "{form:?}");
+                }
+            }
+            let of = |problem: &Problem| problem.normal_matrix(&x, &[true; 2], 1).unwrap();
+            for (a, b) in of(&reduced).iter().zip(of(&whole)) {
+                assert!((a - b).abs() <= 1e-8 * b.abs(), "{form:?}: {a} {b}");
+            }
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! Tables, lines and requests, checked.
+
+pub mod assembly;
+pub mod frequencies;
+pub mod overlap;
+pub mod request;
+pub mod section;

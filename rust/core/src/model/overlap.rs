@@ -1,0 +1,189 @@
+//! A tool's shank inside a holder's bore: two beams side by side with a layer, or points, between them.
+
+use crate::error::{Error, Result};
+use crate::model::section;
+use crate::model::section::{Motion, Segment};
+use num_complex::Complex64;
+
+/// Columns of the overlap table.
+pub mod column {
+    /// Node where the inner beam goes on, at the end of smaller x.
+    pub const A: usize = 0;
+    /// Node where the outer beam goes on, at the end of larger x.
+    pub const B: usize = 1;
+    /// Length in m.
+    pub const LENGTH: usize = 2;
+    /// Section of the inner beam: the columns of the segment table from the outer diameter on.
+    pub const INNER: usize = 3;
+    /// Section of the outer beam.
+    pub const OUTER: usize = 14;
+    /// Stiffness of the whole layer: k_y, k_theta.
+    pub const K: usize = 25;
+    /// Viscous damping of the whole layer: c_y, c_theta.
+    pub const C: usize = 27;
+    /// Loss factor of the layer.
+    pub const LOSS_FACTOR: usize = 29;
+    /// 0 for a layer, else the number of points that share it.
+    pub const POINTS: usize = 30;
+    /// Number of columns.
+    pub const COUNT: usize = 31;
+}
+
+/// Most points in a row.
+const MOST_POINTS: f64 = 1e3;
+
+/// Largest growth exponent of one piece: beyond it the exponential costs digits.
+pub(crate) const REACH: f64 = 2.0;
+
+/// Most pieces of one overlap.
+pub(crate) const MOST_PIECES: f64 = 3e3;
+
+/// An overlap, the inner beam first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Overlap {
+    /// Node of the inner beam at smaller x and of the outer beam at larger x.
+    pub nodes: [usize; 2],
+    /// Both beams as rows of the segment table.
+    pub beams: [[f64; section::column::COUNT]; 2],
+    /// Total stiffness k_y, k_theta.
+    pub k: [f64; 2],
+    /// Total viscous damping c_y, c_theta.
+    pub c: [f64; 2],
+    /// Loss factor of the stiffness.
+    pub loss_factor: f64,
+    /// 0 for a layer, else the number of points.
+    pub points: usize,
+}
+
+impl Overlap {
+    /// Reads and checks a row whose nodes were read before.
+    pub(crate) fn new(values: &[f64], row: usize, nodes: [usize; 2]) -> Result<Self> {
+        let mut beams = [[0.0; section::column::COUNT]; 2];
+        let starts = [(column::INNER, "overlap (inner beam)"), (column::OUTER, "overlap (outer beam)")];
+        for (beam, (start, element)) in beams.iter_mut().zip(starts) {
+            (beam[0], beam[1]) = (nodes[0] as f64, nodes[1] as f64);
+            beam[section::column::LENGTH] = values[column::LENGTH];
+            let width = section::column::COUNT - section::column::OUTER_DIAMETER;
+            beam[section::column::OUTER_DIAMETER..].copy_from_slice(&values[start..start + width]);
+            section::check(beam, row, element)?;
+        }
+        let fail = |quantity, value, expected| {
+            Err(Error::Quantity { element: "overlap", row, quantity, value, expected })
+        };
+        let names = ["k_y", "k_theta", "c_y", "c_theta", "loss_factor"];
+        for (quantity, &value) in names.into_iter().zip(&values[column::K..column::POINTS]) {
+            if !(value.is_finite() && value >= 0.0) {
+                return fail(quantity, value, "zero or a positive finite number");
+            }
+        }
+        let points = values[column::POINTS];
+        if !(points >= 0.0 && points.fract() == 0.0 && points <= MOST_POINTS) {
+            return fail("points", points, "0 (a layer) or a whole number up to 1000");
+        }
+        Ok(Self {
+            nodes,
+            beams,
+            k: [values[column::K], values[column::K + 1]],
+            c: [values[column::C], values[column::C + 1]],
+            loss_factor: values[column::LOSS_FACTOR],
+            points: points as usize,
+        })
+    }
+
+    /// Length in m.
+    pub fn length(&self) -> f64 {
+        self.beams[0][section::column::LENGTH]
+    }
+
+    /// Dynamic stiffness (1 + i eta) k + i w c of the whole layer.
+    pub(crate) fn stiffness(&self, w: Complex64) -> [Complex64; 2] {
+        let iw = Complex64::I * w;
+        [0, 1].map(|i| Complex64::new(self.k[i], self.k[i] * self.loss_factor) + iw * self.c[i])
+    }
+
+    /// The first of translation and rotation that nothing holds, with dashpots counting or not; one row of
+    /// two points on holds the rotation by its translation.
+    pub(crate) fn loose(&self, with_dashpots: bool) -> Option<&'static str> {
+        let held = |i: usize| self.k[i] > 0.0 || (with_dashpots && self.c[i] > 0.0);
+        match (held(0), held(1)) {
+            (false, _) => Some("k_y"),
+            (true, false) if self.points == 1 => Some("k_theta"),
+            _ => None,
+        }
+    }
+}
+
+/// What the sweeps need of an overlap, prepared once for all lines.
+pub struct Beside {
+    /// The row.
+    pub overlap: Overlap,
+    /// Both beams, the inner one first.
+    pub beams: [Segment<2>; 2],
+}
+
+/// How an overlap is cut into pieces.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct Pieces {
+    /// Their number.
+    pub count: usize,
+    /// Their length in m.
+    pub length: f64,
+    /// Largest growth exponent of one.
+    pub size: f64,
+    /// Pieces between two points, half as many beyond the last; 0 for a layer.
+    pub apart: usize,
+}
+
+impl Pieces {
+    /// Whether a point follows when so many pieces have been passed, from either end.
+    pub fn point_after(&self, passed: usize) -> bool {
+        self.apart > 0 && passed % self.apart == self.apart / 2
+    }
+}
+
+impl Beside {
+    /// Prepares a row.
+    pub fn new(overlap: &Overlap) -> Self {
+        let beams = [0, 1].map(|i| Segment::new(&overlap.beams[i], Motion::Bending));
+        Self { overlap: overlap.clone(), beams }
+    }
+
+    /// A bound of the growth exponents per length at |w|^2 = `w2`: the root of the equations with absolute values,
+    /// both beams having the larger coefficients of either, and twice the layer for the relative motion.
+    pub fn growth(&self, w2: f64) -> f64 {
+        let w = Complex64::new(w2.sqrt(), 0.0);
+        let length = self.overlap.length();
+        let layer =
+            self.overlap.stiffness(w).map(|k| if self.overlap.points > 0 { 0.0 } else { k.norm() / length });
+        let largest = |value: &dyn Fn(&Segment<2>, usize) -> f64, i| {
+            value(&self.beams[0], i).max(value(&self.beams[1], i))
+        };
+        let compliance = |beam: &Segment<2>, i: usize| beam.per_length.compliance[i].norm();
+        let inertia = |beam: &Segment<2>, i: usize| beam.per_length.kinetic[i] * w2;
+        let [alpha, beta] = [0, 1].map(|i| largest(&compliance, i));
+        let [mu, nu] = [0, 1].map(|i| largest(&inertia, i) + 2.0 * layer[i]);
+        let (a, b) = (alpha * mu, beta * nu);
+        (0.5 * (a + b + ((a - b).powi(2) + 4.0 * beta * mu).sqrt())).sqrt()
+    }
+
+    /// Pieces at |w|^2 up to `most`.
+    pub fn pieces(&self, most: f64) -> Pieces {
+        let growth = self.growth(most);
+        let stretches = (2 * self.overlap.points).max(1);
+        let stretch = self.overlap.length() / stretches as f64;
+        // Where the model was checked the number is small; the bound keeps a slip from asking for more.
+        let each = (growth * stretch / REACH).ceil().clamp(1.0, MOST_PIECES) as usize;
+        let length = stretch / each as f64;
+        let apart = if self.overlap.points > 0 { 2 * each } else { 0 };
+        Pieces { count: each * stretches, length, size: growth * length, apart }
+    }
+
+    /// Impedances that make the displacements (d_y, d_theta, y, theta) comparable with their loads, the outer beam
+    /// (`forward`) or the inner one lying behind.
+    pub fn weights(&self, most: f64, forward: bool) -> [f64; 4] {
+        let (near, behind) = (&self.beams[usize::from(!forward)], &self.beams[usize::from(forward)]);
+        let own = behind.weights(behind.wave_number_square(most));
+        let relative = near.weights(self.growth(most).powi(2));
+        [relative[0], relative[1], own[0], own[1]]
+    }
+}

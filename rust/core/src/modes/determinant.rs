@@ -1,0 +1,137 @@
+//! The determinant whose zeros are the complex natural frequencies, by its logarithm.
+//!
+//! With states that are transferred without change of coordinates from the free ends, the determinant of the loads at
+//! the root is an entire function of w: transfer matrices of segments and overlaps have no poles, those of joints have
+//! theirs where the joint's stiffness is zero, which is never at Re w > 0. Its zeros at Re w > 0 are therefore the
+//! poles of all receptances, and the change of its argument along a closed curve counts them. The sweep changes
+//! coordinates at every element to keep its digits: each change multiplies the determinant by that of the displacements
+//! before over that after it.
+
+use crate::error::Result;
+use crate::interrupt;
+use crate::line::block::{Block, Prepared};
+use crate::line::layer::{Passed, Wanted};
+use crate::line::sweep::Observer;
+use crate::model::assembly::{Model, Step};
+use crate::model::frequencies::{EMPTY, Frequencies};
+use crate::model::request::{ByLine, check_added};
+use crate::modes::natural::within_reach;
+use crate::simd::lane::{C, MAX_LANES};
+use crate::simd::small::{self, Mat};
+use num_complex::Complex64;
+use pulp::{Arch, Simd, WithSimd};
+
+/// The logarithm of the determinant on each line, up to a constant and multiples of 2 pi i.
+///
+/// `added` is as in a request. A line at which it is zero or not a number has NaN.
+///
+/// # Errors
+/// Unusable lines, added stiffness of another length, or waves that are too short for the lengths of the segments.
+pub fn log_determinant(model: &Model, lines: &Frequencies, added: &[Complex64]) -> Result<Vec<Complex64>> {
+    let highest = lines.highest()?;
+    check_added(model, lines, added)?;
+    match model.motion.degrees() {
+        1 => Job::<1>::new(model).run(lines, highest, added),
+        _ => Job::<2>::new(model).run(lines, highest, added),
+    }
+}
+
+struct Job<const D: usize> {
+    prepared: Prepared<D>,
+    plan: Vec<Step>,
+}
+
+struct Lines<'a, const D: usize> {
+    job: &'a Job<D>,
+    w: &'a [Complex64],
+    by_line: ByLine<'a>,
+    out: &'a mut [Complex64],
+}
+
+/// The sum of the logarithms so far, by lane.
+struct Logarithms {
+    sum: [Complex64; MAX_LANES],
+}
+
+impl Logarithms {
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, value: C<S>, sign: f64) {
+        let mut lanes = [Complex64::ONE; MAX_LANES];
+        value.store(&mut lanes);
+        for lane in 0..S::F64_LANES {
+            self.sum[lane] += lanes[lane].ln() * sign;
+        }
+    }
+}
+
+impl<S: Simd, const D: usize> Observer<S, D> for Logarithms {
+    #[inline(always)]
+    fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, _: &Mat<S, D>) {
+        self.add(small::det(near_u), 1.0);
+        self.add(small::det(far_u), -1.0);
+    }
+
+    #[inline(always)]
+    fn wanted(&self) -> Wanted {
+        Wanted::Determinant
+    }
+
+    #[inline(always)]
+    fn overlapped(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, passed: &[Passed]) {
+        self.add(small::det(near_u), 1.0);
+        self.add(small::det(far_u), -1.0);
+        for (sum, passed) in self.sum.iter_mut().zip(passed) {
+            *sum += passed.log_determinant;
+        }
+    }
+}
+
+impl<const D: usize> WithSimd for Lines<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Lines { job, w, by_line, out } = self;
+        let mut block = Block::empty(simd);
+        let mut records = Vec::with_capacity(4 * job.plan.len());
+        let (mut start, lines) = (0, w.len());
+        for (w, out) in w.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES)) {
+            let own = by_line.some(&(start..start + w.len()), lines);
+            start += w.len();
+            job.prepared.block(simd, w, true, own, &mut block);
+            let mut logarithms = Logarithms { sum: [Complex64::ZERO; MAX_LANES] };
+            block.upwards(simd, &job.plan, &[], &mut records, &mut logarithms);
+            if let Some(top) = records.last() {
+                let (u, f) = top.plane.basis();
+                logarithms.add(small::det(&f), 1.0);
+                logarithms.add(small::det(&u), -1.0);
+            }
+            for (to, from) in out.iter_mut().zip(&logarithms.sum) {
+                *to = if from.is_finite() { *from } else { Complex64::new(f64::NAN, f64::NAN) };
+            }
+        }
+    }
+}
+
+impl<const D: usize> Job<D> {
+    fn new(model: &Model) -> Self {
+        let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
+        prepared.follow(&plan);
+        Self { prepared, plan }
+    }
+
+    fn run(&self, lines: &Frequencies, highest: f64, added: &[Complex64]) -> Result<Vec<Complex64>> {
+        within_reach(&self.prepared, highest)?;
+        let arch = Arch::new();
+        let mut out = vec![Complex64::ZERO; lines.len()];
+        let mut room = EMPTY;
+        let all = ByLine { added, ..ByLine::default() };
+        for range in lines.tasks() {
+            interrupt::check()?;
+            let by_line = all.some(&range, lines.len());
+            let w = lines.some(range.clone(), &mut room);
+            arch.dispatch(Lines { job: self, w, by_line, out: &mut out[range] });
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,441 @@
+//! Undamped natural frequencies by Wittrick-Williams counting, so that none is missed.
+//!
+//! The number of natural frequencies below w is the number of negative pivots met when the dynamic
+//! stiffness is eliminated node by node, plus the clamped-clamped ones of each piece (Wittrick and
+//! Williams, Q. J. Mech. Appl. Math. 24, 1971, 263). Pieces are kept shorter than |lambda| L = 3, where
+//! there are none of the latter: with lambda_2 L < pi both halves of the clamped problem have determinants
+//! without a zero. A pivot is T^-1 U_near U_far^-1 with the piece's compliance T, which the sweep has in
+//! hand with all its digits. What these counts make of where the modes lie is in `locate`.
+
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::line::block::{Block, Prepared};
+use crate::line::derivatives::Gradient;
+use crate::line::sweep::{Blind, Field, Observer, Within};
+use crate::line::{derivatives, exponential, layer};
+use crate::model::assembly::{Model, Step};
+use crate::model::request::{ByLine, Parameter, check_parameters, singular};
+use crate::modes::locate::{Locating, Wanted, too_high};
+use crate::simd::lane::{C, MAX_LANES, R};
+use crate::simd::small::{self, Mat};
+use num_complex::Complex64;
+use pulp::{Arch, Simd, WithSimd};
+
+/// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
+const MOST_PIECES: f64 = 3e3;
+
+/// Least upper limit [rad/s]: what is far below it still has a square.
+const LEAST: f64 = 1e-100;
+
+/// Expected modes are counted up to this many times the highest one first.
+const MARGIN: f64 = 1.05;
+
+/// A mode this many times above where it is expected says nothing but that the point is far off.
+const FARTHEST: f64 = 1e3;
+
+/// Natural frequencies with derivatives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NaturalFrequencies {
+    /// Angular frequencies in rad/s, ascending, rigid-body modes left out.
+    pub angular: Vec<f64>,
+    /// `(n_modes, n_parameters)`.
+    pub derivative: Vec<f64>,
+}
+
+/// All natural frequencies up to `upper` (rad/s), at most `most` of them, with derivatives.
+///
+/// Damping, loss factors and imaginary parts are left out.
+///
+/// # Errors
+/// An upper limit that is no positive number, a parameter that the model does not have, or a joint without
+/// static stiffness in some direction.
+pub fn natural_frequencies(
+    model: &Model,
+    upper: f64,
+    most: usize,
+    parameters: &[Parameter],
+) -> Result<NaturalFrequencies> {
+    if !(upper.is_finite() && upper >= LEAST) {
+        return Err(Error::NaturalFrequency(format!(
+            "the upper limit is {upper:e} rad/s, expected a finite number of at least {LEAST:e} rad/s"
+        )));
+    }
+    find(model, upper, Wanted::UpTo(most), parameters)
+}
+
+/// The modes of some numbers, counted from 0 on and ascending, expected near some frequencies (rad/s).
+///
+/// # Errors
+/// As `natural_frequencies`; modes that lie far above where they are expected.
+pub(crate) fn expected_frequencies(
+    model: &Model,
+    modes: &[usize],
+    near: &[f64],
+    parameters: &[Parameter],
+) -> Result<NaturalFrequencies> {
+    let highest = near.iter().fold(0.0_f64, |most, w| most.max(*w));
+    let wanted = Wanted::These { modes, near, farthest: FARTHEST * highest };
+    let found = find(model, MARGIN * highest, wanted, parameters)?;
+    if found.angular.len() < modes.len() {
+        return Err(Error::NaturalFrequency(format!(
+            "the highest mode lies more than {FARTHEST} times above where it is expected"
+        )));
+    }
+    Ok(found)
+}
+
+fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
+    check_parameters(model, parameters, 0)?;
+    let model = undamped(model);
+    for (row, (_, spring)) in model.joints.iter().enumerate() {
+        if !spring.statically_regular(model.motion.degrees()) {
+            let [k_y, k_theta, k_ytheta] = spring.k;
+            return Err(Error::SingularInterface {
+                element: "joint",
+                row,
+                frequency_hz: 0.0,
+                k_y,
+                k_theta,
+                k_ytheta,
+            });
+        }
+    }
+    for (row, overlap) in model.overlaps.iter().enumerate() {
+        if overlap.loose(false).is_some() {
+            return Err(singular(overlap, row, Complex64::ZERO));
+        }
+    }
+    let at = Locating::new(wanted, upper, rigid_modes(&model));
+    match model.motion.degrees() {
+        1 => Search::<1>::new(&model).run(&model, at, parameters),
+        _ => Search::<2>::new(&model).run(&model, at, parameters),
+    }
+}
+
+/// The model without what loses energy.
+fn undamped(model: &Model) -> Model {
+    use crate::model::section::column::{CORE_MATERIAL, MATERIAL};
+    let mut model = model.clone();
+    for row in &mut model.segments {
+        row[MATERIAL + 3] = 0.0;
+        row[CORE_MATERIAL + 3] = 0.0;
+    }
+    for overlap in &mut model.overlaps {
+        for row in &mut overlap.beams {
+            row[MATERIAL + 3] = 0.0;
+            row[CORE_MATERIAL + 3] = 0.0;
+        }
+        overlap.c = [0.0; 2];
+        overlap.loss_factor = 0.0;
+    }
+    let springs = model.joints.iter_mut().map(|joint| &mut joint.1);
+    for spring in springs.chain(model.grounds.iter_mut().map(|ground| &mut ground.1)) {
+        spring.c = [0.0; 3];
+        spring.loss_factor = 0.0;
+    }
+    model
+}
+
+struct Search<const D: usize> {
+    prepared: Prepared<D>,
+    plan: Vec<Step>,
+}
+
+/// The search for modes by counts below each of some frequencies.
+struct Locate<'a, 'b, const D: usize> {
+    search: &'a Search<D>,
+    at: &'a mut Locating<'b>,
+}
+
+/// Derivatives of modes, mode by mode.
+struct Slopes<'a, const D: usize> {
+    search: &'a Search<D>,
+    model: &'a Model,
+    angular: &'a [f64],
+    gradients: &'a [Gradient<D>],
+}
+
+/// Negative pivots, by lane.
+struct Negatives {
+    count: [usize; MAX_LANES],
+}
+
+impl Negatives {
+    /// Adds the negative eigenvalues of the symmetric `numerator / denominator`, whose determinant has the
+    /// sign of `top / bottom`.
+    #[inline(always)]
+    fn add<S: Simd, const D: usize>(&mut self, numerator: C<S>, denominator: C<S>, top: C<S>) {
+        let mut lanes = [[Complex64::ZERO; MAX_LANES]; 3];
+        numerator.store(&mut lanes[0]);
+        denominator.store(&mut lanes[1]);
+        top.store(&mut lanes[2]);
+        for lane in 0..S::F64_LANES {
+            let bottom = lanes[1][lane].re;
+            let first = (lanes[0][lane].re < 0.0) != (bottom < 0.0);
+            let determinant = (lanes[2][lane].re < 0.0) != (bottom < 0.0);
+            self.count[lane] += match (D, determinant, first) {
+                (1, _, first) => usize::from(first),
+                (_, true, _) => 1,
+                (_, false, true) => 2,
+                (_, false, false) => 0,
+            };
+        }
+    }
+}
+
+impl<S: Simd, const D: usize> Observer<S, D> for Negatives {
+    #[inline(always)]
+    fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>) {
+        // pivot = compliance^-1 near far^-1 = adj(compliance) near adj(far) / (det det).
+        let left = small::mul(&small::adjugate(compliance), near_u);
+        let entry = small::mul(&left, &small::adjugate(far_u))[0][0];
+        let bottom = small::det(compliance) * small::det(far_u);
+        self.add::<S, D>(entry, bottom, small::det(near_u));
+    }
+
+    #[inline(always)]
+    fn wanted(&self) -> layer::Wanted {
+        layer::Wanted::Count
+    }
+
+    #[inline(always)]
+    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, passed: &[layer::Passed]) {
+        for (count, passed) in self.count.iter_mut().zip(passed) {
+            *count += passed.negatives;
+        }
+    }
+}
+
+impl<const D: usize> WithSimd for Locate<'_, '_, D> {
+    type Output = Result<()>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Result<()> {
+        let mut block = Block::empty(simd);
+        let mut records = Vec::with_capacity(4 * self.search.plan.len());
+        let mut seen = Vec::with_capacity(2 * MAX_LANES);
+        while let Some(&highest) = self.at.points().last() {
+            interrupt::check()?;
+            within_reach(&self.search.prepared, highest)?;
+            seen.clear();
+            for lines in self.at.points().chunks(S::F64_LANES) {
+                let mut negatives = Negatives { count: [0; MAX_LANES] };
+                let mut determinants = [Complex64::ZERO; MAX_LANES];
+                let w = angular(lines);
+                self.search.prepared.block(simd, &w[..lines.len()], true, ByLine::default(), &mut block);
+                block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
+                if let Some(top) = records.last() {
+                    let (u, f) = top.plane.basis();
+                    let entry = small::mul(&f, &small::adjugate(&u))[0][0];
+                    let (below, above) = (small::det(&u), small::det(&f));
+                    negatives.add::<S, D>(entry, below, above);
+                    (above * below.recip()).store(&mut determinants);
+                }
+                let both = negatives.count.iter().zip(&determinants).take(lines.len());
+                seen.extend(both.map(|(count, determinant)| (*count, determinant.re)));
+            }
+            self.at.see(&seen)?;
+        }
+        Ok(())
+    }
+}
+
+impl<const D: usize> WithSimd for Slopes<'_, D> {
+    type Output = Vec<f64>;
+
+    /// d w / d p = -G_p / G_w, G being the work of a change in the mode of frequency w.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
+        let prepared = &self.search.prepared;
+        let count = self.gradients.len();
+        let mut out = vec![0.0; self.angular.len() * count];
+        let mut block = Block::empty(simd);
+        let mut records = Vec::with_capacity(4 * self.search.plan.len());
+        let mut field = Field::empty(simd, self.model.nodes, prepared);
+        let (mut sensitivities, mut beside) = (Vec::new(), Vec::new());
+        for (lines, out) in self.angular.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES * count)) {
+            let w = angular(lines);
+            prepared.block(simd, &w[..lines.len()], false, ByLine::default(), &mut block);
+            block.upwards(simd, &self.search.plan, &[], &mut records, &mut Blind);
+            let Some(top) = records.last() else { continue };
+            let (_, f) = top.plane.basis();
+            let mode = null_vector(&f, &block.weights_of_first());
+            let within = Within { segments: true, overlaps: true };
+            block.downwards(&self.search.plan, &records, mode, within, &mut field, 0);
+            // Work by w^2, which inertia alone has, times w^2.
+            let mut by_square = C::zero(simd);
+            sensitivities.clear();
+            for (row, segment) in prepared.segments.iter().enumerate() {
+                let states = &field.states[row];
+                let (kernel, choice) = (&block.kernels[row], block.choices[row]);
+                let found = derivatives::segment(segment, kernel, choice, block.w2, states, states);
+                for i in 0..D {
+                    by_square = by_square + found.kinetic[i].scale(segment.per_length.kinetic[i]);
+                }
+                sensitivities.push(Some(found));
+            }
+            beside.clear();
+            for (row, overlap) in prepared.overlaps.iter().enumerate() {
+                let states = &field.overlaps[row];
+                let found = block.overlaps[row].derivatives(simd, overlap, states, states);
+                for i in 0..4 {
+                    by_square = by_square + found[i].scale(overlap.beams[i / 2].per_length.kinetic[i % 2]);
+                }
+                beside.push(Some(found));
+            }
+            for (node, inertia) in &self.model.masses {
+                for i in 0..D {
+                    let u = field.nodes[*node][i];
+                    by_square = (u * u * block.w2).scale(inertia[i]) + by_square;
+                }
+            }
+            let mut lanes = [Complex64::ZERO; MAX_LANES];
+            by_square.store(&mut lanes);
+            let factors = lanes.map(|work| -0.5 / work.re);
+            for (k, gradient) in self.gradients.iter().enumerate() {
+                gradient.evaluate(&block, &field, &field, &sensitivities, &beside).store(&mut lanes);
+                for (lane, w) in lines.iter().enumerate() {
+                    out[lane * count + k] = w * factors[lane] * lanes[lane].re;
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Frequencies as the kernels take them, one a lane.
+fn angular(lines: &[f64]) -> [Complex64; MAX_LANES] {
+    let mut w = [Complex64::ONE; MAX_LANES];
+    for (to, from) in w.iter_mut().zip(lines) {
+        to.re = *from;
+    }
+    w
+}
+
+impl<const D: usize> Search<D> {
+    fn new(model: &Model) -> Self {
+        let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
+        prepared.follow(&plan);
+        Self { prepared, plan }
+    }
+
+    fn run(&self, model: &Model, mut at: Locating, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
+        Arch::new().dispatch(Locate { search: self, at: &mut at })?;
+        let angular = at.found();
+        let gradients: Vec<Gradient<D>> = parameters.iter().map(|p| Gradient::new(model, p)).collect();
+        let mut derivative = Vec::new();
+        if !gradients.is_empty() {
+            let work = Slopes { search: self, model, angular: &angular, gradients: &gradients };
+            derivative = Arch::new().dispatch(work);
+        }
+        if let Some(index) = derivative.iter().position(|value: &f64| !value.is_finite()) {
+            let hz = angular[index / gradients.len()] / core::f64::consts::TAU;
+            return Err(Error::NaturalFrequency(format!(
+                "the derivative of the mode at {hz:e} Hz by parameter {} is not finite: some number is too \
+                 large or too small for floating point",
+                index % gradients.len()
+            )));
+        }
+        Ok(NaturalFrequencies { angular, derivative })
+    }
+}
+
+/// Whether a sweep in pieces at a frequency ends within reasonable time.
+pub(crate) fn within_reach<const D: usize>(prepared: &Prepared<D>, w: f64) -> Result<()> {
+    let spans = prepared.segments.iter();
+    let span: f64 = spans.map(|one| one.wave_number_square(w * w).sqrt() * one.length).sum();
+    let beside = prepared.overlaps.iter();
+    let span = span + beside.map(|one| one.growth(w * w) * one.overlap.length()).sum::<f64>();
+    if span.is_nan() || span > MOST_PIECES * exponential::REACH {
+        return Err(too_high(w, "the waves there are too short for the lengths of the segments"));
+    }
+    Ok(())
+}
+
+/// The independent variables at which the root carries no load.
+#[inline(always)]
+fn null_vector<S: Simd, const D: usize>(f: &Mat<S, D>, weights: &[f64; D]) -> [C<S>; D] {
+    let simd = f[0][0].simd;
+    let one = C::real(simd, 1.0);
+    if D == 1 {
+        return [one; D];
+    }
+    // Near the mode the rows are parallel; the larger one has the digits.
+    let size = |i: usize| {
+        let mut sum = simd.splat_f64s(0.0);
+        for j in 0..D {
+            let share = simd.splat_f64s(1.0 / (weights[i] * weights[j]));
+            sum = simd.mul_add_e_f64s(f[i][j].norm_sqr().v, share, sum);
+        }
+        R { simd, v: sum }
+    };
+    let last = size(D - 1).greater(size(0));
+    let mut out = [-C::select(last, f[D - 1][0], f[0][0]); D];
+    out[0] = C::select(last, f[D - 1][D - 1], f[0][D - 1]);
+    let mut square = R::splat(simd, 0.0);
+    for value in &out {
+        square = R { simd, v: simd.add_f64s(square.v, value.norm_sqr().v) };
+    }
+    let some = square.greater(R::splat(simd, 0.0));
+    let inverse = simd.div_f64s(simd.splat_f64s(1.0), simd.sqrt_f64s(square.v));
+    out.map(|value| C::select(some, value.mul_real(inverse), one))
+}
+
+/// Rigid-body modes: displacements of the whole that no spring to ground resists.
+pub(crate) fn rigid_modes(model: &Model) -> usize {
+    let degrees = model.motion.degrees();
+    if degrees == 1 {
+        return usize::from(!model.grounds.iter().any(|(_, spring)| spring.k[0] > 0.0));
+    }
+    // Positions of the nodes along the axis, joints having no length.
+    let mut position = vec![f64::NAN; model.nodes];
+    position[0] = 0.0;
+    for _ in 0..model.nodes {
+        for row in &model.segments {
+            let (a, b) = (row[0] as usize, row[1] as usize);
+            if position[b].is_nan() {
+                position[b] = position[a] + row[crate::model::section::column::LENGTH];
+            }
+            if position[a].is_nan() {
+                position[a] = position[b] - row[crate::model::section::column::LENGTH];
+            }
+        }
+        for overlap in &model.overlaps {
+            let [a, b] = overlap.nodes;
+            if position[b].is_nan() {
+                position[b] = position[a] + overlap.length();
+            }
+            if position[a].is_nan() {
+                position[a] = position[b] - overlap.length();
+            }
+        }
+        for (nodes, _) in &model.joints {
+            for (to, from) in [(nodes[0], nodes[1]), (nodes[1], nodes[0])] {
+                if position[to].is_nan() {
+                    position[to] = position[from];
+                }
+            }
+        }
+        if position.iter().all(|x| !x.is_nan()) {
+            break;
+        }
+    }
+    let span = position.iter().fold(0.0_f64, |most, x| most.max(x.abs())).max(f64::MIN_POSITIVE);
+    // Stiffness against a shift and a turn about node 0, the turn measured at the span.
+    let (mut shift, mut turn, mut both) = (0.0, 0.0, 0.0);
+    for (node, spring) in &model.grounds {
+        let [y, theta, mixed] = spring.k;
+        let x = position[*node] / span;
+        shift += y;
+        both += y * x + mixed / span;
+        turn += y * x * x + 2.0 * mixed * x / span + theta / (span * span);
+    }
+    let (sum, product) = (shift + turn, shift * turn - both * both);
+    if sum == 0.0 {
+        2
+    } else if product <= 1e-13 * sum * sum {
+        1
+    } else {
+        0
+    }
+}

@@ -1,0 +1,7 @@
+//! What was measured beside the model: residuals and their normal matrices.
+
+pub mod joint;
+pub mod lines;
+pub mod observed;
+pub mod sweep;
+pub mod ties;

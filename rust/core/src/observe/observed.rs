@@ -1,0 +1,215 @@
+//! What was measured of models, and the lines and modes of a model that it is compared with.
+//!
+//! A measured receptance is H(w - i sigma) F with factors F = exp(g - i w tau) (1 + sigma / (i w))^q of the measurement:
+//! a gain, a delay, an exponential window on what was recorded.
+
+use crate::line::response::Job;
+use crate::model::frequencies::{Frequencies, LINES_PER_TASK};
+use crate::model::request::{ByLine, Coordinate, Parameter, Request, check};
+use crate::modes::natural::expected_frequencies;
+use crate::observe::ties::{At, Factor, Tied};
+use crate::threads::on_threads;
+use core::ops::Range;
+use num_complex::Complex64;
+use pulp::Arch;
+use std::sync::Arc;
+
+/// One record of a receptance.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Values.
+    pub measured: Vec<Complex64>,
+    /// One over the standard deviations of the logarithm.
+    pub weights: Vec<f64>,
+}
+
+/// Some lines of a record.
+#[derive(Copy, Clone)]
+pub(crate) struct RecordLines<'a> {
+    pub measured: &'a [Complex64],
+    pub weights: &'a [f64],
+}
+
+/// What was measured of a model.
+#[derive(Clone, Debug)]
+pub enum Seen {
+    /// A receptance on lines w in rad/s, measured once or several times.
+    Receptance {
+        /// Lines.
+        w: Vec<Complex64>,
+        /// What was measured on them.
+        records: Vec<Record>,
+        /// Where motion was seen.
+        response: Coordinate,
+        /// Where the load acted.
+        excitation: Coordinate,
+    },
+    /// Natural frequencies in rad/s.
+    Frequencies {
+        /// Which modes these are, counted from 0 on, ascending.
+        modes: Vec<usize>,
+        /// Values.
+        measured: Vec<f64>,
+        /// One over their standard deviations.
+        weights: Vec<f64>,
+    },
+}
+
+impl Seen {
+    /// Lines, or what takes about as long.
+    pub(crate) fn lines(&self) -> usize {
+        match self {
+            Self::Receptance { w, .. } => w.len(),
+            Self::Frequencies { modes, .. } => 100 * modes.len(),
+        }
+    }
+}
+
+/// A model and what was measured of it.
+#[derive(Clone, Debug)]
+pub struct Modelled {
+    /// The model as a function of the unknowns.
+    pub tied: Arc<Tied>,
+    /// What was measured.
+    pub seen: Seen,
+}
+
+/// The lines of one task: calculated receptance with its factors, its derivatives by moving entries and then factors
+/// row by row, and what was measured.
+pub(crate) struct Lines<'a> {
+    pub range: Range<usize>,
+    pub h: &'a [Complex64],
+    pub dh: &'a [Complex64],
+    pub records: &'a [RecordLines<'a>],
+}
+
+impl Modelled {
+    /// What some work makes of the lines of each task, in their order; nothing where the model has no value.
+    pub(crate) fn lines<T: Send>(
+        &self,
+        at: &At,
+        threads: usize,
+        work: impl Fn(Lines) -> T + Sync,
+    ) -> Option<Vec<T>> {
+        let Seen::Receptance { w, records, response, excitation } = &self.seen else { return None };
+        let factors = Factors::new(at);
+        let request = Request {
+            excitations: vec![*excitation],
+            responses: vec![*response],
+            parameters: factors.entries.clone(),
+            ..Request::default()
+        };
+        let shifted: Vec<Complex64> = w.iter().map(|w| w - Complex64::I * factors.decay).collect();
+        let highest = check(&at.model, &Frequencies::complex(&shifted, 1.0), &request).ok()?;
+        let arch = Arch::new();
+        // A free resonance without damping can make the one denominator of a branch zero to the last bit.
+        [true, false].into_iter().find_map(|whole| {
+            let job = Job::<2>::new(&at.model, &request, whole.then_some((highest, w.len())));
+            let tasks: Vec<usize> = (0..w.len()).step_by(LINES_PER_TASK).collect();
+            let parts = on_threads(threads, tasks, job.a_task_takes(), |start| {
+                let range = start..w.len().min(start + LINES_PER_TASK);
+                let mut h = vec![Complex64::ZERO; range.len()];
+                let mut dh = vec![Complex64::ZERO; range.len() * request.parameters.len()];
+                if job
+                    .lines(&arch, &shifted[range.clone()], ByLine::default(), &mut h, &mut dh, &mut [])
+                    .is_some()
+                {
+                    return None;
+                }
+                let dh = factors.apply(&w[range.clone()], &mut h, dh);
+                let own: Vec<RecordLines> = records
+                    .iter()
+                    .map(|one| RecordLines {
+                        measured: &one.measured[range.clone()],
+                        weights: &one.weights[range.clone()],
+                    })
+                    .collect();
+                Some(work(Lines { range, h: &h, dh: &dh, records: &own }))
+            });
+            parts.ok()?.into_iter().collect()
+        })
+    }
+
+    /// Weighted derivatives by the entries and weighted residual of each measured mode.
+    pub(crate) fn frequencies(&self, at: &At) -> Option<Vec<Vec<f64>>> {
+        let Seen::Frequencies { modes, measured, weights } = &self.seen else { return None };
+        let found = expected_frequencies(&at.model, modes, measured, &at.entries).ok()?;
+        let count = at.entries.len();
+        let row = |(mode, (measured, weight)): (usize, (&f64, &f64))| {
+            let slopes = found.derivative[mode * count..(mode + 1) * count].iter();
+            let residual = (found.angular[mode] - measured) * weight;
+            slopes.map(|slope| slope * weight).chain([residual]).collect()
+        };
+        Some(measured.iter().zip(weights).enumerate().map(row).collect())
+    }
+}
+
+/// What becomes of a receptance on the way to the record.
+struct Factors<'a> {
+    at: &'a At,
+    /// Sum of the decay rates.
+    decay: f64,
+    /// The entries by which derivatives are wanted: those that move, then others through which frequency acts.
+    entries: Vec<Parameter>,
+    /// Places among these, and weights, which make w dH/dw.
+    by_frequency: Vec<(usize, f64)>,
+}
+
+impl<'a> Factors<'a> {
+    fn new(at: &'a At) -> Self {
+        let rates = at.factors.iter().filter(|(factor, _)| matches!(factor, Factor::DecayRate(_)));
+        let mut entries = at.entries.clone();
+        let mut by_frequency = Vec::new();
+        if rates.clone().next().is_some() {
+            for (entry, weight) in &at.by_frequency {
+                let known = entries.iter().position(|other| other == entry);
+                let place = known.unwrap_or_else(|| {
+                    entries.push(*entry);
+                    entries.len() - 1
+                });
+                by_frequency.push((place, *weight));
+            }
+        }
+        Self { at, decay: rates.map(|(_, rate)| rate).sum(), entries, by_frequency }
+    }
+
+    /// Puts the factors on receptance and derivatives, which are then those by moving entries and by factors.
+    fn apply(&self, w: &[Complex64], h: &mut [Complex64], dh: Vec<Complex64>) -> Vec<Complex64> {
+        if self.at.factors.is_empty() {
+            return dh;
+        }
+        let (asked, own) = (self.entries.len(), self.at.entries.len());
+        let mut whole = Vec::with_capacity(h.len() * (own + self.at.factors.len()));
+        for (line, (h, &w)) in h.iter_mut().zip(w).enumerate() {
+            let row = &dh[line * asked..(line + 1) * asked];
+            let factor: Complex64 = self.at.factors.iter().map(|(kind, value)| kind.at(w, *value)).product();
+            let change: Complex64 =
+                self.by_frequency.iter().map(|&(place, weight)| row[place] * weight).sum();
+            let change = change / *h;
+            *h *= factor;
+            whole.extend(row[..own].iter().map(|slope| slope * factor));
+            whole.extend(self.at.factors.iter().map(|(kind, value)| kind.slope(w, *value, change) * *h));
+        }
+        whole
+    }
+}
+
+impl Factor {
+    /// What the receptance is multiplied by, besides being taken on other lines.
+    fn at(self, w: Complex64, value: f64) -> Complex64 {
+        match self {
+            Self::LogGain => Complex64::new(value.exp(), 0.0),
+            Self::Delay => Complex64::from_polar(1.0, -w.re * value),
+            Self::DecayRate(power) => (1.0 + value / (Complex64::I * w)).powi(power),
+        }
+    }
+
+    /// Derivative of the logarithm of the receptance; `change` is that by the logarithm of the frequency.
+    fn slope(self, w: Complex64, value: f64, change: Complex64) -> Complex64 {
+        match self {
+            Self::LogGain => Complex64::ONE,
+            Self::Delay => Complex64::new(0.0, -w.re),
+            Self::DecayRate(power) => (change + f64::from(power)) / (Complex64::I * w + value),
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! From the fitted variables to the tables of a model, with derivatives.
+//!
+//! The values u of the unknowns are the variables or ten to their power. An address of a model has the value
+//! v = b exp(E u) + S u, b a multiple of an unknown or a number (laws, tolerances), and an entry of a table grows with
+//! the addresses at fixed rates. Addresses may also be factors of what was recorded, see `observed`.
+
+use crate::error::{Error, Result};
+use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table, Tables};
+use crate::model::request::Parameter;
+use crate::model::section::Motion;
+use crate::model::{overlap, section};
+
+/// What stands between a structure and what was recorded of it.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub enum Factor {
+    /// Natural logarithm of a gain.
+    LogGain,
+    /// Time in s by which the response lags behind.
+    Delay,
+    /// Rate in 1/s of an exponential window, and how often what was recorded is integrated.
+    DecayRate(i32),
+}
+
+/// How fast an entry of a table grows with an address.
+#[derive(Copy, Clone, Debug)]
+pub struct Rate {
+    /// The entry.
+    pub entry: Parameter,
+    /// The address.
+    pub address: usize,
+    /// Its rate.
+    pub rate: f64,
+}
+
+/// The tables of one model as functions of the unknowns.
+#[derive(Clone, Debug)]
+pub struct Tied {
+    /// The tables less the contribution of the addresses.
+    fixed: [Vec<f64>; 5],
+    motion: Motion,
+    /// The distinct entries that move.
+    pub entries: Vec<Parameter>,
+    /// Entry, address and rate.
+    rates: Vec<(usize, usize, f64)>,
+    /// A row an address: the unknown of b or -1, by what it is multiplied or b as a number, E, S.
+    addresses: Vec<f64>,
+    count: usize,
+    /// Factors of what was recorded, and their addresses.
+    factors: Vec<(Factor, usize)>,
+    /// Entries through which frequency acts, and its power in what they are multiplied by.
+    powers: Vec<(Parameter, f64)>,
+}
+
+/// Tables of a model and the derivatives of their moving entries by the variables, row by row.
+pub struct At {
+    /// The model.
+    pub model: Model,
+    /// Those entries that the variables move.
+    pub entries: Vec<Parameter>,
+    /// Factors of what was recorded.
+    pub factors: Vec<(Factor, f64)>,
+    /// Entries a and numbers n a with w dH/dw = sum n a dH/da.
+    pub by_frequency: Vec<(Parameter, f64)>,
+    /// `(entries and then factors, variables)`.
+    pub slopes: Vec<f64>,
+}
+
+impl Tied {
+    /// Ties the tables to `count` unknowns. `present` are the values of the addresses that are in the tables now.
+    ///
+    /// # Errors
+    /// A model that is not in bending, or an entry, an address or an unknown that does not exist.
+    pub fn new(
+        motion: Motion,
+        tables: Tables,
+        rates: &[Rate],
+        present: &[f64],
+        addresses: Vec<f64>,
+        count: usize,
+    ) -> Result<Self> {
+        if motion != Motion::Bending {
+            return Err(Error::Topology("only a model in bending is tied to unknowns".into()));
+        }
+        let width = 2 + 2 * count;
+        let expected = || format!("rows of {width} columns for {count} unknowns");
+        if !addresses.len().is_multiple_of(width) {
+            let value = addresses.len() as f64;
+            return Err(Error::Index { what: "addresses", index: 0, value, expected: expected() });
+        }
+        for (index, row) in addresses.chunks(width).enumerate() {
+            if row[0] >= count as f64 || row[0].is_nan() {
+                let expected = format!("an unknown below {count}, or -1");
+                return Err(Error::Index { what: "address", index, value: row[0], expected });
+            }
+        }
+        let known = addresses.len() / width;
+        if present.len() != known {
+            let (value, expected) = (present.len() as f64, format!("{known}, one of each address"));
+            return Err(Error::Index { what: "number of present values", index: 0, value, expected });
+        }
+        let fixed = [tables.segments, tables.joints, tables.masses, tables.grounds, tables.overlaps];
+        let fixed = fixed.map(<[f64]>::to_vec);
+        let (factors, powers) = (Vec::new(), Vec::new());
+        let (entries, rated) = (Vec::new(), Vec::new());
+        let mut tied = Self { fixed, motion, entries, rates: rated, addresses, count, factors, powers };
+        for (index, rate) in rates.iter().enumerate() {
+            if rate.address >= known {
+                let expected = format!("an address below {known}");
+                return Err(Error::Index { what: "rate", index, value: rate.address as f64, expected });
+            }
+            tied.check_entry(index, rate.entry)?;
+            let Parameter { table, row, column } = rate.entry;
+            tied.fixed[table as usize][row * columns(table) + column] -= rate.rate * present[rate.address];
+            let known = tied.entries.iter().position(|entry| *entry == rate.entry);
+            let entry = known.unwrap_or_else(|| {
+                tied.entries.push(rate.entry);
+                tied.entries.len() - 1
+            });
+            tied.rates.push((entry, rate.address, rate.rate));
+        }
+        Ok(tied)
+    }
+
+    /// Number of unknowns.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The same with factors at addresses, and entries through which frequency acts with their powers.
+    ///
+    /// # Errors
+    /// An entry or an address that does not exist.
+    pub fn with_factors(
+        mut self,
+        factors: Vec<(Factor, usize)>,
+        powers: Vec<(Parameter, f64)>,
+    ) -> Result<Self> {
+        let known = self.addresses.len() / (2 + 2 * self.count);
+        if let Some((index, wrong)) = factors.iter().enumerate().find(|(_, factor)| factor.1 >= known) {
+            let expected = format!("an address below {known}");
+            return Err(Error::Index { what: "factor", index, value: wrong.1 as f64, expected });
+        }
+        for (index, (entry, _)) in powers.iter().enumerate() {
+            self.check_entry(index, *entry)?;
+        }
+        (self.factors, self.powers) = (factors, powers);
+        Ok(self)
+    }
+
+    fn check_entry(&self, index: usize, Parameter { table, row, column }: Parameter) -> Result<()> {
+        if column < columns(table) && (row + 1) * columns(table) <= self.fixed[table as usize].len() {
+            return Ok(());
+        }
+        let expected = "a row and a column of its table".to_owned();
+        Err(Error::Index { what: "entry", index, value: row as f64, expected })
+    }
+
+    /// The model at a point; nothing where it is none. `slopes` are the derivatives of the values by the variables,
+    /// zero for what is held.
+    pub fn at(&self, values: &[f64], slopes: &[f64]) -> Option<At> {
+        let mut tables = self.fixed.clone();
+        let mut by_variable = vec![0.0; self.entries.len() * self.count];
+        let width = 2 + 2 * self.count;
+        let mut by_address = vec![0.0; self.addresses.len() / width * self.count];
+        let rows = self.addresses.chunks(width).enumerate();
+        let found: Vec<f64> = rows
+            .map(|(i, row)| {
+                address(row, values, slopes, &mut by_address[i * self.count..(i + 1) * self.count])
+            })
+            .collect();
+        if found.iter().any(|value| !value.is_finite()) {
+            return None;
+        }
+        let slopes_of = |address: usize| &by_address[address * self.count..(address + 1) * self.count];
+        for &(entry, address, rate) in &self.rates {
+            let Parameter { table, row, column } = self.entries[entry];
+            tables[table as usize][row * columns(table) + column] += rate * found[address];
+            let start = entry * self.count;
+            for (into, slope) in by_variable[start..start + self.count].iter_mut().zip(slopes_of(address)) {
+                *into += rate * slope;
+            }
+        }
+        let by_frequency = self
+            .powers
+            .iter()
+            .map(|&(entry, n)| {
+                (entry, n * tables[entry.table as usize][entry.row * columns(entry.table) + entry.column])
+            })
+            .filter(|(_, weight)| *weight != 0.0)
+            .collect();
+        let mut entries = Vec::with_capacity(self.entries.len());
+        let mut moving = Vec::with_capacity(by_variable.len());
+        for (entry, slopes) in self.entries.iter().zip(by_variable.chunks(self.count.max(1))) {
+            if slopes.iter().any(|slope| *slope != 0.0) {
+                entries.push(*entry);
+                moving.extend_from_slice(slopes);
+            }
+        }
+        let factors = self.factors.iter().map(|&(factor, address)| (factor, found[address])).collect();
+        for (_, address) in &self.factors {
+            moving.extend_from_slice(slopes_of(*address));
+        }
+        let [segments, joints, masses, grounds, overlaps] = &tables;
+        let tables = Tables { segments, joints, masses, grounds, overlaps };
+        let model = Model::new(self.motion, tables).ok()?;
+        Some(At { model, entries, factors, by_frequency, slopes: moving })
+    }
+}
+
+/// Value of an address; its derivatives by the variables go into `by`.
+fn address(row: &[f64], values: &[f64], slopes: &[f64], by: &mut [f64]) -> f64 {
+    let (exponents, shifts) = row[2..].split_at(values.len());
+    // Few unknowns act on an address.
+    let some = |x: &[f64]| x.iter().any(|x| *x != 0.0);
+    let dot = |x: &[f64]| {
+        if some(x) { x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>() } else { 0.0 }
+    };
+    let factor = dot(exponents).exp();
+    let own = (row[0] >= 0.0).then_some(row[0] as usize);
+    let start = own.map_or(row[1], |own| row[1] * values[own]);
+    for (i, by) in by.iter_mut().enumerate() {
+        *by = (start * factor * exponents[i] + shifts[i]) * slopes[i];
+    }
+    if let Some(own) = own {
+        by[own] += row[1] * factor * slopes[own];
+    }
+    start * factor + dot(shifts)
+}
+
+/// Columns of a table.
+fn columns(table: Table) -> usize {
+    match table {
+        Table::Segments => section::column::COUNT,
+        Table::Joints => JOINT_COLUMNS,
+        Table::Masses => MASS_COLUMNS,
+        Table::Grounds => GROUND_COLUMNS,
+        Table::Overlaps => overlap::column::COUNT,
+        Table::Terminals => 0,
+    }
+}

@@ -1,0 +1,4 @@
+//! Whole branches as power series in w^2.
+
+pub mod branch;
+pub mod minors;
