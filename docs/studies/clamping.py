@@ -665,10 +665,10 @@ def draw(found: dict[str, Any]) -> Any:
         own = [c for c in found["damping"]["cases"] if c["test"] == test]
         damping.loglog([c["factor"] for c in own], [max(c["real_percent"], 1e-3) for c in own], "o-", label=test)
     damping.set(title="VIRTUAL: damping neglected", xlabel="times table 3's", ylabel="error of the least real part (%)")
-    for shift, key in ((-0.1, "law"), (0.1, "law_if_reclamped")):
+    for shift, key, label in ((-0.1, "law", "one clamping"), (0.1, "law_if_reclamped", "clamped again each time")):
         changes = np.array([one[key]["change_percent"] for one in found["torque"]])
         ends = [changes[:, 0] - changes[:, 1], changes[:, 2] - changes[:, 0]]
-        torque.errorbar(np.arange(len(changes)) + shift, changes[:, 0], ends, fmt="o", capsize=3, label=key)
+        torque.errorbar(np.arange(len(changes)) + shift, changes[:, 0], ends, fmt="o", capsize=3, label=label)
     torque.set_xticks(range(len(found["torque"])), [f"{one['diameter_mm']:g}" for one in found["torque"]])
     torque.set(title="Published: growth of k_y over torque", xlabel="diameter (mm)", ylabel="change (%)")
     for row, one in enumerate(found["diameter"]):

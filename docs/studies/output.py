@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from receptance.provenance import versions
+from receptance.studies.report import table
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
@@ -25,39 +26,16 @@ def options(description: str | None) -> argparse.ArgumentParser:
 
 
 def print_table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
-    """Print a table of dictionaries.
-
-    Parameters
-    ----------
-    title : str
-        Printed above the table.
-    rows : sequence of mappings
-        One for each row.
-    columns : mapping of str to str
-        By heading the key of the row and, after a colon, the format of a number: "value:.3g".
-    """
-    keys = [key.partition(":")[::2] for key in columns.values()]
-    body = [[cell(row[key], form) for key, form in keys] for row in rows]
-    widths = [max(map(len, column)) for column in zip(columns, *body, strict=True)]
+    """Print a table of dictionaries; for the columns see `receptance.studies.report.table`."""
+    title, heads, body = table(title, rows, columns)
+    widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
     print(f"\n{title}\n")
-    for line in [list(columns), ["-" * width for width in widths], *body]:
-        # A column without a format is text and aligned left.
+    for line in [heads, ["-" * width for width in widths], *body]:
         cells = [
-            text.rjust(width) if form else text.ljust(width)
-            for text, width, (_, form) in zip(line, widths, keys, strict=True)
+            text.removeprefix("<").ljust(width) if head.startswith("<") else text.rjust(width)
+            for text, width, head in zip(line, widths, heads, strict=True)
         ]
         print("  ".join(cells).rstrip())
-
-
-def cell(value: Any, form: str) -> str:
-    """Return a value as text; a pair is an interval, None or infinity an open end of it."""
-    if isinstance(value, (list, tuple)):
-        return " to ".join(cell(end, form) or "open" for end in value)
-    if isinstance(value, (bool, np.bool_)):
-        return "yes" if value else "no"
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return ""
-    return "open" if isinstance(value, float) and math.isinf(value) else format(value, form)
 
 
 def save(path: Path | None, results: Mapping[str, Any]) -> None:

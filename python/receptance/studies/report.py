@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from typing import Any, NamedTuple
 
-__all__ = ["Section", "Table", "interval_text"]
+__all__ = ["Section", "Table", "cell", "table"]
 
 
 class Table(NamedTuple):
@@ -13,7 +15,7 @@ class Table(NamedTuple):
 
     title: str
     columns: Sequence[str]
-    rows: Iterable[Sequence[str]]
+    rows: Sequence[Sequence[str]]
 
 
 class Section(NamedTuple):
@@ -24,7 +26,42 @@ class Section(NamedTuple):
     sentences: Sequence[str]
 
 
-def interval_text(interval: Sequence[float | None], form: str) -> str:
-    """Return an interval as text; an end that is None is open."""
-    low, high = ("open" if end is None else format(end, form) for end in interval)
-    return f"{low} to {high}"
+def table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
+    """Return a table of dictionaries.
+
+    Parameters
+    ----------
+    title : str
+        Title.
+    rows : sequence of mappings
+        One for each row.
+    columns : mapping of str to str
+        By heading the key of a row, with dots for inner dictionaries, and after a colon the format of a number.
+
+    Examples
+    --------
+    >>> from receptance.studies.report import table
+    >>> table("Joints", [{"name": "k_y", "interval": (1.0, None)}], {"joint": "name", "interval": "interval:.1f"})
+    Table(title='Joints', columns=['<joint', 'interval'], rows=[['k_y', '1.0 to open']])
+    """
+    keys = [key.partition(":")[::2] for key in columns.values()]
+    heads = [head if form else f"<{head}" for head, (_, form) in zip(columns, keys, strict=True)]
+    body = [[cell(_value(row, path), form) for path, form in keys] for row in rows]
+    return Table(title, heads, body)
+
+
+def _value(row: Mapping[str, Any], path: str) -> Any:
+    if path in row:
+        return row[path]
+    return reduce(lambda inner, key: inner[key], path.split("."), row)
+
+
+def cell(value: Any, form: str) -> str:
+    """Return a value as text; a pair is an interval, None or infinity an open end of it."""
+    if isinstance(value, (list, tuple)):
+        return " to ".join(cell(end, form) or "open" for end in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return "open" if isinstance(value, float) and math.isinf(value) else format(value, form)

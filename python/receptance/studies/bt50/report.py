@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from receptance.studies.report import Section, Table, interval_text
+from receptance.studies.report import Section, Table, table
 
 __all__ = ["PROVENANCE", "RESPONSE_HZ", "SOURCE", "findings", "sections"]
 
@@ -76,16 +76,17 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
         "rig was made for this range)."
     )
     yield (
-        f"The FRF fitted with the rigid holder leaves {_span([level['rigid_rms'] for level in levels], '.0f')} standard "
-        f"deviations, with the elastic one {_span([level['elastic']['rms'] for level in levels], '.1f')}. K_Z1 is then "
+        f"The FRF fitted with the rigid holder leaves {_span([level['rigid_rms'] for level in levels], '.0f')} "
+        f"standard deviations, with the elastic one "
+        f"{_span([level['elastic']['rms'] for level in levels], '.1f')}. K_Z1 is then "
         f"{elastic[0]:.3g} to {elastic[-1]:.3g} N/m; that of the rigid holder is wrong by "
         f"{_span([_percent(a, b) for a, b in zip(rigid, elastic, strict=True)], '+.1f')} %."
     )
     simulated = [_percent(level["simulated_hz"], level["experiment_hz"]) for level in levels]
     yield (
         "The K_Z1 of the rigid holder in the elastic model, which is how the paper simulates, gives an error of the "
-        f"first mode of {_span(simulated, '+.1f')} % (paper: about -{published['simulated_below_experiment_percent']:g} "
-        "%)."
+        f"first mode of {_span(simulated, '+.1f')} % (paper: about "
+        f"-{published['simulated_below_experiment_percent']:g} %)."
     )
     left = found["virtual"]["left_out"][0]
     yield (
@@ -145,8 +146,8 @@ def _on_damping(found: dict[str, Any]) -> Iterator[str]:
     yield (
         f"Above {found['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: half-power "
         f"{rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, circle "
-        f"{fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual rig "
-        "rises smoothly there."
+        f"{fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual "
+        "rig rises smoothly there."
     )
     yield (
         "The response has not decayed at the end of a block of 50 ms: without a window the estimate warns of this on "
@@ -161,8 +162,8 @@ def _on_radial(found: dict[str, Any]) -> Iterator[str]:
     last = levels[-1]
     yield (
         f"Rigid holder across: of {len(levels)} levels the mode shape selects one joint at {counts.count(1)}, permits "
-        f"two at {counts.count(2) - refused}, rejects both at {refused}, and at {counts.count(0)} no real joint has the "
-        f"frequencies. At {last['force_kn']:g} kN {last['rigid']['statement']}."
+        f"two at {counts.count(2) - refused}, rejects both at {refused}, and at {counts.count(0)} no real joint has "
+        f"the frequencies. At {last['force_kn']:g} kN {last['rigid']['statement']}."
     )
     yield (
         "The elastic holder, its contact fading from both ends, leaves "
@@ -208,71 +209,89 @@ def _on_use(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _giga(interval: list[float], form: str) -> str:
-    return interval_text([1e-9 * end for end in interval], form)
-
-
 def _axial(levels: list[dict[str, Any]]) -> Table:
-    rows = [
-        (
-            f"{level['force_kn']:g}",
-            f"{level['experiment_hz']:.1f}",
-            f"{1e-9 * level['rigid']['values']['k_z1']:.4f}",
-            f"{1e-9 * level['elastic']['values']['k_z1']:.4f}",
-            _giga(level["elastic"]["intervals"]["k_z1"], ".4f"),
-            f"{level['simulated_hz']:.1f}",
-            f"{_percent(level['simulated_hz'], level['experiment_hz']):+.2f}",
-            f"{level['elastic_hz']:.1f}",
-            f"{_percent(level['elastic_hz'], level['experiment_hz']):+.3f}",
-        )
-        for level in levels
-    ]
-    columns = ["force\n[kN]", "experiment\n[Hz]", "K_Z1 rigid\n[GN/m]", "elastic\n[GN/m]", "interval"]
-    columns += ["simulated\n[Hz]", "error\n[%]", "elastic\n[Hz]", "error\n[%]"]
-    return Table("Virtual experiment; simulated: the elastic holder on the rigid holder's spring", columns, rows)
+    return table(
+        "Virtual experiment; simulated: the elastic holder on the rigid holder's spring",
+        [
+            {
+                **level,
+                "simulated_percent": _percent(level["simulated_hz"], level["experiment_hz"]),
+                "elastic_percent": _percent(level["elastic_hz"], level["experiment_hz"]),
+            }
+            for level in levels
+        ],
+        {
+            "force\n[kN]": "force_kn:g",
+            "experiment\n[Hz]": "experiment_hz:.1f",
+            "K_Z1 rigid\n[N/m]": "rigid.values.k_z1:.4e",
+            "K_Z1 elastic\n[N/m]": "elastic.values.k_z1:.4e",
+            "interval": "elastic.intervals.k_z1:.4e",
+            "simulated\n[Hz]": "simulated_hz:.1f",
+            "its error\n[%]": "simulated_percent:+.2f",
+            "elastic\n[Hz]": "elastic_hz:.1f",
+            "error\n[%]": "elastic_percent:+.3f",
+        },
+    )
 
 
 def _damping(levels: list[dict[str, Any]]) -> Table:
-    rows = [
-        (
-            f"{level['force_kn']:g}",
-            f"{level['half_power']['lines_in_band']:.1f}",
-            f"{100.0 * level['half_power']['damping_ratio']:.3f}",
-            f"{100.0 * level['circle']['damping_ratio']:.3f}",
-            f"{100.0 * level['truth']['damping_ratio']:.3f}",
-            f"{level['rigid_half_power']['values']['c_z1']:.0f}",
-            f"{level['rigid']['values']['c_z1']:.0f}",
-            interval_text(level["rigid"]["intervals"]["c_z1"], ".0f"),
-        )
-        for level in levels
-    ]
-    columns = ["force\n[kN]", "lines in\nthe band", "half-power\n[%]", "circle\n[%]", "of the rig\n[%]"]
-    columns += ["C_Z1 half-power\n[N s/m]", "circle\n[N s/m]", "interval"]
-    return Table("Damping ratio, and the damping of eq. 15 from it", columns, rows)
+    estimates = ("half_power", "circle", "truth")
+    return table(
+        "Damping ratio, and the damping of eq. 15 from it",
+        [{**level, **{f"{n} %": 100.0 * level[n]["damping_ratio"] for n in estimates}} for level in levels],
+        {
+            "force\n[kN]": "force_kn:g",
+            "lines in\nthe band": "half_power.lines_in_band:.1f",
+            "half-power\n[%]": "half_power %:.3f",
+            "circle\n[%]": "circle %:.3f",
+            "of the rig\n[%]": "truth %:.3f",
+            "C_Z1 half-power\n[N s/m]": "rigid_half_power.values.c_z1:.0f",
+            "C_Z1 circle\n[N s/m]": "rigid.values.c_z1:.0f",
+            "interval": "rigid.intervals.c_z1:.0f",
+        },
+    )
 
 
 def _radial(levels: list[dict[str, Any]]) -> Table:
     rows = []
     for level in levels:
-        values, intervals = level["elastic"]["values"], level["elastic"]["intervals"]
-        cells = [f"{level['force_kn']:g}", *(f"{f:.1f}" for f in level["experiment_hz"])]
-        for name in ("k_x1", "k_x2"):
-            cells += [f"{1e-9 * values[name]:.3f}", _giga(intervals[name], ".3f")]
-        cells += [f"{values[name]:.0f}" for name in ("c_x1", "c_x2")]
-        cells += [f"{f:.1f}" for f in level["simulated_hz"]] or ["", ""]
-        rows.append(cells)
-    columns = ["force\n[kN]", "mode 1\n[Hz]", "mode 2\n[Hz]", "K_X1\n[GN/m]", "interval", "K_X2\n[GN/m]", "interval"]
-    columns += ["C_X1\n[N s/m]", "C_X2\n[N s/m]", "simulated\n1 [Hz]", "simulated\n2 [Hz]"]
-    return Table("Elastic holder; simulated: on the rigid holder's springs", columns, rows)
+        simulated = level["simulated_hz"] or [None, None]
+        rows.append(
+            {
+                **level,
+                "measured": dict(zip("12", level["experiment_hz"], strict=True)),
+                "simulated": dict(zip("12", simulated, strict=True)),
+            }
+        )
+    return table(
+        "Elastic holder; simulated: on the rigid holder's springs",
+        rows,
+        {
+            "force\n[kN]": "force_kn:g",
+            **{f"mode {i}\n[Hz]": f"measured.{i}:.1f" for i in "12"},
+            "K_X1\n[N/m]": "elastic.values.k_x1:.3e",
+            "interval\nof K_X1": "elastic.intervals.k_x1:.3e",
+            "K_X2\n[N/m]": "elastic.values.k_x2:.3e",
+            "interval\nof K_X2": "elastic.intervals.k_x2:.3e",
+            **{f"C_X{i}\n[N s/m]": f"elastic.values.c_x{i}:.0f" for i in "12"},
+            **{f"simulated\n{i} [Hz]": f"simulated.{i}:.1f" for i in "12"},
+        },
+    )
 
 
 def _trends(trends: dict[str, Any]) -> Table:
-    rows = []
-    for name, one in trends.items():
-        cells = [name]
-        for trend in (one["trend"], one["slope_trend"]):
-            cells += [trend["direction"], f"{trend['p_value']:.1g}"]
-        cells += [one["law"]["name"], f"{one['laws'][2]['exponent']:.2f}"]
-        rows.append([*cells, interval_text(one["exponent_interval"], ".2f"), f"{one['scatter']:.1f}"])
-    columns = ["<", "<with force", "p", "<its slope", "p", "<best law", "n in K0 + a F^n", "interval", "scatter"]
-    return Table("Trends with their evidence; scatter about the law relative to the standard errors", columns, rows)
+    return table(
+        "Trends with their evidence; scatter about the law relative to the standard errors",
+        [{**one, "name": name, "n": one["laws"][2]["exponent"]} for name, one in trends.items()],
+        {
+            "": "name",
+            "with force": "trend.direction",
+            "p": "trend.p_value:.1g",
+            "its slope": "slope_trend.direction",
+            "p of the slope": "slope_trend.p_value:.1g",
+            "best law": "law.name",
+            "n in K0 + a F^n": "n:.2f",
+            "interval": "exponent_interval:.2f",
+            "scatter": "scatter:.1f",
+        },
+    )

@@ -108,8 +108,8 @@ def _draw_torque(axes: Axes, found: dict[str, Any]) -> None:
     axes.legend(frameon=False, fontsize=9, loc="upper left")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.16 * (top - bottom))
-    r = found["settings"]["resolution"]
-    note = f"whiskers: readings in steps of {r['fine_hz']:g} Hz,\n{r['coarse_hz']:g} Hz from {r['change_hz'] / 1e3:g} kHz on"
+    fine, coarse, change = found["settings"]["resolution"].values()
+    note = f"whiskers: readings in steps of {fine:g} Hz,\n{coarse:g} Hz from {change / 1e3:g} kHz on"
     axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=PALE)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from receptance.studies.er32.tables import SOURCE, Published, load
-from receptance.studies.report import Section, Table, interval_text
+from receptance.studies.report import Section, Table, table
 
 __all__ = ["findings", "sections"]
 
@@ -133,71 +133,20 @@ def _on_sets(found: dict[str, Any]) -> Iterator[str]:
         "error of the transfers above."
     )
     for one in found["parameter_sets"]:
-        worst, long = one["worst"], next(error for error in one["errors"] if error["mode"] == 1)
-        error = f"worst error {worst['error_percent']:+.1f} % (mode {worst['mode']} at {worst['overhang_mm']:g} mm)"
-        if not one["betrayed"]:
-            yield f"{one['set']}: no mode betrays it; {error}."
-            continue
         shows = one["first_betrayal_of_first_mode"]
-        if shows == long:
-            rest = "shows it"
-        elif shows is None:
-            rest = "does not show it, and neither does the first mode at any other overhang"
-        else:
-            rest = (
-                f"does not show it; the first mode does from {shows['overhang_mm']:g} mm down "
-                f"({shows['error_percent']:+.1f} %)"
-            )
-        by = "; ".join(_betrayals(one["betrayed_by"]))
-        yield (
-            f"{one['set']}: betrayed by {by}; {error}. The first mode of the long tool ({long['error_percent']:+.1f} "
-            f"%) {rest}."
-        )
-
-
-def _betrayals(errors: Sequence[dict[str, Any]]) -> Iterator[str]:
-    for overhang in dict.fromkeys(error["overhang_mm"] for error in errors):
-        own = [f"{e['mode']} ({e['error_percent']:+.1f} %)" for e in errors if e["overhang_mm"] == overhang]
-        yield f"mode{'s' if len(own) > 1 else ''} {' and '.join(own)} at {overhang:g} mm"
+        if shows is not None:
+            yield f"The first mode betrays {one['set']} from an overhang of {shows['overhang_mm']:g} mm down."
 
 
 def _on_trends(found: dict[str, Any]) -> Iterator[str]:
-    low, high = found["trends"]["torque_range_nm"]
     for quantity in ("k_y", "k_theta"):
-        trends = [trend for trend in found["trends"]["torque"] if trend["quantity"] == quantity]
-        for exceeds, words in ((True, "by more than the resolution"), (False, "within the resolution")):
-            tools = [
-                f"{t['change_percent']:+.1f} % ({t['end_values']['percent']:+.1f} %) at {t['diameter_mm']:g} mm"
-                for t in trends
-                if t["exceeds"] is exceeds
-            ]
-            if tools:
-                yield (
-                    f"{quantity} from {low:g} to {high:g} N m, by a line fitted to the values at all torques (by the "
-                    f"two end values), changes {words}: {', '.join(tools)}."
-                )
-        steps = [step for trend in trends for step in trend["steps"]]
+        steps = [s for trend in found["trends"]["torque"] if trend["quantity"] == quantity for s in trend["steps"]]
         up = sum(step["exceeds"] and step["percent"] > 0.0 for step in steps)
         down = sum(step["exceeds"] and step["percent"] < 0.0 for step in steps)
         yield (
             f"In the {len(steps)} single steps of torque {quantity} rises {up} times and falls {down} times by more "
             f"than the resolution; {len(steps) - up - down} steps are within it."
         )
-    for law in found["trends"]["diameter"]:
-        text = (
-            f"{law['quantity']} over diameter at {law['torque_nm']:g} N m: d^{law['exponent']:.2f}, 95 % interval "
-            f"{interval_text(law['scatter_interval'], '.2f')} from a scatter of {law['scatter_percent']:.0f} % about "
-            f"the law (from the resolution alone {interval_text(law['interval'], '.2f')}); the exponent "
-            f"{'exceeds' if law['exceeds'] else 'does not exceed'} both."
-        )
-        for step in law["steps"]:
-            where = f" From {step['start']:g} to {step['end']:g} mm"
-            if step["exceeds"] and step["percent"] < 0.0:
-                text += f"{where} it falls by {-step['percent']:.1f} %, more than the resolution."
-        for step in law["steps"]:
-            if not step["exceeds"]:
-                text += f" From {step['start']:g} to {step['end']:g} mm the change is within the resolution."
-        yield text
     yield (
         "Each state was clamped once. The scatter between clampings is not published, so a trend that exceeds the "
         "resolution need not exceed the repeatability."
@@ -329,122 +278,143 @@ def _summary(found: dict[str, Any]) -> list[str]:
 
 
 def _holder(found: dict[str, Any]) -> Table:
-    rows = [
-        (
-            q["name"],
-            f"{q['value']:.5g} {q['unit']}",
-            f"{q['standard_error_percent']:.3g}",
-            "at a bound of the fit" if q["at_bound"] else "",
-        )
-        for q in found["inferred"]["quantities"]
-    ]
-    title = f"Inferred from {found['inferred']['frequencies']} frequencies; standard errors from these alone"
-    return Table(title, ("<quantity", "value", "standard error [%]", "<"), rows)
+    return table(
+        f"Inferred from {found['inferred']['frequencies']} frequencies; standard errors from these alone",
+        found["inferred"]["quantities"],
+        {
+            "quantity": "name",
+            "value": "value:.5g",
+            "unit": "unit",
+            "standard error [%]": "standard_error_percent:.3g",
+            "at a bound of the fit": "at_bound",
+        },
+    )
 
 
 def _joints(found: dict[str, Any]) -> Table:
-    rows = []
-    for j in found["identified"]:
-        cells = [f"{j['diameter_mm']:g}", f"{j['torque_nm']:g}"]
-        for name in ("k_y", "k_theta"):
-            cells += [f"{j[name]:.3e}", interval_text(j[f"{name}_interval"], ".3e")]
-            cells += [f"{j[f'published_{name}']:.2e}", f"{j[f'{name}_difference_percent']:+.1f}"]
-        rows.append(cells)
-    columns = ["d\n[mm]", "torque\n[N m]", "k_y\n[N/m]", "interval", "paper", "[%]"]
-    columns += ["k_theta\n[N m/rad]", "interval", "paper", "[%]"]
-    return Table("Identified from two natural frequencies each; percent against the paper", columns, rows)
+    columns = {"d\n[mm]": "diameter_mm:g", "torque\n[N m]": "torque_nm:g"}
+    for name, unit in (("k_y", "N/m"), ("k_theta", "N m/rad")):
+        columns |= {
+            f"{name}\n[{unit}]": f"{name}:.3e",
+            f"interval\nof {name}": f"{name}_interval:.3e",
+            f"{name} in\nthe paper": f"published_{name}:.2e",
+            f"difference\nof {name} [%]": f"{name}_difference_percent:+.1f",
+        }
+    return table("Identified from two natural frequencies each", found["identified"], columns)
 
 
 def _transfers(found: dict[str, Any]) -> Table:
-    rows = [
-        (
-            f"{ours['diameter_mm']:g}",
-            f"{ours['overhang_mm']:g}",
-            str(ours["mode"]),
-            f"{ours['measured_hz']:.0f}",
-            f"{ours['published_hz']:.0f}",
-            f"{ours['published_error_percent']:+.2f}",
-            f"{ours['predicted_hz']:.1f}",
-            f"{ours['error_percent']:+.2f}",
-            f"{theirs['predicted_hz']:.1f}",
-            f"{theirs['difference_percent']:+.2f}",
-        )
-        for ours, theirs in zip(found["transfer"]["rows"], found["published_predictions"]["rows"], strict=True)
-    ]
-    columns = ["d\n[mm]", "overhang\n[mm]", "mode", "measured\n[Hz]", "paper\n[Hz]", "error\n[%]", "ours\n[Hz]"]
-    columns += ["error\n[%]", "with the paper's\njoint [Hz]", "against its\nprediction [%]"]
-    return Table("Natural frequencies, free assembly", columns, rows)
+    pairs = zip(found["transfer"]["rows"], found["published_predictions"]["rows"], strict=True)
+    return table(
+        "Natural frequencies, free assembly",
+        [{**ours, "theirs": theirs} for ours, theirs in pairs],
+        {
+            "d\n[mm]": "diameter_mm:g",
+            "overhang\n[mm]": "overhang_mm:g",
+            "mode": "mode:d",
+            "measured\n[Hz]": "measured_hz:.0f",
+            "paper\n[Hz]": "published_hz:.0f",
+            "its error\n[%]": "published_error_percent:+.2f",
+            "ours\n[Hz]": "predicted_hz:.1f",
+            "our error\n[%]": "error_percent:+.2f",
+            "with the paper's\njoint [Hz]": "theirs.predicted_hz:.1f",
+            "against its\nprediction [%]": "theirs.difference_percent:+.2f",
+        },
+    )
 
 
 def _sets(found: dict[str, Any]) -> Table:
     sets = found["parameter_sets"]
     rows = []
     for errors in zip(*(one["errors"] for one in sets), strict=True):
-        cells = [f"{errors[0]['overhang_mm']:g}", str(errors[0]["mode"]), f"{errors[0]['measured_hz']:.0f}"]
+        row = dict(errors[0])
         for one, error in zip(sets, errors, strict=True):
             mark = "*" if error in one["betrayed_by"] else " "
-            cells += [f"{error['predicted_hz']:.0f}", f"{error['error_percent']:+.1f}{mark}"]
-        rows.append(cells)
-    columns = ["overhang\n[mm]", "mode", "measured\n[Hz]"]
+            row |= {one["set"]: error["predicted_hz"], f"{one['set']} error": f"{error['error_percent']:+.1f}{mark}"}
+        rows.append(row)
+    columns = {"overhang\n[mm]": "overhang_mm:g", "mode": "mode:d", "measured\n[Hz]": "measured_hz:.0f"}
     for one in sets:
-        columns += [f"{one['set']}\n[Hz]", "error\n[%] "]
-    return Table("Predicted with each set; * betrays it", columns, rows)
+        columns |= {f"{one['set']}\n[Hz]": f"{one['set']}:.0f", f"{one['set']}\nerror [%] ": f"{one['set']} error:>"}
+    return table("Predicted with each set; * betrays it", rows, columns)
 
 
 def _trends(found: dict[str, Any]) -> list[Table]:
-    def step_text(step: dict[str, Any]) -> str:
-        return f"{step['percent']:+.1f}{' ' if step['exceeds'] else '~'}"
+    def with_steps(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], dict[str, str]]:
+        names = [f"{step['start']:g} to\n{step['end']:g} [%] " for step in rows[0]["steps"]]
+        found = [
+            {
+                **row,
+                **{
+                    n: f"{s['percent']:+.1f}{' ' if s['exceeds'] else '~'}"
+                    for n, s in zip(names, row["steps"], strict=True)
+                },
+            }
+            for row in rows
+        ]
+        return found, {name: f"{name}:>" for name in names}
 
-    torque, diameter = found["trends"]["torque"], found["trends"]["diameter"]
     low, high = found["trends"]["torque_range_nm"]
-    rows = [
-        [t["quantity"], f"{t['diameter_mm']:g}", f"{t['change_percent']:+.1f}", interval_text(t["interval"], "+.1f")]
-        + ["yes" if t["exceeds"] else "no", f"{t['end_values']['percent']:+.1f}", *map(step_text, t["steps"])]
-        for t in torque
+    torque, torque_steps = with_steps(found["trends"]["torque"])
+    diameter, diameter_steps = with_steps(found["trends"]["diameter"])
+    return [
+        table(
+            f"From {low:g} to {high:g} N m: line fitted to the values at all torques, change between the end values; "
+            "intervals from the resolution alone; ~ marks a step within it",
+            torque,
+            {
+                "": "quantity",
+                "d\n[mm]": "diameter_mm:g",
+                "fitted\nline [%]": "change_percent:+.1f",
+                "interval": "interval:+.1f",
+                "exceeds it": "exceeds",
+                "end values\n[%]": "end_values.percent:+.1f",
+                **torque_steps,
+            },
+        ),
+        table(
+            f"Over diameter [mm] at {diameter[0]['torque_nm']:g} N m, as a power law",
+            diameter,
+            {
+                "": "quantity",
+                "exponent": "exponent:.2f",
+                "from the\nresolution": "interval:.2f",
+                "95 %, from\nthe scatter": "scatter_interval:.2f",
+                "scatter\n[%]": "scatter_percent:.0f",
+                "exceeds\nboth": "exceeds",
+                **diameter_steps,
+            },
+        ),
     ]
-    columns = ["<", "d\n[mm]", "fitted\nline [%]", "interval", "exceeds it", "end values\n[%]"]
-    columns += [f"{step['start']:g} to {step['end']:g}\n[%] " for step in torque[0]["steps"]]
-    over_torque = Table(
-        f"From {low:g} to {high:g} N m: line fitted to the values at all torques, change between the end values; "
-        "intervals from the resolution alone; ~ marks a step within it",
-        columns,
-        rows,
-    )
-    rows = [
-        [law["quantity"], f"{law['exponent']:.2f}", interval_text(law["interval"], ".2f")]
-        + [interval_text(law["scatter_interval"], ".2f"), "yes" if law["exceeds"] else "no"]
-        + [*map(step_text, law["steps"])]
-        for law in diameter
-    ]
-    columns = ["<", "exponent", "from the\nresolution", "95 %, from\nthe scatter", "exceeds\nboth"]
-    columns += [f"{step['start']:g} to\n{step['end']:g} [%] " for step in diameter[0]["steps"]]
-    return [over_torque, Table("Over diameter [mm], as a power law", columns, rows)]
 
 
 def _bias(found: dict[str, Any]) -> list[Table]:
     bias = found["long_first_mode_bias"]
     keys = ("diameter_mm", "overhang_mm", "percent", "published_percent", "tool_deviation_percent")
-    rows = [
-        [f"{d:g}", f"{overhang:g}", f"{ours:+.2f}", f"{paper:+.2f}", f"{deviation:.2f}"]
-        for d, overhang, ours, paper, deviation in zip(*(bias[key] for key in keys), strict=True)
-    ]
-    mean = float(np.mean(bias["published_percent"]))
-    rows.append(["mean", "", f"{bias['mean_percent']:+.2f}", f"{mean:+.2f}", f"{bias['mean_deviation_percent']:.2f}"])
-    columns = ("d\n[mm]", "overhang\n[mm]", "ours\n[%]", "paper\n[%]", "chance, standard\ndeviation [%]")
-    by_tool = Table("100 (predicted / measured - 1) of mode 1", columns, rows)
+    rows = [dict(zip(keys, values, strict=True)) for values in zip(*(bias[key] for key in keys), strict=True)]
+    mean = (None, None, bias["mean_percent"], float(np.mean(bias["published_percent"])), bias["mean_deviation_percent"])
     causes = bias["single_causes"]
-    rows = [
-        [
-            cause["name"],
-            f"{cause['change']:+.3g} {cause['unit']}",
-            "-" if cause["deviations"] is None else f"{cause['deviations']:.1f}",
-            "-" if cause["rms_percent"] is None else f"{cause['rms_percent']:.2f}",
-        ]
-        for cause in [*causes[:_CAUSES], *(c for c in causes[_CAUSES:] if c["deviations"] is None)]
+    return [
+        table(
+            "100 (predicted / measured - 1) of mode 1; the last row is the mean",
+            [*rows, dict(zip(keys, mean, strict=True))],
+            {
+                "d\n[mm]": "diameter_mm:g",
+                "overhang\n[mm]": "overhang_mm:g",
+                "ours\n[%]": "percent:+.2f",
+                "paper\n[%]": "published_percent:+.2f",
+                "chance, standard\ndeviation [%]": "tool_deviation_percent:.2f",
+            },
+        ),
+        table(
+            f"Single causes that would remove the mean bias, the {_CAUSES} least unlikely and the joint (the rms error "
+            f"of table 2 is {found['transfer']['rms_percent']:.2f} % without them)",
+            [*causes[:_CAUSES], *(c for c in causes[_CAUSES:] if c["deviations"] is None)],
+            {
+                "cause": "name",
+                "change": "change:+.3g",
+                "unit": "unit",
+                "in standard\ndeviations": "deviations:.1f",
+                "rms error of\ntable 2 [%]": "rms_percent:.2f",
+            },
+        ),
     ]
-    title = (
-        f"Single causes that would remove the mean bias, the {_CAUSES} least unlikely and the joint (the rms error of "
-        f"table 2 is {found['transfer']['rms_percent']:.2f} % without them)"
-    )
-    heads = ("<cause", "change", "in standard\ndeviations", "rms error of\ntable 2 [%]")
-    return [by_tool, Table(title, heads, rows)]
