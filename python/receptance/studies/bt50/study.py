@@ -193,7 +193,7 @@ def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] |
         )
         for mode in modes.values()
     )
-    band = {"low_hz": low, "high_hz": high}
+    band: dict[str, Any] = {"low_hz": low, "high_hz": high}
     first = {"k_z1": rigid.joint.k_z1, "c_z1": max(rigid.joint.c_z1, 1.0)}
     elastic = fit_axial(own, windowed, **band, start=start or first, left_out=left_out)
     names = ("k_z1", "c_z1")
@@ -246,7 +246,7 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
         simulated = _radial_hz(own, joint.k_x1, joint.k_x2)
         start = start or {name: max(getattr(joint, name), 1.0) for name in names}
     elastic = fit_radial(own, windowed, contact="fading", low_hz=low, high_hz=high, start=start, left_out=left_out)
-    points = []
+    points: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
             points.append(_mode(_quiet(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)))

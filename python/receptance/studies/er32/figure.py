@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["draw"]
 
 _SYMBOLS = {"k_y": "$k_y$", "k_theta": "$k_\\theta$"}
-_HOLLOW = {"marker": "D", "linestyle": "none", "markerfacecolor": "white", "markeredgecolor": INK}
+_HOLLOW: dict[str, Any] = {"marker": "D", "linestyle": "none", "markerfacecolor": "white", "markeredgecolor": INK}
 _CHANCE = ((4.0, "#DCE9F2", "chance, $\\pm$2 standard deviations"), (2.0, "#BDD7E7", "$\\pm$1 standard deviation"))
 _SOURCES = {
     "reading": "readings",
@@ -76,7 +76,7 @@ def _draw_diameter(axes: Axes, found: dict[str, Any]) -> None:
             x, y, whiskers, fmt="o", color=colour, markersize=6, capsize=3, label=f"{_SYMBOLS[name]} identified"
         )
         paper = [j[f"published_{name}"] for j in joints]
-        hollow = {**_HOLLOW, "markerfacecolor": "none"}
+        hollow = _HOLLOW | {"markerfacecolor": "none"}
         axes.plot(x, paper, markersize=9, label="paper" if name == "k_y" else None, **hollow)
         ends = "95 %: {:.1f} to {:.1f}".format(*law["scatter_interval"])
         text = f"{_SYMBOLS[name]} $\\propto d^{{{law['exponent']:.1f}}}$  ({ends})"

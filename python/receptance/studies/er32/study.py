@@ -213,8 +213,10 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
 
 def _judged(published: Published, chosen: ParameterSet, threshold_percent: float) -> dict[str, Any]:
     """Return the errors of a set of table 3 at all measured overhangs of its tool, the longest first."""
-    measured = {published.mount(chosen.diameter_mm).overhang_mm: published.reading(chosen.diameter_mm).frequency_hz}
-    measured |= {t.overhang_mm: t.measured_hz for t in published.transfers if t.diameter_mm == chosen.diameter_mm}
+    measured: dict[float, tuple[float, ...]] = {
+        t.overhang_mm: t.measured_hz for t in published.transfers if t.diameter_mm == chosen.diameter_mm
+    }
+    measured[published.mount(chosen.diameter_mm).overhang_mm] = published.reading(chosen.diameter_mm).frequency_hz
     errors = []
     for overhang in sorted(measured, reverse=True):
         frequencies = measured[overhang]

@@ -155,7 +155,7 @@ def load() -> Published:
             for r in _rows("er32_table1_assemblies.csv")
         ),
         transfers=tuple(
-            Transfer(*_numbers(r, "diameter_mm", "overhang_mm"), _modes(r, "measured"), _modes(r, "predicted"))
+            Transfer(float(r["diameter_mm"]), float(r["overhang_mm"]), _modes(r, "measured"), _modes(r, "predicted"))
             for r in _rows("er32_table2_transfer.csv")
         ),
         parameter_sets=tuple(
@@ -163,12 +163,11 @@ def load() -> Published:
             for r in _rows("er32_table3_parameter_sets.csv")
         ),
         readings=tuple(
-            Reading(
-                *_numbers(r, "diameter_mm", "torque_nm"),
-                _numbers(r, "mode_1_hz", "mode_2_hz"),
-                *_numbers(r, *stiffness),
+            Reading(r[0], r[1], (r[2], r[3]), r[4], r[5])
+            for r in (
+                _numbers(row, "diameter_mm", "torque_nm", "mode_1_hz", "mode_2_hz", *stiffness)
+                for row in _rows("er32_table4_torque.csv")
             )
-            for r in _rows("er32_table4_torque.csv")
         ),
         setups=tuple(
             Setup(*_numbers(r, "diameter_mm", "overhang_medium_mm", "overhang_long_mm", *stiffness))
