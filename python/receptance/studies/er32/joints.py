@@ -174,7 +174,11 @@ def follow_joint(own: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
     x = np.log([own.get(address) for address in JOINT])
     for _ in range(60):
         moved = own.replace(dict(zip(JOINT, np.exp(x).tolist(), strict=True)))
-        frequency, _, matrix, _ = mode_slopes(moved, (1, 2), float(np.exp(wanted[-1])))
+        upper = 1.5 * float(np.exp(wanted[-1]))
+        while (found := moved.natural_frequency_derivatives(upper, JOINT))[0].size < 2:
+            upper *= 2.0
+        frequency, slope = found[0][:2], found[1][:2]
+        matrix = slope * np.exp(x) / frequency[:, None]
         step, *_ = np.linalg.lstsq(matrix, wanted - np.log(frequency), rcond=None)
         step *= min(1.0, _LARGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
         before, x = x, np.clip(x + step, low, high)
