@@ -310,7 +310,7 @@ def study_machine(machine: Machine, hits: int, seed: int) -> dict[str, Any]:
     error_of_modes = np.abs(modes.part.receptance(lines) - true) / size_of(true)
     return {
         "machine": machine.name,
-        "spindle": found.as_dict(),
+        "spindle": found.data(),
         "usable": float(found.usable.mean()),
         "lines": int(lines.size),
         "low_hz": float(lines[0]),
@@ -459,7 +459,7 @@ def show(found: dict[str, Any]) -> None:
         heights = [abs(peak["magnitude_percent"]) for peak in known]
         print_table(
             f"{case['machine']}, VIRTUAL: predicted tools against the truth",
-            [{**peak, "tool": one["tool"]} for one in case["tools"] for peak in one["peaks"]],
+            [{**peak, "tool": str(one["tool"])} for one in case["tools"] for peak in one["peaks"]],
             {
                 "tool": "tool",
                 "peak [Hz]": "true_hz:.0f",
@@ -485,7 +485,7 @@ def show(found: dict[str, Any]) -> None:
         )
         print_table(
             f"{case['machine']}, VIRTUAL: highest peaks of short tools; empty where no line of the spindle is usable",
-            case["short"],
+            [{**one, "tool": str(one["tool"])} for one in case["short"]],
             {
                 "tool": "tool",
                 "peak [Hz]": "true_hz:.0f",
@@ -495,7 +495,10 @@ def show(found: dict[str, Any]) -> None:
         )
     print_table(
         f"VIRTUAL: the mode of the spindle at {found['moved_mode_hz']:.0f} Hz moved by {MOVED_PERCENT:g} %",
-        sorted(found["displaced"], key=lambda one: abs(one["apart_percent"])),
+        [
+            {**one, "tool": str(one["tool"])}
+            for one in sorted(found["displaced"], key=lambda one: abs(one["apart_percent"]))
+        ],
         {
             "tool": "tool",
             "peak [Hz]": "true_hz:.0f",

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from receptance.provenance import versions
+from receptance.report.plain import plain
 from receptance.studies.report import table
 
 
@@ -27,13 +24,14 @@ def options(description: str | None) -> argparse.ArgumentParser:
 
 def print_table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
     """Print a table of dictionaries; for the columns see `receptance.studies.report.table`."""
-    title, heads, body = table(title, rows, columns)
-    widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
+    made = table(title, rows, columns)
+    lines = [made.headings, *made.texts()]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     print(f"\n{title}\n")
-    for line in [heads, ["-" * width for width in widths], *body]:
+    for line in [lines[0], ["-" * width for width in widths], *lines[1:]]:
         cells = [
-            text.removeprefix("<").ljust(width) if head.startswith("<") else text.rjust(width)
-            for text, width, head in zip(line, widths, heads, strict=True)
+            text.ljust(width) if isinstance(column, str) else text.rjust(width)
+            for text, width, column in zip(line, widths, made.columns, strict=True)
         ]
         print("  ".join(cells).rstrip())
 
@@ -41,18 +39,12 @@ def print_table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[
 def save(path: Path | None, results: Mapping[str, Any]) -> None:
     """Write results to a JSON file with the versions of the software; keys that begin with _ are left out."""
     if path is not None:
-        document = plain({**results, "versions": versions()})
+        document = plain(without_private({**results, "versions": versions()}))
         path.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def plain(value: Any) -> Any:
-    """Return a value as JSON holds it; a number that is not finite is None."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
+def without_private(value: Any) -> Any:
+    """Return dictionaries and lists without the keys that begin with _."""
     if isinstance(value, Mapping):
-        return {str(key): plain(inner) for key, inner in value.items() if not str(key).startswith("_")}
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [plain(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        return {key: without_private(inner) for key, inner in value.items() if not str(key).startswith("_")}
+    return [without_private(inner) for inner in value] if isinstance(value, (list, tuple)) else value

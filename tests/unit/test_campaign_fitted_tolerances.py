@@ -33,15 +33,15 @@ def test_fitted_tolerances_give_the_same_intervals_where_data_say_nothing_of_the
     propagated = load(tmp_path, text).identify()
     fitted = load(tmp_path, with_settings(text)).identify()
     # Two frequencies determine two stiffnesses whatever the errors are, so nothing is learnt of these.
-    assert set(fitted.fit.errors) == set(propagated.propagation.errors)
-    for name in fitted.fit.errors:
-        assert fitted.fit.values[name] == pytest.approx(0.0, abs=0.02)
-        assert fitted.fit.standard_errors[name] == pytest.approx(1.0, rel=0.02)
-    for name, value in propagated.fit.values.items():
-        assert fitted.fit.values[name] == pytest.approx(value, rel=1e-3)
-        assert fitted.standard_errors()[name] == pytest.approx(propagated.standard_errors()[name], rel=0.02)
-    assert propagated.profiles == {}
-    assert set(fitted.profiles) == set(propagated.fit.values)
+    assert set(fitted.errors) == set(propagated.propagation.errors)
+    for name in fitted.errors:
+        assert fitted.values[name] == pytest.approx(0.0, abs=0.02)
+        assert fitted.standard_errors[name] == pytest.approx(1.0, rel=0.02)
+    for name, value in propagated.values.items():
+        assert fitted.values[name] == pytest.approx(value, rel=1e-3)
+        assert fitted.standard_errors[name] == pytest.approx(propagated.with_tolerances[name], rel=0.02)
+    assert propagated.profiled is None
+    assert set(fitted.profiled) == set(propagated.values)
 
 
 def test_predictions_are_the_same_too(tmp_path, text):
@@ -53,7 +53,7 @@ def test_predictions_are_the_same_too(tmp_path, text):
 
 
 def test_the_json_has_errors_and_profiles(tmp_path, text):
-    found = load(tmp_path, with_settings(text)).identify().as_dict()
+    found = load(tmp_path, with_settings(text)).identify().to_dict()
     assert json.loads(json.dumps(found)) == found
     assert set(found["profiles"]) == set(found["parameters"])
     assert not set(found["errors"]) & set(found["parameters"])
@@ -80,7 +80,7 @@ def test_a_law_follows_a_condition(tmp_path):
     text = changed_unknown(', power_of = "tool.segment[0].length", reference = "60 mm", exponent = [-1, 1]')
     loaded = load(tmp_path, text.replace('role = "hold out"', 'role = "identify"'))
     found = loaded.identify()
-    assert "joint.k_y ~ tool.segment[0].length" in found.fit.values
+    assert "joint.k_y ~ tool.segment[0].length" in found.values
     torque = changed_unknown(', power_of = "torque", reference = "135 N m"')
     with pytest.raises(campaign.CampaignError, match="no condition 'torque'"):
         # The long assembly has no torque.
@@ -93,12 +93,13 @@ def test_a_prior_pulls_as_much_as_it_knows(tmp_path, text, settings):
     prior = ', prior = { value = "9e4 N m/rad", spread = "0.01 %" } }'
     known = load(tmp_path, text.replace(line, line.rstrip(" }") + prior) + settings).identify()
     free = load(tmp_path, text + settings).identify()
-    assert known.fit.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
-    assert free.fit.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
+    assert known.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
+    assert free.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
     # Errors of dimensions cannot move what is known: propagated or fitted, the interval is that of the prior.
-    share = known.standard_errors()["joint.k_theta"] / known.fit.values["joint.k_theta"]
+    errors = known.with_tolerances or known.standard_errors
+    share = errors["joint.k_theta"] / known.values["joint.k_theta"]
     assert share == pytest.approx(1e-4, rel=0.1)
-    assert free.standard_errors()["joint.k_theta"] > 3.0 * known.standard_errors()["joint.k_theta"]
+    assert (free.with_tolerances or free.standard_errors)["joint.k_theta"] > 3.0 * errors["joint.k_theta"]
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
             # The blank errs and the model does not know: the fit goes the other way from the model erring.
             wrong = with_frequencies(campaign, {error: sign * step}, None)
             found = wrong.identify()
-            values = np.log10([found.fit.values[address] for address in JOINT])
+            values = np.log10([found.values[address] for address in JOINT])
             modes = {
                 one.name: one.predicted_hz - np.array(one.measured_hz)
                 for one in wrong.predict(found).frequencies
@@ -120,12 +120,13 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
 
 def test_standard_errors_with_tolerances(campaign: Campaign) -> None:
     found = with_frequencies(campaign, {}, None).identify()
-    together = found.standard_errors()
+    together = found.with_tolerances
     for address in JOINT:
-        assert together[address] > found.fit.standard_errors[address]
+        assert together[address] > found.standard_errors[address]
         low, high = found.interval(address)
-        assert low < found.fit.interval(address)[0] < found.fit.interval(address)[1] < high
-        assert low * high == pytest.approx(found.fit.values[address] ** 2)
+        of_data = found.interval_of_data(address)
+        assert low < of_data[0] < of_data[1] < high
+        assert low * high == pytest.approx(found.values[address] ** 2)
     with pytest.raises(ValueError, match="was not identified"):
         found.interval("joint.c_y")
 
@@ -133,8 +134,8 @@ def test_standard_errors_with_tolerances(campaign: Campaign) -> None:
 def test_without_tolerances_only_the_data_scatter(tmp_path: Path) -> None:
     bare = "\n".join(line for line in TEXT.splitlines() if not line.startswith("tolerance"))
     found = load(tmp_path, bare).identify()
-    assert found.propagation.errors == ()
-    assert found.standard_errors() == pytest.approx(found.fit.standard_errors)
+    assert found.with_tolerances == {}
+    assert found.interval("joint.k_y") == found.interval_of_data("joint.k_y")
     assert not any("toleranc" in note for note in found.notes)
 
 

@@ -140,7 +140,7 @@ def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
 
 def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
     """Peaks of 2000 lines against the complex modes: values and derivatives."""
-    assert abs(identified.fit.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
+    assert abs(identified.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
     for one in predict_catalogue(Catalogue(machine), identified, threads=1):
         addresses = ["collet.k_theta", "collet.c_theta", "front.k_y", "tool.segment[0].length"]
         values, slopes = one.assembly.derivatives(one.frequency_hz, addresses)

@@ -31,11 +31,11 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
+from receptance.diagnosis.report import diagnosis_html
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
-from receptance.report import diagnosis_html
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")

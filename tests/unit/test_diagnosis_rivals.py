@@ -24,9 +24,9 @@ from receptance.diagnosis import Model, diagnose
 from receptance.diagnosis.explanation import MARGIN, Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.report import diagnosis_html
 from receptance.diagnosis.rivals import RIVALS
 from receptance.identification import Tolerance
-from receptance.report import diagnosis_html
 
 LINES = np.linspace(200.0, 5000.0, 400)
 JOINT = [

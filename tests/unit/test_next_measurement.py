@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, Segment, identify
-from receptance.campaign.plain import plain
 from receptance.identification import (
     Candidate,
     FrequencyTarget,
@@ -20,6 +19,7 @@ from receptance.identification import (
     Unknown,
     next_measurement,
 )
+from receptance.report.plain import plain
 from tool_in_holder import LINES, STIFFNESSES, make_assembly
 from tool_in_holder import simulate_modes as modes_of
 from tool_in_machine import clamped, make_machine, measure, tolerances, unknowns

@@ -70,11 +70,11 @@ def test_intervals_cover(tmp_path: Path, summarise: Callable[[str, str, object],
         for address, value in FREE_FREE_JOINT.items():
             low, high = found.interval(address)
             covered[address] += low <= value <= high
-        excess.append(found.fit.values["joint.c_theta"] / FREE_FREE_JOINT["joint.c_theta"] - 1.0)
-        rms.append(found.fit.rms)
+        excess.append(found.values["joint.c_theta"] / FREE_FREE_JOINT["joint.c_theta"] - 1.0)
+        rms.append(found.rms)
         held_out = drawn.measurements["long"]
         true = structures["long"].natural_frequencies(7e3)[:2]
-        model = found.fit.apply(held_out.observation.assembly)
+        model = found.apply(held_out.observation.assembly)
         predicted, scatter = found.propagation.frequencies(model, (1, 2), float(true[1]), held_out.effects)
         for mode, inside in enumerate(np.abs(predicted - true) <= 1.96 * scatter.total, 1):
             covered[f"mode {mode}"] += bool(inside)

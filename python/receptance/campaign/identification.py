@@ -1,207 +1,36 @@
-"""The fit of a campaign, and what its tolerances make of the result."""
+"""The fit of a campaign, and the propagation of its tolerances."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from receptance.campaign.deviations import parse_share
-from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, tolerances_of
-from receptance.campaign.series import FEWEST, level_unit, over_levels, started_by_level
+from receptance.campaign.series import FEWEST, over_levels, started_by_level
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
-from receptance.identification.spread import quantile
 from receptance.identification.task import place_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.measurement_models import SettingsTable
     from receptance.campaign.observations import Measurement
     from receptance.identification.laws import Tolerance
-    from receptance.identification.profiles import Profile
-    from receptance.taper import ForceSeries
 
-__all__ = ["CampaignIdentification", "identify_campaign", "observed_unknowns", "tolerances_of_measurements"]
+__all__ = ["identify_campaign", "observed_unknowns", "propagation_of", "tolerances_of_measurements"]
 
 _DISAGREE = 1.3
 """Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CampaignIdentification:
-    """Identified parameters of a campaign.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was fitted.
-    fit : Identification
-        Values, standard errors from the scatter of the data, residuals, advice.
-    propagation : Propagation
-        How the fit reacts to the tolerances, which it takes as exact.
-    notes : tuple of str
-        What a person should know, of the campaign and of the fit.
-    versions : dict of str to str
-        What is needed to do it again.
-    profiles : dict of str to Profile
-        What the data say about each parameter; empty where that was not asked for.
-    series : dict of str to ForceSeries
-        Parameters over the levels of the campaign's series, in the unit of these.
-    """
-
-    campaign: Campaign
-    fit: Identification
-    propagation: Propagation
-    notes: tuple[str, ...]
-    versions: dict[str, str]
-    profiles: dict[str, Profile] = field(default_factory=dict)
-    series: dict[str, ForceSeries] = field(default_factory=dict)
-
-    @property
-    def measurements(self) -> tuple[str, ...]:
-        """Names of the measurements that were fitted, in the order of `fit.residuals`."""
-        return tuple(self.campaign.to_identify)
-
-    def standard_errors(self) -> dict[str, float]:
-        """Standard errors in SI units by address, from the scatter of the data and the tolerances together."""
-        return self.propagation.standard_errors()
-
-    def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of a value in SI units, tolerances included; symmetric in the fitted variable.
-
-        Raises
-        ------
-        ValueError
-            An address that was not identified, or a level not between 0 and 1.
-        """
-        value = self.fit.values[address] if address in self.fit.values else self.fit.interval(address)[0]
-        unknown = self.fit.unknowns[self.fit.addresses.index(address)]
-        reach = quantile(level, None if self.fit.known_scatter else self.fit.degrees_of_freedom)
-        spread = self.standard_errors()[address]
-        if unknown.scale == "linear":
-            return value - reach * spread, value + reach * spread
-        with np.errstate(over="ignore"):
-            factor = float(np.exp(np.float64(reach * spread / value)))
-        return (value / factor if np.isfinite(factor) else 0.0), value * factor
-
-    def determined(self, address: str) -> bool:
-        """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
-        unknown = self.fit.unknowns[self.fit.addresses.index(address)]
-        low, high = self.interval(address)
-        return low > unknown.lower or high < unknown.upper
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds: an infinite number is None."""
-        fit, campaign = self.fit, self.campaign
-        together = self.standard_errors()
-        found: dict[str, Any] = plain(
-            {
-                "campaign": campaign.title,
-                "file": campaign.file.name,
-                "converged": fit.converged,
-                "parameters": {
-                    address: {
-                        "value": value,
-                        "standard_error": fit.standard_errors[address],
-                        "interval_95": fit.interval(address),
-                        "standard_error_with_tolerances": together[address],
-                        "interval_95_with_tolerances": self.interval(address),
-                        "determined": self.determined(address),
-                    }
-                    for address, value in fit.values.items()
-                    if address not in fit.errors
-                },
-                "errors": {
-                    name: {"value": fit.values[name], "standard_error": fit.standard_errors[name]}
-                    for name in fit.errors
-                },
-                "profiles": {
-                    name: {
-                        "statement": one.statement,
-                        "level": one.level,
-                        "interval": (one.lower, one.upper),
-                        "open": (one.lower_open, one.upper_open),
-                        "values": one.values,
-                        "rise": one.rise,
-                    }
-                    for name, one in self.profiles.items()
-                },
-                **({"series": self._series()} if campaign.table.series is not None else {}),
-                "correlation": {"parameters": fit.addresses, "matrix": fit.correlation},
-                "covariance_of_fitted_variables": fit.covariance,
-                "scales": {unknown.address: unknown.scale for unknown in fit.unknowns},
-                "measurements": [
-                    {
-                        "name": name,
-                        "assembly": campaign.measurements[name].assembly,
-                        "unit": unit,
-                        "count": residual.size,
-                        "rms": np.sqrt(np.mean(residual**2)),
-                        "residuals": residual,
-                    }
-                    for name, unit, residual in zip(self.measurements, fit.units, fit.residuals, strict=True)
-                ],
-                "rms": fit.rms,
-                "degrees_of_freedom": fit.degrees_of_freedom,
-                "known_scatter": fit.known_scatter,
-                "starts": len(fit.starts),
-                "starts_agreeing": fit.agreeing,
-                "evaluations": fit.evaluations,
-                "advice": fit.advice,
-                "notes": self.notes,
-                "settings": campaign.table.settings.model_dump(),
-                "seed": fit.seed,
-                "versions": self.versions,
-            }
-        )
-        return found
-
-    def _series(self) -> dict[str, Any]:
-        table = self.campaign.table.series
-        assert table is not None
-        parameters = {name: one.as_dict() for name, one in self.series.items()}
-        return {"over": table.over, "unit": level_unit(table)[0], "parameters": parameters}
-
-    def plot(self) -> Figure:
-        """Draw the measurements against the fitted model, with what is left; of a series, parameters over levels."""
-        if self.series:
-            from receptance.plot.series import draw_series
-
-            return draw_series(self)
-        from receptance.plot.campaign import draw_identification
-
-        return draw_identification(self)
-
-    def plot_profiles(self) -> Figure:
-        """Draw the profile likelihoods; see `receptance.plot.profiles.draw_profiles`.
-
-        Raises
-        ------
-        ValueError
-            There are none: `profiles` is off, or tolerances are propagated.
-        """
-        from receptance.plot.profiles import draw_profiles
-
-        return draw_profiles(self.profiles, self.campaign.title)
-
-    def __repr__(self) -> str:
-        return f"CampaignIdentification({self.campaign.title!r}, {self.fit!r})"
-
-
 def identify_campaign(
     campaign: Campaign, *, threads: int | None = None, progress: Callable[[str], None] | None = None
-) -> CampaignIdentification:
+) -> Identification:
     """Identify the unknowns of a campaign; see `Campaign.identify`."""
-    from receptance.provenance import versions
-
     say = progress or (lambda _: None)
     seen = campaign.to_identify
     if not campaign.unknowns:
@@ -223,13 +52,12 @@ def identify_campaign(
         unknowns = started_by_level(observations, unknowns, settings, threads=threads, say=say)
     starts = 1 if by_level else settings.starts
     say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {starts} starts")
-    width = band_width_percent(settings)
     try:
         fit = identify(
             observations,
             unknowns,
             objective=settings.objective,
-            band_width_percent=width,
+            band_width_percent=band_width_percent(settings),
             starts=starts,
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
@@ -239,14 +67,15 @@ def identify_campaign(
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    series = over_levels(campaign, fit)
     say("propagating the tolerances")
-    propagation = Propagation(fit, observations, effects, width)
-    notes = [
-        *campaign.notes,
-        *left_out,
-        *(n for n in fit.notes if not any(said.endswith(n) for said in campaign.notes)),
-    ]
+    fit = replace(
+        fit,
+        series=over_levels(campaign, fit),
+        groups=campaign.templates,
+        propagation=Propagation(fit, observations, effects, band_width_percent(settings)),
+        provenance=campaign.provenance(seed=settings.seed, settings=settings.model_dump()),
+    )
+    notes = [*campaign.notes, *left_out, *(n for n in fit.notes if not any(o.endswith(n) for o in campaign.notes))]
     if any(effects):
         notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
         notes += _on_damping(fit) if any(isinstance(o, MeasuredFRF) for o in observations) else []
@@ -257,25 +86,22 @@ def identify_campaign(
         )
     if fitted and fit.errors:
         notes.append(f"{len(fit.errors)} errors of dimensions and materials are fitted, their tolerances are priors")
-    profiles = {}
     if by_level:
         notes.append(
             "each level was fitted by itself first, and all together from there; profile intervals are not computed "
             "for a series"
         )
-        if not series:
-            notes.append(f"nothing is said of trends and laws: that takes {FEWEST} different levels or more, from 0 on")
+        if not fit.series:
+            notes.append(f"trends and laws are not fitted: they take {FEWEST} different levels or more, from 0 on")
+    profiled = None
     if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log" and not any(effects):
-        profiles = fit.profiles(progress=say)
-    return CampaignIdentification(
-        campaign=campaign,
-        fit=fit,
-        propagation=propagation,
-        notes=tuple(notes),
-        versions=versions(),
-        profiles=profiles,
-        series=series,
-    )
+        profiled = fit.profiles(progress=say)
+    return replace(fit, notes=notes, profiled=profiled)
+
+
+def propagation_of(fit: Identification | None) -> Propagation:
+    """Return how a fit reacts to tolerances; one of nothing, or of a fit without a campaign, does not."""
+    return Propagation(fit, [], []) if fit is None or fit.propagation is None else fit.propagation
 
 
 def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Tolerance]:

@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.identification import identify_campaign, tolerances_of_measurements
-from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.suggestions import did_you_mean, one_of
-from receptance.identification import FrequencyTarget, NextMeasurement, next_measurement
+from receptance.identification import FrequencyTarget, Identification, NextMeasurement, next_measurement
+from receptance.report.plain import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.identification.information import Target
 
 __all__ = ["CampaignNext", "next_of_campaign"]
@@ -29,7 +28,9 @@ class CampaignNext:
 
     Attributes
     ----------
-    identified : CampaignIdentification
+    campaign : Campaign
+        What was asked about.
+    identified : Identification
         What is known now.
     found : NextMeasurement
         The ranking.
@@ -37,14 +38,10 @@ class CampaignNext:
         What is needed to do it again.
     """
 
-    identified: CampaignIdentification
+    campaign: Campaign
+    identified: Identification
     found: NextMeasurement
     versions: dict[str, str]
-
-    @property
-    def campaign(self) -> Campaign:
-        """What was asked about."""
-        return self.identified.campaign
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as what JSON holds: an infinite number is None."""
@@ -53,7 +50,7 @@ class CampaignNext:
                 "campaign": self.campaign.title,
                 "file": self.campaign.file.name,
                 **self.found.as_dict(),
-                "seed": self.identified.fit.seed,
+                "seed": self.identified.seed,
                 "versions": self.versions,
             }
         )
@@ -68,7 +65,7 @@ class CampaignNext:
 
 def next_of_campaign(
     campaign: Campaign,
-    identified: CampaignIdentification | None,
+    identified: Identification | None,
     *,
     targets: Sequence[str] = (),
     threads: int | None = None,
@@ -81,16 +78,16 @@ def next_of_campaign(
         raise CampaignError.about(campaign.file, "there is nothing to choose from, expected `candidates`")
     known = identified or identify_campaign(campaign, threads=threads, progress=progress)
     wanted = [_target(name, campaign, known) for name in targets]
-    exact = campaign.table.settings.tolerances == "propagate" and known.fit.known_scatter
+    exact = campaign.table.settings.tolerances == "propagate" and known.known_scatter
     try:
         found = next_measurement(
-            known.fit,
+            known,
             list(campaign.candidates.values()),
             targets=wanted or None,
             # The fit took dimensions as exact; what more data would bring depends on them all the same.
             tolerances=tolerances_of_measurements(campaign.to_identify) if exact else (),
             level=campaign.table.prediction.level,
-            profiles=known.profiles,
+            profiles=known.profiled or {},
             progress=progress,
         )
     except ValueError as error:
@@ -101,12 +98,12 @@ def next_of_campaign(
             "takes dimensions as exact, and its intervals with tolerances are wider"
         )
         found = replace(found, notes=(*found.notes, text))
-    return CampaignNext(identified=known, found=found, versions=versions())
+    return CampaignNext(campaign=campaign, identified=known, found=found, versions=versions())
 
 
-def _target(name: str, campaign: Campaign, known: CampaignIdentification) -> Target:
+def _target(name: str, campaign: Campaign, known: Identification) -> Target:
     """Return an unknown, or the natural frequencies of an assembly as far up as was measured."""
-    fit = known.fit
+    fit = known
     if name in fit.values:
         return name
     if name not in campaign.assemblies:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
-from receptance.campaign.plain import plain
+from receptance.campaign.identification import propagation_of
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import Propagation, Where, tolerances_of
-from receptance.identification import MeasuredFRF
+from receptance.identification import Identification, MeasuredFRF
 from receptance.identification.factors import FACTORS
 from receptance.identification.mapping import Addresses
 from receptance.identification.peaks import match_peaks
@@ -21,6 +21,7 @@ from receptance.identification.spread import quantile
 from receptance.identification.stepped_place import SteppedPlace
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
+from receptance.report.plain import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.observations import Measurement
     from receptance.campaign.tolerances import Effects
 
@@ -48,7 +48,7 @@ class CampaignPrediction:
     ----------
     campaign : Campaign
         What was predicted.
-    identified : CampaignIdentification or None
+    identified : Identification or None
         The fit that the predictions rest on; None where nothing is unknown.
     frequencies : tuple of PredictedFrequencies
         Natural frequencies, of held-out measurements first.
@@ -65,7 +65,7 @@ class CampaignPrediction:
     """
 
     campaign: Campaign
-    identified: CampaignIdentification | None
+    identified: Identification | None
     frequencies: tuple[PredictedFrequencies, ...]
     frfs: tuple[PredictedFRF, ...]
     level: float
@@ -101,7 +101,7 @@ class CampaignPrediction:
                 "natural_frequencies": [one.as_dict(self.reach) for one in self.frequencies],
                 "frfs": [one.as_dict(self.reach) for one in self.frfs],
                 "not_predicted": self.not_predicted,
-                "identified": None if self.identified is None else self.identified.as_dict(),
+                "identified": None if self.identified is None else self.identified.to_dict(),
                 "notes": self.notes,
                 "versions": self.versions,
             }
@@ -122,7 +122,7 @@ class CampaignPrediction:
 
 def predict_campaign(
     campaign: Campaign,
-    identified: CampaignIdentification | None,
+    identified: Identification | None,
     *,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
@@ -136,7 +136,7 @@ def predict_campaign(
 
 def what_can_be_predicted(
     campaign: Campaign,
-    identified: CampaignIdentification | None,
+    identified: Identification | None,
     *,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
@@ -151,7 +151,7 @@ def what_can_be_predicted(
         raise CampaignError.about(campaign.file, text)
     if identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
-    propagation = Propagation(None, [], []) if identified is None else identified.propagation
+    propagation = propagation_of(identified)
     notes = list(campaign.notes if identified is None else identified.notes)
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
@@ -161,7 +161,7 @@ def what_can_be_predicted(
         seen = measured.observation
         at = Where(seen.configuration, seen.conditions)
         try:
-            assembly = applied(identified, seen.assembly, name, notes, measured.effects, at)
+            assembly = applied(campaign, identified, seen.assembly, name, notes, measured.effects, at)
         except CampaignError as error:
             lost[name] = error.problems[0].text
             continue
@@ -173,7 +173,7 @@ def what_can_be_predicted(
         say(f"predicting {name}")
         at = Where(name, {key: one.value for key, one in campaign.conditions.get(name, {}).items()})
         try:
-            assembly = applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
+            assembly = applied(campaign, identified, assembly, name, notes, campaign.effects.get(name, {}), at)
         except CampaignError as error:
             lost[name] = error.problems[0].text
             continue
@@ -200,7 +200,8 @@ def what_can_be_predicted(
 
 
 def applied(
-    identified: CampaignIdentification | None,
+    campaign: Campaign,
+    identified: Identification | None,
     assembly: Assembly,
     name: str,
     notes: list[str],
@@ -210,19 +211,18 @@ def applied(
     """Return the assembly with the identified values of the parameters that it has."""
     if identified is None:
         return assembly
-    fit = identified.fit
-    wanted = {address for unknown in fit.task.parameters.wanted for address in unknown.reached}
+    wanted = {address for unknown in identified.task.parameters.wanted for address in unknown.reached}
     tolerances = tolerances_of(effects)
     if any(covered(address, assembly) for address in wanted):
         try:
-            assembly = fit.apply(
+            assembly = identified.apply(
                 assembly, configuration=at.configuration, conditions=at.conditions, tolerances=tolerances
             )
         except ValueError as error:
-            raise CampaignError.about(identified.campaign.file, f"{name} cannot be predicted: {error}") from None
+            raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
     else:
         notes.append(f"{name}: none of the identified parameters is in it")
-    asked = [address for unknown in identified.campaign.unknowns for address in unknown.reached]
+    asked = [address for unknown in campaign.unknowns for address in unknown.reached]
     rest = [address for address in asked if address not in wanted and covered(address, assembly)]
     if rest:
         notes.append(
@@ -254,7 +254,7 @@ def _held_out_frf(
     assembly: Assembly,
     propagation: Propagation,
     at: Where,
-    identified: CampaignIdentification | None,
+    identified: Identification | None,
 ) -> PredictedFRF:
     seen = measured.observation
     assert isinstance(seen, MeasuredFRF)
@@ -262,7 +262,7 @@ def _held_out_frf(
     found, real, imaginary = propagation.receptance(
         assembly, seen.frequency_hz, response, excitation, measured.effects, at, seen.force
     )
-    if identified is not None and any(unknown.address in FACTORS for unknown in identified.fit.task.parameters.wanted):
+    if identified is not None and any(unknown.address in FACTORS for unknown in identified.task.parameters.wanted):
         found = recorded(seen, identified, measured.effects)
     peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
     deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
@@ -281,11 +281,11 @@ def _held_out_frf(
     )
 
 
-def recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
+def recorded(seen: MeasuredFRF, identified: Identification, effects: Effects) -> NDArray[np.complex128]:
     """Return the predicted FRF as the chain would record it that the fit has found: with its gain, delay and window."""
-    fit, fresh = identified.fit, list[str]()
-    placed = fit.task.parameters.at(place_of(seen, 0), tolerances_of(effects), fresh)
-    values = np.append(np.array(list(fit.values.values())), np.zeros(len(fresh)))
+    fresh: list[str] = []
+    placed = identified.task.parameters.at(place_of(seen, 0), tolerances_of(effects), fresh)
+    values = np.append(np.array(list(identified.values.values())), np.zeros(len(fresh)))
     residual = FRFResidual(seen, Addresses(placed.addresses), "logarithm", None, None).value(placed.values(values))
     real, imaginary = residual.reshape(2, -1)
     found: NDArray[np.complex128] = seen.receptance * np.exp(-real - 1j * imaginary)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.cuts import Tip
     from receptance.campaign.draws import Draws
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.frf import FRF
+    from receptance.identification import Identification
     from receptance.modal import ModeEstimate
 
 __all__ = ["Tips"]
@@ -34,7 +34,7 @@ class Tips:
     ----------
     campaign : Campaign
         What it belongs to.
-    identified : CampaignIdentification or None
+    identified : Identification or None
         What predictions rest on.
     draws : Draws
         Of all that is uncertain in them.
@@ -56,7 +56,7 @@ class Tips:
     def __init__(
         self,
         campaign: Campaign,
-        identified: CampaignIdentification | None,
+        identified: Identification | None,
         draws: Draws,
         tips: Sequence[Tip | None],
         threads: int | None,
@@ -131,16 +131,14 @@ class Tips:
 _Prediction = tuple["Assembly", "Assembly", "dict[str, dict[str, float]]", Where]
 
 
-def _predicted(
-    campaign: Campaign, identified: CampaignIdentification | None, tip: Tip, notes: list[str]
-) -> _Prediction | None:
+def _predicted(campaign: Campaign, identified: Identification | None, tip: Tip, notes: list[str]) -> _Prediction | None:
     """Return an assembly with what was identified, as it is described, its errors and what laws need to know."""
     if not tip.assembly:
         return None
     at = Where(tip.assembly, {k: c.value for k, c in campaign.conditions.get(tip.assembly, {}).items()})
     effects = campaign.effects.get(tip.assembly, {})
     bare = campaign.assemblies[tip.assembly]
-    return applied(identified, bare, tip.assembly, notes, effects, at), bare, effects, at
+    return applied(campaign, identified, bare, tip.assembly, notes, effects, at), bare, effects, at
 
 
 class _Predicted:

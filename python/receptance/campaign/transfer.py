@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance.campaign.identification import band_width_percent
-from receptance.campaign.plain import plain
 from receptance.campaign.prediction import what_can_be_predicted
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.propagation import tolerances_of
@@ -24,6 +23,7 @@ from receptance.identification import (
 from receptance.identification.spread import quantile
 from receptance.identification.transfer import groups_of
 from receptance.identification.unknowns import covered
+from receptance.report.plain import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -170,7 +170,7 @@ def _predicted(campaign: Campaign, group: tuple[str, ...], threads: int | None) 
     fit, modes, frfs = None, [], []
     if own.held_out:
         prediction = what_can_be_predicted(own, own.identify(threads=threads), threads=threads)
-        fit = None if prediction.identified is None else prediction.identified.fit
+        fit = prediction.identified
         reasons += prediction.not_predicted.values()
         freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
         reach = quantile(prediction.level, freedom)

@@ -12,9 +12,9 @@ import numpy as np
 
 from receptance import _checks
 from receptance.campaign.draws import Draws
+from receptance.campaign.identification import propagation_of
 from receptance.campaign.prediction import applied
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.errors import ReceptanceError
 from receptance.frf.low_frequency import low_frequency_rise
@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
-    from receptance.campaign.identification import CampaignIdentification
+    from receptance.campaign.propagation import Propagation
     from receptance.catalogue.building import Catalogue, Described
     from receptance.catalogue.rows import ToolRow
+    from receptance.identification import Identification
 
 __all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
 
@@ -105,7 +106,7 @@ class ToolPrediction:
 
 def predict_catalogue(
     catalogue: Catalogue,
-    identified: CampaignIdentification | None = None,
+    identified: Identification | None = None,
     *,
     draws: int = 0,
     seed: int = 0,
@@ -118,7 +119,7 @@ def predict_catalogue(
     ----------
     catalogue : Catalogue
         Tools, holders, machine.
-    identified : CampaignIdentification, optional
+    identified : Identification, optional
         From `Campaign.identify`, which runs first if it is not given and anything is unknown.
     draws : int, optional
         For the band of the receptance; none makes it linear. Modes have linear intervals always.
@@ -144,7 +145,7 @@ def predict_catalogue(
     say = progress or (lambda _: None)
     if identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
-    propagation = Propagation(None, [], []) if identified is None else identified.propagation
+    propagation = propagation_of(identified)
     work = _Work(catalogue, identified, propagation, Draws(propagation, draws, seed))
     workers = _checks.worker_count(threads)
     waiting: deque[Future[ToolPrediction]] = deque()
@@ -168,7 +169,7 @@ class _Work:
     def __init__(
         self,
         catalogue: Catalogue,
-        identified: CampaignIdentification | None,
+        identified: Identification | None,
         propagation: Propagation,
         draws: Draws,
     ) -> None:
@@ -200,7 +201,9 @@ class _Work:
 
     def _predict(self, own: Described) -> ToolPrediction:
         notes = list(self.notes)
-        assembly = applied(self.identified, own.assembly, own.row.name, notes, own.effects, own.at)
+        assembly = applied(
+            self.catalogue.campaign, self.identified, own.assembly, own.row.name, notes, own.effects, own.at
+        )
         moved = self.propagation.placed(assembly, own.effects, own.at)
         addresses = [*moved.addresses, *self.residuals]
         found, slope = assembly.derivatives(self.lines, addresses, threads=1)

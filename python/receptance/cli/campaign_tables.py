@@ -11,47 +11,32 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance.campaign.problems import path_text
-from receptance.cli._tables import ends, head, print_sentences, table
-from receptance.cli.series_tables import left_over_levels, measured_over_levels, series_of, tied_over_levels
-from receptance.identification import MeasuredFRF
+from receptance.cli._tables import head, print_sentences, table
 from receptance.identification.spread import SAYS_NOTHING, says_nothing
+from receptance.report.terminal import print_table
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from rich.console import Console, Group
 
-    from receptance.campaign import Campaign, CampaignIdentification, CampaignPrediction, Measurement
+    from receptance.campaign import Campaign, CampaignPrediction
 
-__all__ = ["print_identification", "print_prediction"]
+__all__ = ["print_prediction"]
 
-_TIED = 0.9
 _ABOUT_DATA = "measurements."
-_NOTHING = 1e-3
-_MANY = 1e3
-"""Standard errors of more times the value are not printed."""
-
-
-def print_identification(console: Console, found: CampaignIdentification) -> None:
-    """Print what was fitted, the parameters, what is left, advice and notes."""
-    _heading(console, found.campaign, "identified")
-    for item in (*_measurements(found.campaign), *_parameters(found)):
-        console.print(item)
-    _list(console, "Advice", found.fit.advice)
-    _notes(console, found.campaign, found.notes)
-    console.print(_provenance(found.fit.seed, found.versions))
 
 
 def print_prediction(console: Console, found: CampaignPrediction) -> None:
     """Print predictions beside measurements, and what is predicted of assemblies that were not measured."""
     _heading(console, found.campaign, "predicted")
     if found.identified is not None:
-        for item in _parameters(found.identified):
-            console.print(item)
+        print_sentences(console, found.identified.sentences())
+        for table in found.identified.tables():
+            print_table(console, table)
     for item in [*_compared_frequencies(found), *_compared_frfs(found), *_unmeasured(found)]:
         console.print(item)
     if found.rms_percent is not None:
         console.print(Text(f"{_verdict(found)}\n"))
-    advice = [] if found.identified is None else found.identified.fit.advice
+    advice = [] if found.identified is None else found.identified.advice
     _list(console, "Advice", advice)
     about_data = [note for note in found.notes if note.startswith(_ABOUT_DATA)]
     rest = [note for note in found.notes if note not in about_data]
@@ -66,99 +51,6 @@ def _heading(console: Console, campaign: Campaign, what: str) -> None:
     head(console, f"{campaign.title}: {what}")
     if campaign.table.description:
         print_sentences(console, [campaign.table.description.strip()])
-
-
-def _measurements(campaign: Campaign) -> Iterable[Group]:
-    """Yield what was measured; a column that says nothing new is left out."""
-    if campaign.templates:
-        yield measured_over_levels(campaign, _content)
-    measured = [one for name, one in campaign.measurements.items() if name not in campaign.templates]
-    if not measured:
-        return
-    columns = {
-        "<name": [one.name for one in measured],
-        "<assembly": [one.assembly for one in measured],
-        "<what": [_content(one) for one in measured],
-        "<sensor": [one.sensor or "-" for one in measured],
-        "<role": [one.role for one in measured],
-    }
-    if columns["<assembly"] == columns["<name"]:
-        del columns["<assembly"]
-    if not any(one.sensor for one in measured):
-        del columns["<sensor"]
-    yield table("Measurements", tuple(columns), list(zip(*columns.values(), strict=True)))
-
-
-def _content(measured: Measurement) -> str:
-    seen = measured.observation
-    lines = seen.frequency_hz.real
-    if isinstance(seen, MeasuredFRF):
-        return f"FRF, {lines.size} lines from {lines[0]:g} to {lines[-1]:g} Hz"
-    modes = ", ".join(map(str, seen.modes))
-    return f"natural frequenc{'y' if lines.size == 1 else 'ies'} of mode{'' if lines.size == 1 else 's'} {modes}"
-
-
-def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
-    fit = found.fit
-    together = found.standard_errors()
-    toleranced = bool(found.propagation.errors)
-    rows = []
-    for address, value in fit.values.items():
-        if address in fit.errors or address.split(" @ ")[0] in found.series:
-            continue
-        cells = [address, _number(value, 5), _error(fit.standard_errors[address], value)]
-        cells += [_error(together[address], value)] if toleranced else []
-        rows.append([*cells, _within_bounds(found, address)])
-    columns = ["<parameter", "value", "standard error\nfrom the data", "95 % interval"]
-    if toleranced:
-        columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
-    if rows:
-        yield table("Identified, SI units", columns, rows)
-    yield from series_of(found)
-    if found.profiles:
-        rows = [[name, _ends(one.lower, one.upper), one.statement] for name, one in found.profiles.items()]
-        yield table("What the data say", ("<parameter", "95 % profile interval", "<that is"), rows)
-    if fit.errors:
-        rows = [[name, f"{fit.values[name]:+.2f}", f"{fit.standard_errors[name]:.2f}"] for name in fit.errors]
-        yield table("Errors, in their standard deviations", ("<error", "found", "standard error"), rows)
-    yield Text(f"{fit.summary().splitlines()[0]}\n")
-    left = [
-        (name, residual, unit)
-        for name, residual, unit in zip(found.measurements, fit.residuals, fit.units, strict=True)
-    ]
-    of_series = [row for row in left if row[0] in found.campaign.templates]
-    rows = [[name, str(r.size), _rms(r), unit] for name, r, unit in left if name not in found.campaign.templates]
-    if rows:
-        yield table("What is left", ("<measurement", "residuals", "rms", "<unit"), rows)
-    if of_series:
-        yield left_over_levels(found.campaign.templates, of_series)
-    tied = [
-        f"{fit.addresses[j]} and {fit.addresses[i]}: {fit.correlation[i, j]:+.3f}"
-        for i in range(len(fit.addresses))
-        for j in range(i)
-        if abs(fit.correlation[i, j]) > _TIED and fit.addresses[i].split(" @ ")[0] not in found.series
-    ]
-    tied += tied_over_levels(found, _TIED)
-    if tied:
-        yield Text(f"Correlated beyond {_TIED:g}: {'; '.join(tied)}\n")
-
-
-def _within_bounds(found: CampaignIdentification, address: str) -> str:
-    """Return an interval as text; an end beyond the bounds of the unknown is open, for it was not looked for there."""
-    unknown = found.fit.unknowns[found.fit.addresses.index(address)]
-    low, high = found.interval(address)
-    if not found.determined(address):
-        return "not determined"
-    if high >= unknown.upper or not np.isfinite(high):
-        return f"{low:.4g} on"
-    return f"up to {high:.4g}" if low <= unknown.lower else ends((low, high), ".4g")
-
-
-def _ends(lower: float, upper: float) -> str:
-    """Return an interval as text, open sides in words."""
-    if np.isinf(upper):
-        return "open" if lower in (0.0, -np.inf) else f"{lower:.4g} on"
-    return f"up to {upper:.4g}" if lower in (0.0, -np.inf) else f"{lower:.4g} to {upper:.4g}"
 
 
 def _verdict(found: CampaignPrediction) -> str:
@@ -300,20 +192,6 @@ def _largest(errors: dict[str, float], of_fit: float) -> str:
     words = re.sub(r"^(materials|parts|joints|sensors|attachments)\.", "", name)
     words = re.sub(r"^assemblies\.(.+?)\.(set|tolerance)\.", r"\1: ", words).replace('"', "")
     return f"{words} {100.0 * squares[name] / whole:.0f} %"
-
-
-def _rms(residual: NDArray[np.float64]) -> str:
-    rms = float(np.sqrt(np.mean(residual**2)))
-    return f"{rms:.3g}" if rms >= _NOTHING else f"under {_NOTHING:g}"
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}g}" if np.isfinite(value) else "not determined"
-
-
-def _error(error: float, value: float) -> str:
-    """Return a standard error; one of many times the value says no more than that nothing is known."""
-    return "not determined" if abs(error) >= _MANY * abs(value) > 0.0 else _number(error, 2)
 
 
 def _list(console: Console, title: str, texts: Sequence[str]) -> None:

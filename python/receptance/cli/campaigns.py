@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.text import Text
 
 from receptance.cli.running import (
     InputError,
@@ -24,7 +23,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
-    from receptance.campaign.diagnosis import CampaignDiagnosis
+    from receptance.diagnosis import Verdict
 
 __all__ = ["File", "diagnose", "example", "identify", "load_campaign", "predict", "schema", "transfer"]
 
@@ -84,17 +83,13 @@ def identify(
     """Identify the unknown parameters of a campaign, with intervals."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.campaign_tables import print_identification
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.identify(progress=say))
-    targets.write(found.as_dict(), found.plot, found.plot_profiles if found.profiles else None)
-    console = targets.console()
-    print_identification(console, found)
-    targets.name(console)
-    if strict and (found.fit.advice or not found.fit.converged):
+    targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
+    if strict and (found.advice or not found.converged):
         raise typer.Exit(ANSWER_IS_NO)
 
 
@@ -204,37 +199,31 @@ def diagnose(
         found = with_progress(lambda say: read.diagnose(causes or None, metrics=wanted, progress=say))
 
     def page() -> str:
-        from receptance.report import diagnosis_html
+        from receptance.diagnosis.report import diagnosis_html
 
-        return diagnosis_html(found.verdict, title=read.title)
+        return diagnosis_html(found, title=read.title)
 
-    final = found.verdict.final
-    text, why_not = _extended(found, extended) if final else (None, "the diagnosis was interrupted" if extended else "")
-    targets.write(found.as_dict(), found.plot, report=page, extended=text)
-    console = targets.console()
-    console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
-    console.print(Text(found.verdict.summary()), soft_wrap=True)
-    said = set(found.verdict.notes)
-    for note in found.notes:
-        if note not in said:
-            console.print(Text(f"note: {note}"), soft_wrap=True)
-    targets.name(console)
+    final = found.final
+    text, why_not = (None, "the diagnosis was interrupted" if extended else "")
+    if final:
+        text, why_not = _extended(read, found, extended)
+    targets.show(found, report=page, extended=text)
     if why_not:
-        console.print(f"{extended} was not written: {why_not}", soft_wrap=True)
+        targets.console().print(f"{extended} was not written: {why_not}", soft_wrap=True)
     if not final:
         raise InterruptedAnswer("interrupted, the answer is not final")
-    if strict and found.verdict.verdict != "adequate":
+    if strict and found.verdict != "adequate":
         raise typer.Exit(ANSWER_IS_NO)
 
 
-def _extended(found: CampaignDiagnosis, target: Path | None) -> tuple[str | None, str]:
+def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[str | None, str]:
     """Return the text of the extended campaign, or why there is none."""
     if target is None:
         return None, ""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return found.extended_text(target.parent), ""
+            return campaign.extended_text(found, target.parent), ""
         except ValueError as error:
             return None, str(error)
 

@@ -1,4 +1,4 @@
-"""Joints line by line and rankings of candidates on the terminal."""
+"""Rankings of candidates on the terminal."""
 
 from __future__ import annotations
 
@@ -13,38 +13,10 @@ from receptance.cli._tables import head, table
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from receptance.campaign import CampaignInversion, CampaignNext
+    from receptance.campaign import CampaignNext
     from receptance.identification import Expectation
 
-__all__ = ["print_inversion", "print_next"]
-
-
-def print_inversion(console: Console, found: CampaignInversion) -> None:
-    """Print for each term how many lines speak of it, where, and what suits them all."""
-    head(console, f"{found.campaign.title}: joints line by line")
-    rows = []
-    for name, one in found.joints.items():
-        lines = np.asarray(one.frequency_hz).real
-        for term in one.terms:
-            _, _, usable = one.term(term)
-            heard = lines[usable]
-            k, c = one.typical.get(term, (np.nan, np.nan))
-            rows.append(
-                (
-                    name.replace(one.joint, f"{one.joint}.{term}", 1),
-                    f"{heard.size} of {lines.size}",
-                    f"{heard[0]:g} to {heard[-1]:g}" if heard.size else "none",
-                    f"{np.median(one.condition[usable]):.2g}" if heard.size else "",
-                    f"{k:.4g}" if np.isfinite(k) else "unknown",
-                    f"{c:.3g}" if np.isfinite(c) else "unknown",
-                    f"{one.rms:.3g}" if np.isfinite(one.rms) else "",
-                )
-            )
-    limit = 100.0 * next(iter(found.joints.values())).limit
-    columns = ("<term", "lines that speak", "from, to [Hz]", "condition\nnumber", "k", "c", "rms left")
-    console.print(table(f"Standard deviation below {limit:g} %; k and c that suit all lines, SI units", columns, rows))
-    _notes(console, found.notes)
-    console.print(_versions(found.versions))
+__all__ = ["print_next"]
 
 
 def print_next(console: Console, found: CampaignNext) -> None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from receptance.cli._tables import head, print_sentences, table
 from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
+from receptance.report.terminal import print_sentences, print_table, print_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,9 +86,9 @@ def _report(targets: Targets, found: dict[str, Any], sections: Sequence[Section]
     targets.write(found, draw)
     console = targets.console()
     for section in sections:
-        head(console, section.title)
-        for one in section.tables:
-            console.print(table(one.title, one.columns, one.rows))
+        print_title(console, section.title)
+        for table in section.tables:
+            print_table(console, table)
         print_sentences(console, section.sentences)
     versions = ", ".join(f"{name} {value}" for name, value in found["versions"].items())
     print_sentences(console, [f"seed {found['settings']['seed']}; {versions}"])

@@ -11,6 +11,7 @@ from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
 from receptance.identification.spread import covariance_of, variance_factor
 from receptance.identification.unknowns import Variables
+from receptance.report import Provenance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,6 +93,7 @@ def conclude(
         evaluations=sum(run.evaluations for run in runs),
         seed=seed,
         task=task,
+        provenance=Provenance(seed=seed),
     )
 
 

@@ -4,27 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.identification import showing
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.prediction import Forecast, PredictedReceptance
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
+from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.table import Cell, number
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.assembly import Assembly
+    from receptance.campaign.propagation import Propagation
     from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
-    from receptance.identification.profiles import Profile
+    from receptance.identification.profiles import Profiles
     from receptance.identification.sampling import Samples
     from receptance.identification.task import Task
 
 __all__ = ["Identification", "Start"]
+
+_CORRELATED = 0.9
+"""Correlations beyond this are named in the summary."""
+_NO_RESIDUAL = 1e-3
+"""Root mean squares below this are printed as that: they are rounding errors."""
+_NOT_DETERMINED = 1e3
+"""A standard error of more times the value is printed as "not determined"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +68,7 @@ class Start:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identification:
+class Identification(Result):
     """Identified parameters, their uncertainty, and what is left unexplained.
 
     Attributes
@@ -102,6 +113,16 @@ class Identification:
         Seed of the starts that were drawn.
     task : Task
         What was fitted to what, for what is asked of the fit afterwards.
+    propagation : Propagation or None
+        How the fit of a campaign reacts to tolerances that it takes as exact.
+    profiled : Profiles or None
+        Profile likelihoods, where they were computed together with the fit.
+    series : Results or None
+        Parameters over the levels of a series by name, where the campaign has one.
+    groups : dict of str to str
+        Group of a measurement by label; the measurements of a group share a row in the table of residuals.
+    provenance : Provenance
+        Campaign, seed and versions of the software.
 
     What is found by address here is found by name where an unknown has one: exponents of laws, parts of single
     configurations, and errors of tolerances, which are counted in their standard deviations.
@@ -140,6 +161,13 @@ class Identification:
     evaluations: int
     seed: int
     task: Task = field(repr=False)
+    propagation: Propagation | None = field(default=None, repr=False)
+    profiled: Profiles | None = None
+    series: Results[Any] | None = None
+    groups: Mapping[str, str] = field(default_factory=dict, repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Identified parameters"
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -152,13 +180,18 @@ class Identification:
         return self.task.parameters.errors
 
     @property
+    def with_tolerances(self) -> dict[str, float]:
+        """Standard errors from the data and propagated tolerances, by address; empty where there are none."""
+        return self.propagation.standard_errors() if self.propagation is not None and self.propagation.errors else {}
+
+    @property
     def independent_lines(self) -> float:
         """Effective number of independent lines and natural frequencies that were fitted."""
         pairs = zip(self.task.observed, self.task.independent_numbers(), strict=True)
         return sum(0.5 * n if isinstance(one, MeasuredFRF) else float(len(one.modes)) for one, n in pairs)
 
     def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of a value, in SI units.
+        """Confidence interval of a value, in SI units; of a campaign's fit with its propagated tolerances.
 
         Symmetric in the fitted variable, so for a log scale value / factor to value * factor; 0 to infinity, or
         infinite, where the data do not determine it. With standard deviations given the quantile is the normal
@@ -170,10 +203,23 @@ class Identification:
         ValueError
             An address that was not identified, or a level not between 0 and 1.
         """
+        together = self.with_tolerances
+        if address not in together:
+            return self.interval_of_data(address, level)
+        index, spread = self._index(address), together[address]
+        if self.unknowns[index].scale == "log":
+            spread /= self.values[address] * np.log(10.0)
+        return self._interval(index, spread, level)
+
+    def interval_of_data(self, address: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of a value in SI units from the scatter of the data alone; see `interval`."""
         index = self._index(address)
-        reach = quantile(level, None if self.known_scatter else self.degrees_of_freedom)
-        reach *= float(np.sqrt(self.covariance[index, index]))
-        value = self.values[address]
+        return self._interval(index, float(np.sqrt(self.covariance[index, index])), level)
+
+    def _interval(self, index: int, deviation: float, level: float) -> tuple[float, float]:
+        """Return the interval of a value whose fitted variable has a standard deviation."""
+        reach = quantile(level, None if self.known_scatter else self.degrees_of_freedom) * deviation
+        value = self.values[self.addresses[index]]
         if self.unknowns[index].scale == "linear":
             return value - reach, value + reach
         with np.errstate(over="ignore"):
@@ -186,7 +232,7 @@ class Identification:
         *,
         level: float = 0.95,
         progress: Callable[[str], None] | None = None,
-    ) -> dict[str, Profile]:
+    ) -> Profiles:
         """Profile likelihoods: intervals that know bounds and open sides, and what they mean in words.
 
         Each parameter is held at other values and everything else fitted again, tolerances included.
@@ -198,12 +244,12 @@ class Identification:
         level : float, optional
             Level of the intervals.
         progress : callable, optional
-            Is told what is being done.
+            Called with a progress message.
 
         Returns
         -------
-        dict of str to Profile
-            By name.
+        Profiles
+            Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
 
         Raises
         ------
@@ -220,7 +266,7 @@ class Identification:
         ... )
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
         >>> found.profiles()
-        {'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)}
+        Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
         """
         from receptance.identification.profiles import profile_likelihoods
 
@@ -362,17 +408,169 @@ class Identification:
         forecast = Forecast(self, assembly, configuration, conditions, tolerances)
         return forecast.receptance(frequency_hz, response, excitation, draws, seed, threads)
 
-    def summary(self) -> str:
-        """Return the result as text: values with intervals, fit, starts, advice and notes."""
-        return showing.text(self)
+    def determined(self, address: str) -> bool:
+        """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
+        unknown = self.unknowns[self._index(address)]
+        low, high = self.interval(address)
+        return low > unknown.lower or high < unknown.upper
+
+    def tables(self) -> list[Table]:
+        """Return parameters, profile intervals, errors of tolerances and residuals."""
+        tables = [self._parameter_table(), self._error_table(), *self._residual_tables()]
+        if self.profiled is not None:
+            tables[1:1] = self.profiled.tables()
+        if self.series is not None:
+            tables[1:1] = self.series.tables()
+        return [table for table in tables if table.rows]
+
+    def sentences(self) -> list[str]:
+        """Return how the fit ended, and which parameters are correlated."""
+        return [f"{self._headline()}.", *self._correlations(), *(self.series.sentences() if self.series else ())]
+
+    def warnings(self) -> list[str]:
+        """Return the advice."""
+        return self.advice
+
+    def data(self) -> dict[str, Any]:
+        """Return parameters, errors, correlations, residuals and starts."""
+        together = self.with_tolerances
+        return {
+            "converged": self.converged,
+            "parameters": {
+                name: {
+                    "value": value,
+                    "standard_error": self.standard_errors[name],
+                    "interval_95": self.interval_of_data(name),
+                    "standard_error_with_tolerances": together.get(name, self.standard_errors[name]),
+                    "interval_95_with_tolerances": self.interval(name),
+                    "determined": self.determined(name),
+                }
+                for name, value in self.values.items()
+                if name not in self.errors
+            },
+            "errors": {
+                name: {"value": self.values[name], "standard_error": self.standard_errors[name]} for name in self.errors
+            },
+            "profiles": {} if self.profiled is None else {name: one.data() for name, one in self.profiled.items()},
+            **({} if self.series is None else {"series": self.series.data()}),
+            "correlation": {"parameters": self.addresses, "matrix": self.correlation},
+            "covariance_of_fitted_variables": self.covariance,
+            "scales": {unknown.address: unknown.scale for unknown in self.unknowns},
+            "measurements": [
+                {
+                    "name": label,
+                    "assembly": observed.configuration,
+                    "unit": unit,
+                    "count": residual.size,
+                    "rms": _rms(residual),
+                    "residuals": residual,
+                }
+                for label, observed, unit, residual in zip(
+                    self.labels, self.task.observed, self.units, self.residuals, strict=True
+                )
+            ],
+            "rms": self.rms,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "known_scatter": self.known_scatter,
+            "starts": len(self.starts),
+            "starts_agreeing": self.agreeing,
+            "evaluations": self.evaluations,
+            "advice": self.advice,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw measurements, fitted model and intervals, of a series the parameters over levels; see `Result.plot`."""
+        if self.series:
+            return self.series.plot(ax)
+        from receptance.plot.campaign import draw_identification
+
+        return draw_identification(self, ax)
 
     def __repr__(self) -> str:
-        return showing.line(self)
+        errors = self.standard_errors
+        found = ", ".join(f"{name}={value:.4g} +- {errors[name]:.1g}" for name, value in self.values.items())
+        return f"Identification({found}; {self._headline()})"
 
-    def _repr_html_(self) -> str:
-        return showing.page(self)
+    def _parameter_table(self) -> Table:
+        together = self.with_tolerances
+        errors = [self.standard_errors, together] if together else [self.standard_errors]
+        names = ["standard error", "with\ntolerances"][: len(errors)]
+        numbers = (Column("value", form=".5g"), *(Column(name, form=".2g") for name in names), Column("95 % interval"))
+        rows: list[list[Cell]] = []
+        for name, value in self.values.items():
+            if name in self.errors or self._at_a_level(name):
+                continue
+            unknown = self.unknowns[self._index(name)]
+            low, high = self.interval(name)
+            # An end beyond the bounds is open: the fit did not look there.
+            ends = (low if low > unknown.lower else None, high if high < unknown.upper else None)
+            shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
+            rows.append([name, value, *shown, ends if self.determined(name) else "not determined"])
+        return Table("Identified parameters, SI units", ("parameter", *numbers), rows)
+
+    def _error_table(self) -> Table:
+        columns = ("error", Column("value", form="+.2f"), Column("standard error", form=".2f"))
+        rows = [(name, self.values[name], self.standard_errors[name]) for name in self.errors]
+        return Table("Errors of dimensions and materials, in their standard deviations", columns, rows)
+
+    def _residual_tables(self) -> list[Table]:
+        common = len(set(self.units)) == 1
+        alone: list[list[Cell]] = []
+        groups: dict[tuple[str, str | None], list[tuple[float, str]]] = {}
+        for label, observed, of_one, residual in zip(
+            self.labels, self.task.observed, self.units, self.residuals, strict=True
+        ):
+            rms, unit = _rms(residual), None if common else of_one
+            if label in self.groups:
+                groups.setdefault((self.groups[label], unit), []).append((rms, label))
+                continue
+            shown = rms if rms >= _NO_RESIDUAL else f"below {_NO_RESIDUAL:g}"
+            alone.append([label, observed.describe(), residual.size, shown, unit])
+        together: list[list[Cell]] = []
+        for (group, unit), own in groups.items():
+            sizes = [rms for rms, _ in own]
+            together.append([group, len(own), min(sizes), float(np.median(sizes)), max(sizes), max(own)[1], unit])
+        title = f"Residuals, in {self.units[0]}" if common else "Residuals"
+        numbers = (Column("residuals", form="d"), Column("rms", form=".3g"))
+        spread = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
+        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *spread, "of", "unit")
+        return [
+            Table(title, ("measurement", "data", *numbers, "unit"), alone).without_empty(),
+            Table(f"{title}, by group", by_group, together).without_empty(),
+        ]
+
+    def _correlations(self) -> list[str]:
+        """Name strong correlations; those of two parameters at several levels together."""
+        pairs: dict[str, list[float]] = {}
+        for i, second in enumerate(self.addresses):
+            for j, first in enumerate(self.addresses[:i]):
+                if abs(self.correlation[i, j]) > _CORRELATED:
+                    if self._at_a_level(second):
+                        first, second = (name.split(" @ ")[0] for name in (first, second))
+                    pairs.setdefault(f"{first} and {second}", []).append(float(self.correlation[i, j]))
+        texts = [
+            f"{names}: {own[0]:+.3f}"
+            if len(own) == 1
+            else f"{names} at {len(own)} levels: {min(own):+.3f} to {max(own):+.3f}"
+            for names, own in pairs.items()
+        ]
+        return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}."] if texts else []
+
+    def _at_a_level(self, name: str) -> bool:
+        """Return whether a parameter is one of a series, which has tables of its own."""
+        return self.series is not None and name.split(" @ ")[0] in self.series
+
+    def _headline(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        count = len(self.starts)
+        starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
+        return f"{state}, {starts}, {self.evaluations} evaluations, rms {number(self.rms, '.3g')}"
 
     def _index(self, address: str) -> int:
         if address not in self.values:
             raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
         return self.addresses.index(address)
+
+
+def _rms(residual: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(residual**2)))

@@ -328,7 +328,7 @@ def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
         "identified": None
         if fit is None
         else {
-            name: {"value": value, "interval": [_finite(end) for end in fit.interval(name, level)]}
+            name: {"value": value, "interval": [_finite(end) for end in fit.interval_of_data(name, level)]}
             for name, value in fit.values.items()
         },
         "converged": None if fit is None else fit.converged,

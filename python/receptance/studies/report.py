@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
-__all__ = ["Section", "Table", "cell", "table"]
+from receptance.report import Column, Table
 
-
-class Table(NamedTuple):
-    """A table of texts; a column whose heading begins with < is aligned left, others are numbers."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+__all__ = ["Section", "table"]
 
 
 class Section(NamedTuple):
@@ -34,34 +27,23 @@ def table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, s
     title : str
         Title.
     rows : sequence of mappings
-        One for each row.
+        One for each row; a list or a tuple in it is an interval.
     columns : mapping of str to str
-        By heading the key of a row, with dots for inner dictionaries, and after a colon the format of a number.
+        By heading the key of a row, with dots for inner dictionaries, and after a colon the format of a number. A
+        column without a format is text.
 
     Examples
     --------
     >>> from receptance.studies.report import table
-    >>> table("Joints", [{"name": "k_y", "interval": (1.0, None)}], {"joint": "name", "interval": "interval:.1f"})
-    Table(title='Joints', columns=['<joint', 'interval'], rows=[['k_y', '1.0 to open']])
+    >>> rows = [{"name": "k_y", "interval": (1.0, None)}]
+    >>> table("Joints", rows, {"joint": "name", "interval": "interval:.1f"}).texts()
+    [['k_y', 'above 1.0']]
     """
     keys = [key.partition(":")[::2] for key in columns.values()]
-    heads = [head if form else f"<{head}" for head, (_, form) in zip(columns, keys, strict=True)]
-    body = [[cell(_value(row, path), form) for path, form in keys] for row in rows]
-    return Table(title, heads, body)
+    heads = [Column(head, form=form) if form else head for head, (_, form) in zip(columns, keys, strict=True)]
+    return Table(title, heads, [[_cell(row, path) for path, _ in keys] for row in rows])
 
 
-def _value(row: Mapping[str, Any], path: str) -> Any:
-    if path in row:
-        return row[path]
-    return reduce(lambda inner, key: inner[key], path.split("."), row)
-
-
-def cell(value: Any, form: str) -> str:
-    """Return a value as text; a pair is an interval, None or infinity an open end of it."""
-    if isinstance(value, (list, tuple)):
-        return " to ".join(cell(end, form) or "open" for end in value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return ""
-    return "open" if isinstance(value, float) and math.isinf(value) else format(value, form)
+def _cell(row: Mapping[str, Any], path: str) -> Any:
+    value = row[path] if path in row else reduce(lambda inner, key: inner[key], path.split("."), row)
+    return tuple(value) if isinstance(value, list) else value

@@ -8,6 +8,7 @@ import numpy as np
 
 from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
 from receptance.plot.series import draw_over_levels
+from receptance.studies.bt50.report import series_of
 from receptance.taper import ForceSeries
 
 if TYPE_CHECKING:
@@ -56,12 +57,6 @@ def draw(found: dict[str, Any]) -> Figure:
     return figure
 
 
-def _series(virtual: dict[str, Any], name: str) -> ForceSeries:
-    own = virtual["trends"][name]
-    arrays = {key: np.array(own[key]) for key in ("force", "values", "standard_errors")}
-    return ForceSeries(name=name, **arrays)
-
-
 def _power(series: ForceSeries) -> str:
     low, high = series.exponent_interval
     return f"n = {series.laws[2].exponent:.2f} ({low:.2f} to {high:.2f})"
@@ -72,7 +67,7 @@ def _draw_axial_stiffness(axes: Axes, virtual: dict[str, Any], published: dict[s
     low, high = published["axial_stiffness_n_per_m"]
     axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
     for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
-        series = _series(virtual, f"{name} k_z1")
+        series = series_of(virtual["trends"])[f"{name} k_z1"]
         draw_over_levels(axes, series, 1e-9, colour, f"{text}, {_power(series)}")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.3 * (top - bottom))
@@ -80,12 +75,19 @@ def _draw_axial_stiffness(axes: Axes, virtual: dict[str, Any], published: dict[s
 
 
 def _draw_axial_damping(axes: Axes, virtual: dict[str, Any], published: dict[str, Any]) -> None:
+    series = series_of(virtual["trends"])
     set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)")
     axes.axhspan(*published["axial_damping_ns_per_m"], color=_BAND, label="paper's range")
     draw_over_levels(
-        axes, _series(virtual, "half-power c_z1"), 1.0, COLOURS[1], "half-power, 20 Hz lines", marker="s", law=False
+        axes,
+        series_of(virtual["trends"])["half-power c_z1"],
+        1.0,
+        COLOURS[1],
+        "half-power, 20 Hz lines",
+        marker="s",
+        law=False,
     )
-    draw_over_levels(axes, _series(virtual, "rigid c_z1"), 1.0, COLOURS[0], "circle fit of the same hits")
+    draw_over_levels(axes, series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
     force = [level["force_kn"] for level in virtual["axial"]]
     truth = [level["truth"] for level in virtual["axial"]]
     true = [4.0 * np.pi * virtual["holder"]["mass"] * one["frequency_hz"] * one["damping_ratio"] for one in truth]
@@ -140,7 +142,7 @@ def _break(above: Axes, below: Axes) -> None:
 def _draw_radial(axes: Axes, virtual: dict[str, Any], kind: str, title: str, label: str, factor: float) -> None:
     set_up(axes, title, _FORCE, label)
     for end, colour, where in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
-        series = _series(virtual, f"elastic {kind}_{end}")
+        series = series_of(virtual["trends"])[f"elastic {kind}_{end}"]
         draw_over_levels(axes, series, factor, colour, f"{where}, {_power(series)}")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.25 * (top - bottom))

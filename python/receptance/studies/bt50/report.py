@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from receptance.studies.report import Section, Table, table
+import numpy as np
 
-__all__ = ["PROVENANCE", "RESPONSE_HZ", "SOURCE", "findings", "sections"]
+from receptance.report import Results, Table
+from receptance.studies.report import Section, table
+from receptance.taper import ForceSeries
+
+__all__ = ["PROVENANCE", "RESPONSE_HZ", "SOURCE", "findings", "sections", "series_of"]
 
 SOURCE = (
     "C. Xu, J. Zhang, Z. Wu, D. Yu, P. Feng, Dynamic modeling and parameters identification of a spindle-holder taper "
@@ -53,7 +57,7 @@ def sections(found: dict[str, Any]) -> list[Section]:
         Section("Diagnosis of the rigid holder", [], texts["diagnosis"]),
         Section("Axial damping, half-power and circle", [_damping(virtual["axial"])], texts["damping"]),
         Section("Radial", [_radial(virtual["radial"])], texts["radial"]),
-        Section("Over drawbar force", [_trends(virtual["trends"])], texts["trends"]),
+        Section("Over drawbar force", Results(series_of(virtual["trends"])).tables(), texts["trends"]),
         Section("Use of the elastic model", [], texts["use"]),
     ]
 
@@ -279,19 +283,14 @@ def _radial(levels: list[dict[str, Any]]) -> Table:
     )
 
 
-def _trends(trends: dict[str, Any]) -> Table:
-    return table(
-        "Trends with their evidence; scatter about the law relative to the standard errors",
-        [{**one, "name": name, "n": one["laws"][2]["exponent"]} for name, one in trends.items()],
-        {
-            "": "name",
-            "with force": "trend.direction",
-            "p": "trend.p_value:.1g",
-            "its slope": "slope_trend.direction",
-            "p of the slope": "slope_trend.p_value:.1g",
-            "best law": "law.name",
-            "n in K0 + a F^n": "n:.2f",
-            "interval": "exponent_interval:.2f",
-            "scatter": "scatter:.1f",
-        },
-    )
+def series_of(trends: dict[str, Any]) -> dict[str, ForceSeries]:
+    """Return the parameters over force by name."""
+    return {
+        name: ForceSeries(
+            name=name,
+            force=np.array(one["force"]),
+            values=np.array(one["values"]),
+            standard_errors=np.array(one["standard_errors"]),
+        )
+        for name, one in trends.items()
+    }

@@ -14,6 +14,7 @@ from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SP
 from receptance.identification import Floor, Law, MeasuredFRF
 from receptance.modal import circle_fit, fit_modes, half_power
 from receptance.provenance import versions
+from receptance.report.plain import plain
 from receptance.studies.bt50.report import PROVENANCE, RESPONSE_HZ, SOURCE, findings
 from receptance.taper import (
     ForceSeries,
@@ -125,7 +126,7 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
         "virtual": {
             "holder": {**asdict(own.body), "z1": own.z1, "z2": own.z2},
             **rows,
-            "trends": {name: one.as_dict() for name, one in series.items()},
+            "trends": plain({name: one.data() for name, one in series.items()}),
             "damping_errors": _damping_errors(rows["axial"]),
             "bonded_hz": {"axial": _axial_hz(own, bonded), "radial": _radial_hz(own, bonded, bonded)},
             "left_out": [_left_out_axial(own, rows["axial"], series), _left_out_radial(own, rows["radial"], series)],

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from receptance.report import Table
 from receptance.studies.er32.tables import SOURCE, Published, load
-from receptance.studies.report import Section, Table, table
+from receptance.studies.report import Section, table
 
 __all__ = ["findings", "sections"]
 
