@@ -11,6 +11,7 @@ import numpy as np
 
 from receptance.studies.er32.joints import (
     BOUNDS,
+    JOINT,
     SHARED,
     Resolution,
     follow_joint,
@@ -258,29 +259,27 @@ def simulate_chance(
     limits = np.array(list(BOUNDS.values())).T * [[1.0 + 1e-6], [1.0 - 1e-6]]
     tools = [
         (
-            long.diameter_mm,
+            assembly(long.diameter_mm, long.overhang_mm, *stiffness[long.diameter_mm]),
             np.array([published.mount(long.diameter_mm).overhang_mm, long.overhang_mm]),
             np.array(published.reading(long.diameter_mm).frequency_hz),
-            float(
-                first_modes(
-                    assembly(long.diameter_mm, long.overhang_mm, *stiffness[long.diameter_mm]), 1, long.measured_hz[0]
-                )[0]
-            ),
-            float(resolution.half_step(long.measured_hz[0])),
+            long.measured_hz[0],
         )
         for long in published.long_tools
     ]
+    true_hz = [float(first_modes(own, 1, measured_hz)[0]) for own, _, _, measured_hz in tools]
     at_bound, means = 0, []
     for _ in range(draws):
         factors = dict(zip(SHARED, np.exp(deviations * random.standard_normal(deviations.size)).tolist(), strict=True))
         errors = []
-        for diameter, overhangs, frequency, true_hz, half in tools:
+        for (own, overhangs, frequency, measured_hz), true in zip(tools, true_hz, strict=True):
             read = frequency + resolution.half_step(frequency) * random.uniform(-1.0, 1.0, 2)
-            identifying, long = (overhangs + chance.overhang_mm * random.standard_normal(2)).tolist()
-            found = follow_joint(varied(assembly(diameter, identifying, *stiffness[diameter]), factors), read)
+            lengths = (1e-3 * (overhangs + chance.overhang_mm * random.standard_normal(2))).tolist()
+            identifying, long = (varied(own, factors, {"tool.segment[0].length": length}) for length in lengths)
+            found = follow_joint(identifying, read)
             at_bound += bool(np.any(found <= limits[0]) or np.any(found >= limits[1]))
-            predicted = float(first_modes(varied(assembly(diameter, long, *found), factors), 1, true_hz)[0])
-            errors.append(100.0 * (predicted / (true_hz + half * random.uniform(-1.0, 1.0)) - 1.0))
+            predicted = float(first_modes(long.replace(dict(zip(JOINT, found.tolist(), strict=True))), 1, true)[0])
+            half = float(resolution.half_step(measured_hz))
+            errors.append(100.0 * (predicted / (true + half * random.uniform(-1.0, 1.0)) - 1.0))
         means.append(float(np.mean(errors)))
     return {
         "draws": draws,

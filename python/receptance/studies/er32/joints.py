@@ -106,9 +106,9 @@ def shared_value(name: str) -> tuple[float, str]:
     return (value, "kg/m3") if name.endswith("density") else (1e3 * value, "mm")
 
 
-def varied(own: Assembly, factors: Mapping[str, float]) -> Assembly:
-    """Return an assembly with shared quantities multiplied by factors."""
-    values: dict[str, float] = {}
+def varied(own: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
+    """Return an assembly with shared quantities multiplied by factors, and other parameters at given values."""
+    values = dict(other or {})
     for name, factor in factors.items():
         for address in SHARED[name]:
             old = values.get(address, own.get(address))
