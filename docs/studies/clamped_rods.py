@@ -52,7 +52,7 @@ def rod(name: str) -> rc.Assembly:
 
 def first_mode(name: str, values: dict[str, float]) -> float:
     """Return the first natural frequency of a rod in Hz."""
-    return float(rod(name).replace(values).natural_frequencies(4.0 * MEASURED_HZ[name])[0])
+    return float(rod(name).replace(values).lowest_natural_frequencies(1)[0][0])
 
 
 def unknowns(addresses: list[str]) -> list[rc.Unknown]:

@@ -163,7 +163,7 @@ def study_insertion(ratio: float, noise: float, random: np.random.Generator) -> 
     found = [hypothesis(name, observed["series" if name == SERIES else "single"], own) for name, own in laws.items()]
     found.sort(key=lambda one: -one["log_evidence"])
     series = next(one["_fit"] for one in found if one["name"] == SERIES)
-    modes = [er32.first_modes(joints(insertion), 2, BAND_HZ[1]) for insertion in INSERTIONS_MM]
+    modes = [joints(insertion).lowest_natural_frequencies(2)[0] for insertion in INSERTIONS_MM]
     half = {name: (INSERTIONS_MM[-1] / INSERTIONS_MM[0]) ** growth for name, growth in GROWTH.items()}
     return {
         "ratio": ratio,
@@ -235,7 +235,7 @@ def study_material() -> dict[str, Any]:
         joint = np.array([setup.k_y, setup.k_theta])
         bare = er32.assembly(setup.diameter_mm, PUBLISHED.mount(setup.diameter_mm).overhang_mm, *joint.tolist())
         true = with_shank(bare, HSS)
-        frequency = er32.first_modes(true, 2, 1e4)
+        frequency = true.lowest_natural_frequencies(2)[0]
         control = max(control, float(np.max(np.abs(100.0 * (er32.follow_joint(true, frequency) / joint - 1.0)))))
         for name, factors in ERRORS.items():
             model = with_shank(bare, carbide) if name.startswith("shank") else true

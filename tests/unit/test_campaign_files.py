@@ -348,6 +348,7 @@ class TestExamples:
             plain = MeasuredFRF(
                 assembly=seen.assembly, frequency_hz=seen.frequency_hz.real, receptance=seen.receptance,
                 response=seen.response, excitation=seen.excitation, standard_deviation=seen.standard_deviation,
+                label=name,
             )  # fmt: skip
             measurements[name] = dataclasses.replace(measured, observation=plain)
         wrong = dataclasses.replace(read, measurements=measurements).identify()
@@ -358,7 +359,7 @@ class TestExamples:
         read = campaign.load(free_free)
         prediction = read.predict()
         again = pickle.loads(pickle.dumps(prediction))
-        assert again.as_dict() == prediction.as_dict()
+        assert again.to_dict() == prediction.to_dict()
         assert repr(again) == repr(prediction)
 
     def test_a_damaged_data_file(self, free_free: Path, tmp_path: Path) -> None:

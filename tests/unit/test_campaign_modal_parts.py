@@ -218,7 +218,7 @@ def test_peaks_without_an_interval_are_not_outside_of_it(tmp_path: Path) -> None
         io.write(tmp_path / f"{name}.npz", FRF(frequency_hz=lines, values=h, log_variance=1e-4))
         place = f'{{ part = "{at.part}", position = "{1e3 * float(at.position):g} mm" }}'
         text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "longer"\nfile = "{name}.npz"\nresponse = {place}\n'
-    found = written(tmp_path, text, step=10).transfer().found
+    found = written(tmp_path, text, step=10).transfer()
     assert any(mode.predicted_hz is not None for mode in found.modes)
     assert all(mode.inside is None for mode in found.modes if mode.predicted_hz is not None)
 
@@ -300,7 +300,7 @@ def test_transfer_next_and_stability_with_an_unknown_spindle(tmp_path: Path) -> 
     loaded = written(tmp_path, text, step=10)
     found = loaded.identify()
     assert found.rms == pytest.approx(1.0, abs=0.15)
-    assert "nose" in str(loaded.next_measurement(found).as_dict())
+    assert "nose" in str(loaded.next_measurement(found).to_dict())
     assert "roughing" in str(loaded.stability(found).to_dict())
     with pytest.raises(CampaignError, match="fewer than two assemblies were measured"):
         loaded.transfer()

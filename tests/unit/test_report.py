@@ -185,6 +185,9 @@ def test_every_result_keeps_to_the_protocol() -> None:
         assert one.heading != Result.heading, one
         for name in ("to_dict", "summary", "_repr_html_"):
             assert getattr(one, name) is getattr(Result, name), (one, name)
+    others = [one for one in classes if not issubclass(one, Result)]
+    for name in ("as_dict", "to_dict", "summary", "as_text", "as_html"):
+        assert not [one for one in others if name in vars(one)], name
 
 
 def test_text_needs_no_terminal_and_no_colour() -> None:

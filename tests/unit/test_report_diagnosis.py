@@ -171,7 +171,7 @@ def test_natural_frequencies_alone_and_nothing_that_explains_them(tmp_path: Path
     ]
     verdict = diagnose(observations, unknowns, causes=["tool_density", "collet_mass"], most=1, held_out=True)
     assert verdict.verdict == "unexplained"
-    said, page = verdict.summary(), diagnosis_html(verdict)
+    said, page = verdict.summary(1000), diagnosis_html(verdict)
     assert "if all standard deviations were" in said
     assert "if believed" in said
     for words in ("By evidence", "comes nearest", "held-out modes", "in numbers", "as given", " at 1"):

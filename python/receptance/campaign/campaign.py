@@ -15,16 +15,15 @@ from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
+from receptance.identification.places import Place
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
+    from receptance.campaign.comparison import Prediction
     from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.next_step import CampaignNext
-    from receptance.campaign.prediction import CampaignPrediction
-    from receptance.campaign.transfer import CampaignTransfer
     from receptance.diagnosis import Cause, Metric, Verdict
-    from receptance.identification import Identification, InverseCouplings
+    from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability
 
 __all__ = ["Campaign"]
@@ -122,6 +121,11 @@ class Campaign:
         measured = {one.assembly for one in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
 
+    def place_of(self, name: str) -> Place:
+        """An assembly with its configuration and conditions, as laws and tolerances need to know it."""
+        conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
+        return Place(self.assemblies[name], name, "", conditions)
+
     def tables(self) -> list[Table]:
         """Return what was measured; the levels of a series in a table of their own."""
         groups: dict[str, list[Measurement]] = {}
@@ -200,7 +204,7 @@ class Campaign:
         targets: Sequence[str] = (),
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignNext:
+    ) -> NextMeasurement:
         """Rank the candidates by how well unknowns or predictions are expected to be known with them.
 
         Parameters
@@ -227,7 +231,7 @@ class Campaign:
         *,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignPrediction:
+    ) -> Prediction:
         """Predict what is held out and the assemblies that were not measured.
 
         Parameters
@@ -281,7 +285,7 @@ class Campaign:
         draws: int = 200,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignTransfer:
+    ) -> Transfer:
         """Predict every measured assembly from the others, whatever the roles of the measurements.
 
         Parameters

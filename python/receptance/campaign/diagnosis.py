@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from receptance.campaign.identification import observed_unknowns, tolerances_of_measurements
+from receptance.campaign.identification import observed_unknowns
 from receptance.campaign.problems import CampaignError
+from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.errors import ReceptanceError
 
 if TYPE_CHECKING:

@@ -1,30 +1,30 @@
-"""The fit of a campaign, and the propagation of its tolerances."""
+"""The fit of a campaign, with the errors of dimensions and materials as parameters with priors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.deviations import parse_share
-from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation, tolerances_of
+from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.series import FEWEST, over_levels, started_by_level
-from receptance.identification import Identification, MeasuredFRF, Unknown, identify
-from receptance.identification.factors import FACTORS
+from receptance.campaign.tolerances import tolerances_of_measurements
+from receptance.identification import Identification, Unknown, identify
 from receptance.identification.laws import Law
-from receptance.identification.task import place_of
+from receptance.identification.task import Observation, place_of
 
 if TYPE_CHECKING:
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.measurement_models import SettingsTable
     from receptance.campaign.observations import Measurement
     from receptance.identification.laws import Tolerance
 
-__all__ = ["identify_campaign", "observed_unknowns", "propagation_of", "tolerances_of_measurements"]
-
-_DISAGREE = 1.3
-"""Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
+__all__ = [
+    "fit_options",
+    "identify_campaign",
+    "observed_unknowns",
+    "weighable_tolerances",
+]
 
 
 def identify_campaign(
@@ -40,51 +40,23 @@ def identify_campaign(
         raise CampaignError.about(campaign.file, text)
     unknowns, left_out = observed_unknowns(campaign, seen)
     settings = campaign.table.settings
-    fitted = settings.tolerances == "fit"
-    effects = [{} if fitted else measured.effects for measured in seen.values()]
-    if any(effects) and any(unknown.address in FACTORS for unknown in unknowns):
-        text = 'what stands between structure and record is unknown (`observation.`), expected `tolerances = "fit"`'
-        raise CampaignError.about(campaign.file, text)
+    tolerances = weighable_tolerances(campaign, seen)
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
-    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
-    if by_level:
-        unknowns = started_by_level(observations, unknowns, settings, threads=threads, say=say)
-    starts = 1 if by_level else settings.starts
-    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {starts} starts")
+    by_level, unknowns, options = fit_options(campaign, observations, unknowns, threads=threads, say=say)
+    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
     try:
-        fit = identify(
-            observations,
-            unknowns,
-            objective=settings.objective,
-            band_width_percent=band_width_percent(settings),
-            starts=starts,
-            seed=settings.seed,
-            max_evaluations=settings.max_evaluations,
-            threads=threads,
-            tolerances=tolerances_of_measurements(seen) if fitted else (),
-            strategy="direct" if by_level else settings.strategy,
-        )
+        fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    say("propagating the tolerances")
     fit = replace(
         fit,
         series=over_levels(campaign, fit),
         groups=campaign.templates,
-        propagation=Propagation(fit, observations, effects, band_width_percent(settings)),
         provenance=campaign.provenance(seed=settings.seed, settings=settings.model_dump()),
     )
     notes = [*campaign.notes, *left_out, *(n for n in fit.notes if not any(o.endswith(n) for o in campaign.notes))]
-    if any(effects):
-        notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
-        notes += _on_damping(fit) if any(isinstance(o, MeasuredFRF) for o in observations) else []
-    if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):
-        notes.append(
-            "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "
-            "percentage objective only resembles"
-        )
-    if fitted and fit.errors:
+    if fit.errors:
         notes.append(f"{len(fit.errors)} errors of dimensions and materials are fitted, their tolerances are priors")
     if by_level:
         notes.append(
@@ -94,31 +66,63 @@ def identify_campaign(
         if not fit.series:
             notes.append(f"trends and laws are not fitted: they take {FEWEST} different levels or more, from 0 on")
     profiled = None
-    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log" and not any(effects):
+    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
         profiled = fit.profiles(progress=say)
     return replace(fit, notes=notes, profiled=profiled)
 
 
-def propagation_of(fit: Identification | None) -> Propagation:
-    """Return how a fit reacts to tolerances; one of nothing, or of a fit without a campaign, does not."""
-    return Propagation(fit, [], []) if fit is None or fit.propagation is None else fit.propagation
+def fit_options(
+    campaign: Campaign,
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    *,
+    threads: int | None,
+    say: Callable[[str], None],
+) -> tuple[bool, list[Unknown], dict[str, Any]]:
+    """Return whether each level of a series is fitted by itself first, unknowns that start there, and fit options."""
+    settings = campaign.table.settings
+    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
+    started = list(unknowns)
+    if by_level:
+        started = started_by_level(observations, unknowns, settings, threads=threads, say=say)
+    return (
+        by_level,
+        started,
+        {
+            "objective": settings.objective,
+            "band_width_percent": 100.0 * parse_share(settings.band_width, 'a percentage such as "5 %"'),
+            "starts": 1 if by_level else settings.starts,
+            "max_evaluations": settings.max_evaluations,
+            "threads": threads,
+            "strategy": "direct" if by_level else settings.strategy,
+        },
+    )
 
 
-def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Tolerance]:
-    """Return the errors of all measurements; what has the same name is one error."""
-    return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
-
-
-def _on_damping(fit: Identification) -> list[str]:
-    """Say where intervals of dampings cannot be trusted; linear propagation does not see why."""
-    damped = [a for a in fit.addresses if a.split(".")[-1].startswith("c_") or a.endswith("loss_factor")]
-    if not damped or not fit.known_scatter or fit.rms < _DISAGREE:
+def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
+    """Return the errors of all measurements; a CampaignError where the fit cannot weigh them against the data."""
+    tolerances = tolerances_of_measurements(seen)
+    if not tolerances:
         return []
-    return [
-        f"the residuals are {fit.rms:.2g} times what noise explains: dimensions are off (the resonances of several "
-        "measurements then do not fit one model) or the noise is larger than stated; dampings answer to that first, "
-        f"and the intervals of {', '.join(damped)} do not cover it"
-    ]
+    if campaign.table.settings.objective == "percentage":
+        raise CampaignError(
+            campaign.file,
+            [
+                Problem(
+                    ("settings", "objective"),
+                    'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
+                    'fitted; expected "log", or no tolerances',
+                )
+            ],
+        )
+    bare = [name for name, measured in seen.items() if not measured.observation.weighted]
+    if bare:
+        expected = (
+            "has no standard deviation, which errors of dimensions and materials are weighed against; expected "
+            '`standard_deviation`, such as "2 %", or no tolerances'
+        )
+        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in bare])
+    return tolerances
 
 
 def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
@@ -134,8 +138,3 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tu
     if not kept:
         raise CampaignError.about(campaign.file, "no assembly that was measured for identification has an unknown")
     return kept, notes
-
-
-def band_width_percent(settings: SettingsTable) -> float:
-    """Return how far a band reaches to either side of its peak, in percent."""
-    return 100.0 * parse_share(settings.band_width, 'a percentage such as "5 %"')

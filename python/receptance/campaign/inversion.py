@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from receptance.campaign.identification import tolerances_of_measurements
 from receptance.campaign.problems import CampaignError
+from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.identification import InverseCoupling, InverseCouplings, MeasuredFRF, invert_coupling
 from receptance.identification.line_solutions import TERMS
 from receptance.joints import PointJoint

@@ -3,64 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from receptance.campaign.identification import identify_campaign, tolerances_of_measurements
+from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import FrequencyTarget, Identification, NextMeasurement, next_measurement
-from receptance.report.plain import plain
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from receptance.campaign.campaign import Campaign
     from receptance.identification.information import Target
 
-__all__ = ["CampaignNext", "next_of_campaign"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CampaignNext:
-    """Candidates of a campaign, the best first.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was asked about.
-    identified : Identification
-        What is known now.
-    found : NextMeasurement
-        The ranking.
-    versions : dict of str to str
-        What is needed to do it again.
-    """
-
-    campaign: Campaign
-    identified: Identification
-    found: NextMeasurement
-    versions: dict[str, str]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds: an infinite number is None."""
-        result: dict[str, Any] = plain(
-            {
-                "campaign": self.campaign.title,
-                "file": self.campaign.file.name,
-                **self.found.as_dict(),
-                "seed": self.identified.seed,
-                "versions": self.versions,
-            }
-        )
-        return result
-
-    def plot(self) -> Figure:
-        """Draw the interval of each target now and with each candidate."""
-        from receptance.plot.next_measurement import draw_next_measurement
-
-        return draw_next_measurement(self.found, f"{self.campaign.title}: which measurement next")
+__all__ = ["next_of_campaign"]
 
 
 def next_of_campaign(
@@ -70,35 +26,24 @@ def next_of_campaign(
     targets: Sequence[str] = (),
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> CampaignNext:
+) -> NextMeasurement:
     """Rank the candidates of a campaign; see `Campaign.next_measurement`."""
-    from receptance.provenance import versions
-
     if not campaign.candidates:
         raise CampaignError.about(campaign.file, "there is nothing to choose from, expected `candidates`")
     known = identified or identify_campaign(campaign, threads=threads, progress=progress)
     wanted = [_target(name, campaign, known) for name in targets]
-    exact = campaign.table.settings.tolerances == "propagate" and known.known_scatter
     try:
         found = next_measurement(
             known,
             list(campaign.candidates.values()),
             targets=wanted or None,
-            # The fit took dimensions as exact; what more data would bring depends on them all the same.
-            tolerances=tolerances_of_measurements(campaign.to_identify) if exact else (),
             level=campaign.table.prediction.level,
             profiles=known.profiled or {},
             progress=progress,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    if exact and any(one.effects for one in campaign.to_identify.values()):
-        text = (
-            'tolerances count here as what is known of dimensions beforehand, as with `tolerances = "fit"`; identify '
-            "takes dimensions as exact, and its intervals with tolerances are wider"
-        )
-        found = replace(found, notes=(*found.notes, text))
-    return CampaignNext(campaign=campaign, identified=known, found=found, versions=versions())
+    return replace(found, provenance=campaign.provenance(seed=known.seed))
 
 
 def _target(name: str, campaign: Campaign, known: Identification) -> Target:

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.cuts import CampaignCut
-from receptance.campaign.draws import Draws
-from receptance.campaign.identification import propagation_of
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.suggestions import did_you_mean
 from receptance.campaign.tips import Tips
@@ -47,15 +45,13 @@ def stability_of_campaign(
         identified = None
     elif identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
-    propagation = propagation_of(identified)
-    provenance = campaign.provenance(settings=asked.model_dump())
-    draws = Draws(propagation, asked.number_of_draws, asked.seed)
     found = {}
+    provenance = campaign.provenance(settings=asked.model_dump())
     for cut in chosen:
         say(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         try:
-            tips = Tips(campaign, identified, draws, directions, threads)
+            tips = Tips(campaign, identified, asked.number_of_draws, asked.seed, directions, threads)
             found[cut.name] = replace(_lobes(cut, tips, speeds, asked, threads, say), provenance=provenance)
         except ValueError as error:
             raise CampaignError.about(campaign.file, f"cuts.{cut.name}: {error}") from error

@@ -110,7 +110,6 @@ def predict(
     """Predict what a campaign holds out, compared with it, and the assemblies that were not measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.campaign_tables import print_prediction
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
@@ -118,10 +117,7 @@ def predict(
         if at_most is not None and not read.held_out:
             raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
         found = with_progress(lambda say: read.predict(progress=say))
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_prediction(console, found)
-    targets.name(console)
+    targets.show(found)
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
         missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
@@ -129,7 +125,7 @@ def predict(
         no = worst > at_most or missed > 0 or unknown > 0
         lost = f", {missed} measured peaks have no prediction" if missed else ""
         lost += f", {unknown} measurements could not be predicted" if unknown else ""
-        console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
+        targets.console().print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
         if no:
             raise typer.Exit(ANSWER_IS_NO)
 
@@ -145,7 +141,6 @@ def transfer(
     """Predict every measured assembly of a campaign from the others, all splits, compared with what was measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.transfer import print_transfer
 
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
@@ -154,12 +149,9 @@ def transfer(
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.transfer(splits=way, progress=say))
-    if plot is not None and not found.found.modes and not found.found.frfs:
-        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.found.not_predicted)}")
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_transfer(console, found)
-    targets.name(console)
+    if plot is not None and not found.modes and not found.frfs:
+        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
+    targets.show(found)
 
 
 def diagnose(

@@ -55,13 +55,9 @@ def next_step(
     """Rank the candidates of a campaign by what they are expected to bring, before any is measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.step_tables import print_next
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.next_measurement(targets=target or (), progress=say))
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_next(console, found)
-    targets.name(console)
+    targets.show(found)

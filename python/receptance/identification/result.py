@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.prediction import Forecast, PredictedReceptance
+from receptance.identification.places import Place
+from receptance.identification.prediction import Forecast, PredictedReceptance, Scatter
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.assembly import Assembly
-    from receptance.campaign.propagation import Propagation
     from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profiles
@@ -95,6 +95,9 @@ class Identification(Result):
         Number of residuals less number of unknowns.
     known_scatter : bool
         Whether standard deviations were given. If not, the scatter is estimated from the residuals.
+    noise_factor : float
+        How many times as large as stated the fit takes the standard deviations: above 1 where tolerances are fitted and
+        the model does not explain the data within both, see `identify`. `residuals` and `rms` count the stated ones.
     converged : bool
         Whether the best start converged.
     advice : list of str
@@ -113,8 +116,6 @@ class Identification(Result):
         Seed of the starts that were drawn.
     task : Task
         What was fitted to what, for what is asked of the fit afterwards.
-    propagation : Propagation or None
-        How the fit of a campaign reacts to tolerances that it takes as exact.
     profiled : Profiles or None
         Profile likelihoods, where they were computed together with the fit.
     series : Results or None
@@ -152,6 +153,7 @@ class Identification(Result):
     rms: float
     degrees_of_freedom: int
     known_scatter: bool
+    noise_factor: float
     converged: bool
     advice: list[str]
     notes: list[str]
@@ -161,7 +163,6 @@ class Identification(Result):
     evaluations: int
     seed: int
     task: Task = field(repr=False)
-    propagation: Propagation | None = field(default=None, repr=False)
     profiled: Profiles | None = None
     series: Results[Any] | None = None
     groups: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -180,51 +181,79 @@ class Identification(Result):
         return self.task.parameters.errors
 
     @property
-    def with_tolerances(self) -> dict[str, float]:
-        """Standard errors from the data and propagated tolerances, by address; empty where there are none."""
-        return self.propagation.standard_errors() if self.propagation is not None and self.propagation.errors else {}
-
-    @property
     def independent_lines(self) -> float:
         """Effective number of independent lines and natural frequencies that were fitted."""
         pairs = zip(self.task.observed, self.task.independent_numbers(), strict=True)
         return sum(0.5 * n if isinstance(one, MeasuredFRF) else float(len(one.modes)) for one, n in pairs)
 
-    def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of a value, in SI units; of a campaign's fit with its propagated tolerances.
+    @property
+    def data_errors(self) -> dict[str, float]:
+        """Standard error of each value that the noise of the data alone causes, as if all dimensions were exact."""
+        variables = self.task.variables
+        slopes = variables.slopes(np.array(list(self.values.values())))
+        return dict(zip(self.addresses, (self.scatter().data * slopes).tolist(), strict=True))
+
+    def interval(self, address: str, level: float = 0.95, *, exact: bool = False) -> tuple[float, float]:
+        """Confidence interval of a value, in SI units.
 
         Symmetric in the fitted variable, so for a log scale value / factor to value * factor; 0 to infinity, or
         infinite, where the data do not determine it. With standard deviations given the quantile is the normal
         one, else Student's t with `degrees_of_freedom`. It rests on the slope of the model at the fit and does
         not know the bounds.
 
+        Parameters
+        ----------
+        address : str
+            Name of the unknown.
+        level : float, optional
+            Share of cases in which the interval is to hold the truth.
+        exact : bool, optional
+            Take dimensions and materials as exact, so that only the noise of the data counts.
+
         Raises
         ------
         ValueError
             An address that was not identified, or a level not between 0 and 1.
         """
-        together = self.with_tolerances
-        if address not in together:
-            return self.interval_of_data(address, level)
-        index, spread = self._index(address), together[address]
-        if self.unknowns[index].scale == "log":
-            spread /= self.values[address] * np.log(10.0)
-        return self._interval(index, spread, level)
-
-    def interval_of_data(self, address: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of a value in SI units from the scatter of the data alone; see `interval`."""
         index = self._index(address)
-        return self._interval(index, float(np.sqrt(self.covariance[index, index])), level)
-
-    def _interval(self, index: int, deviation: float, level: float) -> tuple[float, float]:
-        """Return the interval of a value whose fitted variable has a standard deviation."""
-        reach = quantile(level, None if self.known_scatter else self.degrees_of_freedom) * deviation
-        value = self.values[self.addresses[index]]
+        scatter = self.scatter()
+        reach = self.reach(level) * float((scatter.data if exact else scatter.total)[index])
+        value = self.values[address]
         if self.unknowns[index].scale == "linear":
             return value - reach, value + reach
         with np.errstate(over="ignore"):
             factor = float(np.power(10.0, np.float64(reach)))
         return (value / factor if np.isfinite(factor) else 0.0), value * factor
+
+    def reach(self, level: float = 0.95) -> float:
+        """Number of standard errors to either side of a value that an interval reaches.
+
+        The quantile of the normal distribution where standard deviations were given, else of Student's t distribution.
+        """
+        return quantile(level, None if self.known_scatter else self.degrees_of_freedom)
+
+    def scatter(self) -> Scatter:
+        """Standard deviations of the fitted variables, `(p,)`, and the share of each error in them.
+
+        `data` is what the noise of the data alone would leave if all dimensions and materials were known exactly. The
+        variables are those of `covariance`: log10 of the value where the scale is "log".
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> from receptance.identification import Tolerance
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> modes = MeasuredFrequencies(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:2], standard_deviation_hz=1.0
+        ... )
+        >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), tolerances=length)
+        >>> bool(found.scatter().shares["length"][0] > 0.9)
+        True
+        """
+        places = [(name, self._index(name)) for name in self.errors]
+        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, places)
 
     def profiles(
         self,
@@ -328,7 +357,7 @@ class Identification(Result):
         ValueError
             The assembly has none of the identified parameters, or a law cannot say what holds for it.
         """
-        return Forecast(self, assembly, configuration, conditions, tolerances).assembly
+        return self._forecast(assembly, configuration, conditions, tolerances).assembly
 
     def predict_natural_frequencies(
         self,
@@ -356,7 +385,8 @@ class Identification(Result):
             `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
             and the errors that a new configuration has. Infinite where a parameter that matters is not determined.
         """
-        return Forecast(self, assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
+        found, scatter = self._forecast(assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
+        return found, scatter.total
 
     def predict_receptance(
         self,
@@ -381,13 +411,13 @@ class Identification(Result):
         configuration, conditions, tolerances : optional
             As in `predict_natural_frequencies`.
         draws, seed : int, optional
-            Vectors drawn from the covariance of the fit for the band; with none it is linear in the errors, which holds
+            Vectors drawn from the posterior for the band; with none it is linear in the errors, which holds
             as long as no resonance moves by more than about half its width.
 
         Raises
         ------
         ReceptanceError
-            Hardly any drawn vector has a model.
+            Fewer than half of the vectors have a model.
 
         Examples
         --------
@@ -405,8 +435,8 @@ class Identification(Result):
         >>> bool(np.all(low < high))
         True
         """
-        forecast = Forecast(self, assembly, configuration, conditions, tolerances)
-        return forecast.receptance(frequency_hz, response, excitation, draws, seed, threads)
+        forecast = self._forecast(assembly, configuration, conditions, tolerances)
+        return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed, threads=threads)
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
@@ -433,19 +463,19 @@ class Identification(Result):
 
     def data(self) -> dict[str, Any]:
         """Return parameters, errors, correlations, residuals and starts."""
-        together = self.with_tolerances
+        of_data, shares = self.data_errors, self.scatter().shares
         return {
             "converged": self.converged,
             "parameters": {
                 name: {
                     "value": value,
                     "standard_error": self.standard_errors[name],
-                    "interval_95": self.interval_of_data(name),
-                    "standard_error_with_tolerances": together.get(name, self.standard_errors[name]),
-                    "interval_95_with_tolerances": self.interval(name),
+                    "standard_error_of_data": of_data[name],
+                    "interval_95": self.interval(name),
+                    "shares_of_variance": {error: own[index] for error, own in shares.items()},
                     "determined": self.determined(name),
                 }
-                for name, value in self.values.items()
+                for index, (name, value) in enumerate(self.values.items())
                 if name not in self.errors
             },
             "errors": {
@@ -492,9 +522,8 @@ class Identification(Result):
         return f"Identification({found}; {self._headline()})"
 
     def _parameter_table(self) -> Table:
-        together = self.with_tolerances
-        errors = [self.standard_errors, together] if together else [self.standard_errors]
-        names = ["standard error", "with\ntolerances"][: len(errors)]
+        errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]
+        names = ["standard error", "of it from\nthe data"][: len(errors)]
         numbers = (Column("value", form=".5g"), *(Column(name, form=".2g") for name in names), Column("95 % interval"))
         rows: list[list[Cell]] = []
         for name, value in self.values.items():
@@ -565,6 +594,18 @@ class Identification(Result):
         count = len(self.starts)
         starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
         return f"{state}, {starts}, {self.evaluations} evaluations, rms {number(self.rms, '.3g')}"
+
+    def _forecast(
+        self,
+        assembly: Assembly,
+        configuration: str,
+        conditions: Mapping[str, float] | None,
+        tolerances: Sequence[Tolerance] | None,
+    ) -> Forecast:
+        found = Forecast(self, Place(assembly, configuration, "", conditions or {}), tolerances)
+        if not found.addresses:
+            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
+        return found
 
     def _index(self, address: str) -> int:
         if address not in self.values:

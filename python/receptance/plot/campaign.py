@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-    from receptance.campaign import CampaignPrediction, PredictedFrequencies, PredictedFRF
+    from receptance.campaign import PredictedFrequencies, PredictedFRF, Prediction
     from receptance.identification import Identification
 
 __all__ = ["draw_identification", "draw_prediction"]
@@ -79,23 +79,25 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
     return finished(figure)
 
 
-def draw_prediction(found: CampaignPrediction) -> Figure:
+def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
     """Draw predictions with their intervals over what was measured.
 
     Parameters
     ----------
-    found : CampaignPrediction
+    found : Prediction
         From `Campaign.predict`.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
     """
     frfs = found.frfs[:_MOST_FRFS]
     compared = [one for one in found.frequencies if one.measured_hz is not None]
-    title = f"{found.campaign.title}: predicted{_left_out(found.frfs, frfs)}"
-    figure, cells = _grid(None, len(frfs) + bool(compared), title)
+    title = f"{found.title}{_left_out(found.frfs, frfs)}"
+    figure, cells = _grid(ax, len(frfs) + bool(compared), title)
     for frf, cell in zip(frfs, cells, strict=False):
         _predicted_frf(cell, frf, found)
     if compared:
@@ -167,7 +169,7 @@ def _legend(axes: Axes, noise: NDArray[np.float64] | None) -> None:
     axes.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
 
 
-def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: CampaignPrediction) -> None:
+def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> None:
     lines = frf.frequency_hz.real
     measured = frf.measured is not None
     top, below = _pair(cell)
@@ -246,16 +248,15 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
 def _parameters(axes: Axes, found: Identification) -> None:
     """Draw the 95 % interval of every parameter as a factor of its value."""
     set_up(axes, "How well the parameters are determined, 95 %", "factor of the value", "")
-    toleranced = bool(found.with_tolerances)
-    styles = [(_BAND, 12.0, "with tolerances")] if toleranced else []
+    styles = [(_BAND, 12.0, "with tolerances")] if found.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
     for index, address in enumerate(name for name in found.values if name not in found.errors):
         value = found.values[address]
-        intervals = [found.interval(address)] if toleranced else []
-        for ends, (colour, width, _) in zip([*intervals, found.interval_of_data(address)], styles, strict=True):
+        intervals = [found.interval(address)] if found.errors else []
+        for ends, (colour, width, _) in zip([*intervals, found.interval(address, exact=True)], styles, strict=True):
             low, high = sorted(end / value if value else float("inf") for end in ends)
             if np.isfinite(high) and low > 0.0:
                 axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")
@@ -298,6 +299,6 @@ def _factors(axes: Axes) -> None:
 
 
 def _modes(assembly: Any, modes: Sequence[int], near_hz: float) -> NDArray[np.float64]:
-    from receptance.campaign.propagation import frequency_slopes
+    from receptance.identification.prediction import lowest_frequencies
 
-    return frequency_slopes(assembly, modes, near_hz, [])[0]
+    return lowest_frequencies(assembly, max(modes), near_hz)[0][[mode - 1 for mode in modes]]

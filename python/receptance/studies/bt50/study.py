@@ -282,19 +282,12 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
 
 def _axial_hz(own: Holder, k_z1: float) -> tuple[float, ...]:
     """Return the first mode of the elastic holder."""
-    return _lowest(own.axial(k_z1), 1)
+    return tuple(own.axial(k_z1).lowest_natural_frequencies(1)[0].tolist())
 
 
 def _radial_hz(own: Holder, k_x1: float, k_x2: float) -> tuple[float, ...]:
     """Return the first two modes of the elastic holder."""
-    return _lowest(own.radial(k_x1, k_x2, contact="fading"), 2)
-
-
-def _lowest(assembly: Any, count: int) -> tuple[float, ...]:
-    upper = 8e3
-    while len(found := assembly.natural_frequencies(upper)) < count:
-        upper *= 2.0
-    return tuple(found[:count].tolist())
+    return tuple(own.radial(k_x1, k_x2, contact="fading").lowest_natural_frequencies(2)[0].tolist())
 
 
 def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -> dict[str, ForceSeries]:

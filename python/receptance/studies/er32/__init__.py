@@ -5,7 +5,7 @@ from receptance.studies.er32.figure import draw
 from receptance.studies.er32.joints import Resolution, find_trends, follow_joint, identify_joints, joint_of
 from receptance.studies.er32.report import sections
 from receptance.studies.er32.study import ER32Settings, run
-from receptance.studies.er32.tables import SOURCE, Published, assembly, campaign, first_modes, load
+from receptance.studies.er32.tables import SOURCE, Published, assembly, campaign, load
 
 __all__ = [
     "SOURCE",
@@ -17,7 +17,6 @@ __all__ = [
     "campaign",
     "draw",
     "find_trends",
-    "first_modes",
     "follow_joint",
     "identify_joints",
     "joint_of",

@@ -19,7 +19,7 @@ from receptance.studies.er32.joints import (
     mode_slopes,
     varied,
 )
-from receptance.studies.er32.tables import Published, assembly, first_modes
+from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,7 +95,7 @@ def predict_transfers(published: Published, stiffness: Stiffness) -> list[dict[s
     rows = []
     for transfer in published.transfers:
         own = assembly(transfer.diameter_mm, transfer.overhang_mm, *stiffness[transfer.diameter_mm])
-        found = first_modes(own, len(transfer.measured_hz), transfer.measured_hz[-1]).tolist()
+        found = own.lowest_natural_frequencies(len(transfer.measured_hz))[0].tolist()
         for mode, (measured, paper, ours) in enumerate(
             zip(transfer.measured_hz, transfer.predicted_hz, found, strict=True), 1
         ):
@@ -118,13 +118,13 @@ def find_slopes(published: Published, joints: Sequence[dict[str, Any]]) -> Slope
     """Return the derivatives of the long tools' first modes: d ln k = J^-1 (d ln f - dependence of f on the rest)."""
     parts = []
     for long in published.long_tools:
-        reading, mount = published.reading(long.diameter_mm), published.mount(long.diameter_mm)
+        mount = published.mount(long.diameter_mm)
         joint = joint_of(joints, long.diameter_mm, published.torque_nm)
         stiffness = (joint["k_y"], joint["k_theta"])
         identifying = assembly(long.diameter_mm, mount.overhang_mm, *stiffness)
-        _, shared, own, overhang = mode_slopes(identifying, (1, 2), reading.frequency_hz[1], list(SHARED))
+        _, shared, own, overhang = mode_slopes(identifying, (1, 2), list(SHARED))
         transferred = assembly(long.diameter_mm, long.overhang_mm, *stiffness)
-        _, shared_long, joint_long, overhang_long = mode_slopes(transferred, (1,), long.measured_hz[0], list(SHARED))
+        _, shared_long, joint_long, overhang_long = mode_slopes(transferred, (1,), list(SHARED))
         follow = np.linalg.solve(own.T, joint_long[0])
         parts.append((shared_long[0] - follow @ shared, joint_long[0], overhang_long[0], -follow @ overhang, follow))
     return Slopes(*(np.array(column) for column in zip(*parts, strict=True)))
@@ -266,7 +266,7 @@ def simulate_chance(
         )
         for long in published.long_tools
     ]
-    true_hz = [float(first_modes(own, 1, measured_hz)[0]) for own, _, _, measured_hz in tools]
+    true_hz = [float(own.lowest_natural_frequencies(1)[0][0]) for own, *_ in tools]
     at_bound, means = 0, []
     for _ in range(draws):
         factors = dict(zip(SHARED, np.exp(deviations * random.standard_normal(deviations.size)).tolist(), strict=True))
@@ -277,7 +277,8 @@ def simulate_chance(
             identifying, long = (varied(own, factors, {"tool.segment[0].length": length}) for length in lengths)
             found = follow_joint(identifying, read)
             at_bound += bool(np.any(found <= limits[0]) or np.any(found >= limits[1]))
-            predicted = float(first_modes(long.replace(dict(zip(JOINT, found.tolist(), strict=True))), 1, true)[0])
+            with_joint = long.replace(dict(zip(JOINT, found.tolist(), strict=True)))
+            predicted = float(with_joint.lowest_natural_frequencies(1)[0][0])
             half = float(resolution.half_step(measured_hz))
             errors.append(100.0 * (predicted / (true + half * random.uniform(-1.0, 1.0)) - 1.0))
         means.append(float(np.mean(errors)))
@@ -348,6 +349,6 @@ def _rms_of_long(
 
 
 def _errors(own: Any, measured_hz: Sequence[float]) -> list[float]:
-    found = first_modes(own, len(measured_hz), measured_hz[-1])
+    found = own.lowest_natural_frequencies(len(measured_hz))[0]
     errors: list[float] = (100.0 * (found / np.array(measured_hz) - 1.0)).tolist()
     return errors

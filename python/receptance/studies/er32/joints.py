@@ -119,7 +119,7 @@ def varied(own: Assembly, factors: Mapping[str, float], other: Mapping[str, floa
 
 
 def mode_slopes(
-    own: Assembly, modes: Sequence[int], near_hz: float, names: Sequence[str] = ()
+    own: Assembly, modes: Sequence[int], names: Sequence[str] = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Natural frequencies of an assembly and their relative derivatives.
 
@@ -129,8 +129,6 @@ def mode_slopes(
         From `assembly`.
     modes : sequence of int
         Mode numbers from 1.
-    near_hz : float
-        Approximate frequency of the last mode.
     names : sequence of str, optional
         Shared quantities.
 
@@ -148,12 +146,10 @@ def mode_slopes(
     addresses = list(
         dict.fromkeys([*JOINT, "tool.segment[0].length", _REST, *(a for name in names for a in SHARED[name])])
     )
-    upper = 1.5 * near_hz
-    while (found := own.natural_frequency_derivatives(upper, addresses))[0].size < max(modes):
-        upper *= 2.0
     rows = [mode - 1 for mode in modes]
-    frequency = found[0][rows]
-    column = {address: found[1][rows, i] / frequency for i, address in enumerate(addresses)}
+    found, slopes = own.lowest_natural_frequencies(max(modes), addresses)
+    frequency = found[rows]
+    column = {address: slopes[rows, i] / frequency for i, address in enumerate(addresses)}
     shared = np.zeros((len(rows), len(names)))
     for i, name in enumerate(names):
         for address in SHARED[name]:
@@ -174,10 +170,7 @@ def follow_joint(own: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
     x = np.log([own.get(address) for address in JOINT])
     for _ in range(60):
         moved = own.replace(dict(zip(JOINT, np.exp(x).tolist(), strict=True)))
-        upper = 1.5 * float(np.exp(wanted[-1]))
-        while (found := moved.natural_frequency_derivatives(upper, JOINT))[0].size < 2:
-            upper *= 2.0
-        frequency, slope = found[0][:2], found[1][:2]
+        frequency, slope = moved.lowest_natural_frequencies(2, JOINT)
         matrix = slope * np.exp(x) / frequency[:, None]
         step, *_ = np.linalg.lstsq(matrix, wanted - np.log(frequency), rcond=None)
         step *= min(1.0, _LARGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
@@ -227,7 +220,7 @@ def _identified(published: Published, reading: Any, resolution: Resolution, star
     unknowns = [Unknown(address=address, lower=low, upper=high) for address, (low, high) in BOUNDS.items()]
     found = identify(measured, unknowns, starts=starts, seed=seed)
     fitted = own.replace(found.values)
-    _, _, joint_slopes, overhang_slopes = mode_slopes(fitted, (1, 2), frequency[1])
+    _, _, joint_slopes, overhang_slopes = mode_slopes(fitted, (1, 2))
     per_mm = -100.0 * np.linalg.solve(joint_slopes, overhang_slopes)
     half = resolution.half_step(frequency)
     corners = [follow_joint(fitted, frequency + half * signs) for signs in itertools.product((-1.0, 1.0), repeat=2)]

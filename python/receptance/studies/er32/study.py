@@ -30,7 +30,7 @@ from receptance.studies.er32.joints import (
     shared_value,
 )
 from receptance.studies.er32.report import findings
-from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, first_modes, load
+from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -177,7 +177,7 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
     for diameter, overhang, target in cases:
         setup = published.setup(diameter)
         own = assembly(diameter, overhang, setup.k_y, setup.k_theta)
-        frequency, slopes, _, _ = mode_slopes(own, range(1, len(target) + 1), target[-1], fitted)
+        frequency, slopes, _, _ = mode_slopes(own, range(1, len(target) + 1), fitted)
         residuals.append(np.log(frequency / target))
         rows.append(slopes)
     residual, matrix = np.concatenate(residuals), np.concatenate(rows)
@@ -221,7 +221,7 @@ def _judged(published: Published, chosen: ParameterSet, threshold_percent: float
     for overhang in sorted(measured, reverse=True):
         frequencies = measured[overhang]
         own = assembly(chosen.diameter_mm, overhang, chosen.k_y, chosen.k_theta)
-        found = first_modes(own, len(frequencies), frequencies[-1]).tolist()
+        found = own.lowest_natural_frequencies(len(frequencies))[0].tolist()
         errors += [
             {
                 "overhang_mm": overhang,

@@ -18,9 +18,6 @@ from receptance.beams import Part, Segment
 from receptance.joints import PointJoint
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from receptance.campaign import Campaign
 
 __all__ = [
@@ -35,7 +32,6 @@ __all__ = [
     "Transfer",
     "assembly",
     "campaign",
-    "first_modes",
     "load",
 ]
 
@@ -237,11 +233,3 @@ def assembly(diameter_mm: float, overhang_mm: float, k_y: float = 1e9, k_theta: 
     blank = Segment(length=1e-3 * overhang_mm, outer_diameter=1e-3 * diameter_mm, material=built.materials["carbide"])
     joint = PointJoint(k_y=k_y, k_theta=k_theta, name="joint")
     return Assembly([Part([blank], name="tool"), joint, Part([*front, replace(taper, length=length)], name="holder")])
-
-
-def first_modes(assembly: Assembly, count: int, near_hz: float) -> NDArray[np.float64]:
-    """Return the lowest natural frequencies in Hz, `(count,)`; the last one is expected near `near_hz`."""
-    upper = 1.5 * near_hz
-    while (found := assembly.natural_frequencies(upper)).size < count:
-        upper *= 2.0
-    return found[:count]
