@@ -64,7 +64,8 @@ def log_evidence(found: Identification) -> float:
     problem = found.task.problem()
     x = problem.variables.from_values(np.array(list(found.values.values())))
     residual = problem.residual(x)
-    total = -0.5 * float(residual @ residual)
+    # Standard deviations that the fit has multiplied by a factor make the density of the data lower by as much.
+    total = -0.5 * float(residual @ residual) - sum(found.task.independent_numbers()) * math.log(found.noise_factor)
     low, high = problem.variables.limits
     for i, unknown in enumerate(found.unknowns):
         if unknown.prior is None:

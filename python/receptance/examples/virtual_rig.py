@@ -1,10 +1,16 @@
-"""The virtual rig: poles from finite elements, hit and recorded as the paper recorded its own."""
+"""A virtual BT50 rig: poles from finite elements, hit and recorded as Xu et al. 2012 recorded their own rig.
+
+The holder has the taper of JIS B 6339 BT50; its other dimensions and the contact are invented, because the paper
+prints none. `tests/bt50_rig.py` computes the poles and residues in `virtual_rig.csv`.
+"""
 
 from __future__ import annotations
 
+import csv
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import resources
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +21,6 @@ from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.materials import Material
 from receptance.measurement import estimate_frf, find_hits, simulate_hits
-from receptance.studies._data import number, read_table, read_toml
 from receptance.taper import Holder, without_each
 
 if TYPE_CHECKING:
@@ -24,27 +29,35 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.measurement import TimeRecords
 
-__all__ = ["SAMPLE_RATE_HZ", "SPACING_HZ", "VirtualRig", "load_holder", "load_rig"]
+__all__ = ["ESTIMATE", "HITS", "SAMPLE_RATE_HZ", "SPACING_HZ", "VirtualRig", "holder", "load_rig"]
 
 Motion = Literal["axial", "radial"]
 
 SAMPLE_RATE_HZ = 20480.0
 SPACING_HZ = 20.0
 HITS = 10
-"""Of the paper: sampling, resolution and averaged impacts."""
+"""Sampling, resolution and number of impacts of the paper."""
 DECAY_RATE = 120.0
-"""In 1/s, of the exponential window: after 50 ms nothing is left to be cut off."""
+"""Rate of the exponential window in 1/s: the response has decayed after 50 ms."""
 ESTIMATE: dict[str, Any] = {"decay_rate": DECAY_RATE, "force_window_s": None, "estimator": "Hv"}
-"""The force counts as a whole, because what a window takes off it is the same for all hits, and no scatter shows it;
-more noise of the force then comes in, which Hv allows for."""
+"""Without a force window, because its error is the same for all hits and so invisible in their scatter. More noise of
+the force is then included, which Hv allows for."""
+PLACES_MM: dict[str, tuple[float, tuple[float, ...]]] = {"axial": (0.0, (0.0,)), "radial": (10.0, (10.0, 50.0))}
+"""Hit and responses in mm from the tip."""
 _NOISE_DB = -60.0
 _CONTACT_S = 2e-4
 _PRE_TRIGGER_S = 1e-3
+_STEEL = Material(youngs_modulus=208e9, density=7850.0, poisson_ratio=0.29, name="steel")
+_FRONT_MM = ((45.0, 60.0), (35.0, 100.0), (3.0, 69.85))
+"""Length and diameter from the tip: nose of a collet chuck, flange, gap to the gauge line."""
+_TAPER_MM = (101.8, 69.85)
+_TAPER_STEPS = 12
+_STUD_MM = (35.0, 25.0)
 
 
 @dataclass(frozen=True, eq=False)
 class VirtualRig:
-    """The rig in one motion at one drawbar force, as poles and residues; what `simulate_hits` can hit.
+    """The rig in one motion at one drawbar force, as poles and residues, for `simulate_hits`.
 
     Attributes
     ----------
@@ -53,7 +66,7 @@ class VirtualRig:
     force_kn : float
         Drawbar force.
     hit, seen : Coordinate, tuple of Coordinate
-        Where it is hit and seen; other places are not known.
+        Places of the hit and of the responses; no others are available.
     poles, residues : ndarray
         `(m,)` in rad/s and `(m, n_seen)`.
     rest : ndarray
@@ -98,14 +111,14 @@ class VirtualRig:
         Returns
         -------
         plain, windowed : FRF
-            Without a window and with all lines, as the paper has it, though the response has not died away in a block
-            of 50 ms; and from the same records with an exponential window on both channels, which is exact.
+            Without a window and with all lines, as in the paper, although the response has not decayed in a block of
+            50 ms; and from the same records with an exponential window on both channels, which is exact.
         left_out : tuple of FRF
             The second without each of the hits.
         """
         records = self.records(seed)
         with warnings.catch_warnings():
-            # It is said in the study's findings, once.
+            # The study states it once.
             warnings.filterwarnings("ignore", ".*has not died away", ReceptanceWarning)
             plain = estimate_frf(records)
         hits = find_hits(records)
@@ -136,25 +149,25 @@ class VirtualRig:
 
 def load_rig() -> tuple[VirtualRig, ...]:
     """Read the packaged poles: all forces, axial and radial in turn."""
-    rows: dict[tuple[float, str], list[Any]] = {}
-    for row in read_table("bt50_virtual_rig.csv"):
-        rows.setdefault((number(row, "force_kn"), row["motion"]), []).append(row)
-    places = read_toml("bt50_holder.toml")["rig"]
+    text = (resources.files("receptance.examples") / "virtual_rig.csv").read_text(encoding="utf-8")
+    rows: dict[tuple[float, str], list[dict[str, str]]] = {}
+    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+        rows.setdefault((float(row["force_kn"]), row["motion"]), []).append(row)
     found = []
     for (force, motion), own in rows.items():
-        seen = [Coordinate("holder", 1e-3 * x) for x in places[f"{motion}_seen_mm"]]
+        hit, seen = PLACES_MM[motion]
         columns = range(1, len(seen) + 1)
         residues = np.array(
-            [[complex(number(r, f"residue_{i}_real"), number(r, f"residue_{i}_imag")) for i in columns] for r in own]
+            [[complex(float(r[f"residue_{i}_real"]), float(r[f"residue_{i}_imag"])) for i in columns] for r in own]
         )
-        poles = np.array([complex(number(r, "pole_real"), number(r, "pole_imag")) for r in own])
+        poles = np.array([complex(float(r["pole_real"]), float(r["pole_imag"])) for r in own])
         modes = np.array([int(r["mode"]) > 0 for r in own])
         found.append(
             VirtualRig(
                 motion="axial" if motion == "axial" else "radial",
                 force_kn=force,
-                hit=Coordinate("holder", 1e-3 * places[f"{motion}_hit_mm"]),
-                seen=tuple(seen),
+                hit=Coordinate("holder", 1e-3 * hit),
+                seen=tuple(Coordinate("holder", 1e-3 * x) for x in seen),
                 poles=poles[modes],
                 residues=residues[modes],
                 rest=residues[~modes][0],
@@ -163,26 +176,25 @@ def load_rig() -> tuple[VirtualRig, ...]:
     return tuple(found)
 
 
-def load_holder() -> Holder:
-    """Return the holder as somebody would describe it from a drawing: cylinders, and the cone in steps."""
-    data = read_toml("bt50_holder.toml")
-    steel = Material(
-        youngs_modulus=1e9 * data["steel"]["E_gpa"],
-        density=float(data["steel"]["density_kg_m3"]),
-        poisson_ratio=data["steel"]["poisson"],
-        name="steel",
-    )
+def holder() -> Holder:
+    """Return the holder as described from a drawing: cylinders, and the cone in steps.
 
-    def cylinder(length: float, diameter: float) -> Segment:
-        return Segment(length=1e-3 * length, outer_diameter=1e-3 * diameter, material=steel)
+    Examples
+    --------
+    >>> from receptance.examples.virtual_rig import holder
+    >>> round(holder().body.mass, 2)
+    5.33
+    """
 
-    before = [cylinder(length, diameter) for length, diameter in data["before_the_gauge_line_mm"]]
-    taper = data["taper"]
-    step = taper["length_mm"] / taper["steps"]
-    ends = [taper["gauge_diameter_mm"] - i * step * 7.0 / 24.0 for i in range(taper["steps"] + 1)]
-    # Each step as heavy as the frustum that it stands for.
+    def cylinder(length_mm: float, diameter_mm: float) -> Segment:
+        return Segment(length=1e-3 * length_mm, outer_diameter=1e-3 * diameter_mm, material=_STEEL)
+
+    length, gauge = _TAPER_MM
+    step = length / _TAPER_STEPS
+    ends = [gauge - i * step * 7.0 / 24.0 for i in range(_TAPER_STEPS + 1)]
+    # Each step has the mass of the frustum that it replaces.
     cone = [cylinder(step, float(np.sqrt((a * a + a * b + b * b) / 3.0))) for a, b in pairwise(ends)]
-    behind = [cylinder(length, diameter) for length, diameter in data["behind_the_taper_mm"]]
-    part = Part([*before, *cone, *behind], name="holder")
+    before = [cylinder(*sizes) for sizes in _FRONT_MM]
+    part = Part([*before, *cone, cylinder(*_STUD_MM)], name="holder")
     big_end = sum(segment.length for segment in before)
-    return Holder(part=part, big_end=big_end, small_end=big_end + 1e-3 * taper["length_mm"])
+    return Holder(part=part, big_end=big_end, small_end=big_end + 1e-3 * length)
