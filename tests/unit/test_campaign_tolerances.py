@@ -180,7 +180,7 @@ def test_data_that_contradict_the_model_do_not_overrule_tolerances(campaign: Cam
             standard_deviation_hz=2e-4 * true, label=name,
         )  # fmt: skip
         measured[name] = replace(one, name=name, assembly=name, observation=seen, effects=campaign.effects[name])
-    found = replace(campaign, measurements=measured).identify().fit
+    found = replace(campaign, measurements=measured).identify()
     assert 15.0 < found.noise_factor < 90.0
     assert found.rms == pytest.approx(found.noise_factor, rel=0.5)
     assert max(abs(found.values[name]) for name in found.errors) < 2.5

@@ -245,12 +245,12 @@ class Identification(Result):
         >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
         >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
         >>> modes = MeasuredFrequencies(
-        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:2], standard_deviation_hz=1.0
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:1], standard_deviation_hz=1.0
         ... )
         >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), tolerances=length)
-        >>> bool(found.scatter().shares["length"][0] > 0.9)
-        True
+        >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
+        '79% of the variance goes with the length'
         """
         places = [(name, self._index(name)) for name in self.errors]
         return Scatter.of(np.eye(len(self.unknowns)), self.covariance, places)
