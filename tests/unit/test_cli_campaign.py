@@ -84,7 +84,7 @@ def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch
         ("identify", "campaign.toml"),
         ("predict", "campaign.toml"),
         ("sweep", ".", "--sample", "3"),
-        ("study", "clamped-rods"),
+        ("study", "er32", "--draws", "1"),
     ],
 )
 def test_json_to_standard_output(
