@@ -24,9 +24,9 @@ from receptance.diagnosis import Model, diagnose
 from receptance.diagnosis.explanation import MARGIN, Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.report import diagnosis_html
 from receptance.diagnosis.rivals import RIVALS
 from receptance.identification import Tolerance
-from receptance.report import diagnosis_html
 
 LINES = np.linspace(200.0, 5000.0, 400)
 JOINT = [
@@ -91,7 +91,7 @@ def test_what_is_told_of_a_better_rival() -> None:
     assert "a mass at 30 % of tool" in note
     assert verdict.rival is verdict.rivals[0]
     assert verdict.rival.parameters["mass_somewhere.mass"][0] == pytest.approx(4e-4, rel=0.1)
-    assert "no known cause: a mass at 30 % of tool\n  size: mass 0.4" in verdict.summary()
+    assert "no known cause: a mass at 30 % of tool\n    size: mass 0.4" in verdict.summary(1000)
     assert "a mass at 30 % of tool (mass 0.4" in diagnosis_html(verdict)
     assert verdict.to_dict()["rival"]["id"] == "mass_somewhere"
     assert "none is named" in note

@@ -19,10 +19,10 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.showing import implausible
 from receptance.diagnosis.steps import Steps
 from receptance.diagnosis.usable import usable
 from receptance.diagnosis.verdict import Candidate, Verdict
+from receptance.diagnosis.wording import implausible
 from receptance.identification.laws import Tolerance
 from receptance.identification.measured import UNUSED_COHERENCE
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
@@ -303,16 +303,9 @@ def _work(selection: Selection) -> dict[str, Any]:
 
 
 def _settings(selection: Selection, seed: int, most: int) -> dict[str, Any]:
-    import platform
-    from importlib.metadata import version
-
     return {
         "seed": seed,
         "most": most,
         **_work(selection),
         "causes": sorted({one.cause.id for one in selection.found} | set(selection.undecidable)),
-        "versions": {
-            **{name: version(name) for name in ("receptance", "numpy", "scipy")},
-            "python": platform.python_version(),
-        },
     }
