@@ -12,7 +12,7 @@ from receptance._addresses import interfaces_by_name
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.collet import ColletJoint
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.spread import SpreadJoint
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Tied", "tie"]
 
-_KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring)
+_KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring, Resonator)
 """Elements whose table entries are sums of their parameters."""
 
 

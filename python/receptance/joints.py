@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 
-__all__ = ["GroundSpring", "PointJoint", "PointMass"]
+__all__ = ["GroundSpring", "PointJoint", "PointMass", "Resonator"]
 
 _SPRING_UNITS = {
     "k_y": "N/m",
@@ -240,3 +240,58 @@ class PointMass:
     def columns(self) -> tuple[float, ...]:
         """Return mass and inertia."""
         return (self.mass, self.inertia)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resonator:
+    """A mass on a spring and a dashpot at a point of a part.
+
+    It stands for one mode of a structure that is not modelled, or for a vibration absorber. It acts on the translation
+    of its point, with the dynamic stiffness -w^2 mass k / (k - w^2 mass), k = k_y + i w c_y (Den Hartog, Mechanical
+    Vibrations, 4th edition 1956, section 3.3).
+
+    Parameters
+    ----------
+    mass : float
+        Mass in kg.
+    k_y : float
+        Stiffness in N/m; above zero.
+    c_y : float
+        Viscous damping in N s/m.
+    part : str, optional
+        Name of the part that carries it; empty for the first part.
+    position : float or "end"
+        Distance in m from the part's tip-side end, or its far end.
+    name : str, optional
+        First word of the addresses of its parameters.
+
+    Raises
+    ------
+    ValueError
+        A negative mass or damping, or a stiffness that is not above zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Part, Resonator, Segment
+    >>> bar = Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")
+    >>> absorber = Resonator(mass=0.02, k_y=0.02 * (2.0 * np.pi * 800.0) ** 2, c_y=1.0)
+    >>> Assembly([bar], [absorber]).natural_frequencies(3e3).round(0)
+    array([ 851., 2269.])
+    """
+
+    mass: float
+    k_y: float
+    c_y: float = 0.0
+    part: str = ""
+    position: float | Literal["end"] = 0.0
+    name: str = field(default="", compare=False)
+
+    columns_of: ClassVar[tuple[str, ...]] = ("mass", "k_y", "c_y")
+    offsets: ClassVar[tuple[float, ...]] = (0.0,)
+
+    def __post_init__(self) -> None:
+        owner = f"Resonator {self.name!r}" if self.name else "Resonator"
+        object.__setattr__(self, "mass", _checks.not_negative(owner, "mass", self.mass, unit="kg"))
+        object.__setattr__(self, "k_y", _checks.positive(owner, "k_y", self.k_y, unit="N/m"))
+        object.__setattr__(self, "c_y", _checks.not_negative(owner, "c_y", self.c_y, unit="N s/m"))

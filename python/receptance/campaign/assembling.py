@@ -14,7 +14,7 @@ from receptance.campaign.workshop import expected
 from receptance.coordinates import Coordinate
 from receptance.identification.factors import FACTORS
 from receptance.identification.unknowns import covered
-from receptance.joints import GroundSpring, PointMass
+from receptance.joints import GroundSpring, PointMass, Resonator
 from receptance.modal_parts import ModalPart
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) ->
     return carrying(assembly, replace(sensor, part=at.part, position=at.position))
 
 
-def carrying(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
+def carrying(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more attached to it."""
     return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points], motion=assembly.motion)
 

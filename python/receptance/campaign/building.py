@@ -10,7 +10,7 @@ from receptance.campaign.addresses import SPRING_FIELDS, parse_position
 from receptance.campaign.joint_building import AnyJoint, build_joint, started
 from receptance.campaign.unknown_building import build_unknown
 from receptance.campaign.workshop import Workshop
-from receptance.joints import GroundSpring, PointMass
+from receptance.joints import GroundSpring, PointMass, Resonator
 from receptance.materials import STEEL, Material
 from receptance.modal_parts import ModalPart, Mode
 from receptance.taper.body import as_rigid
@@ -37,7 +37,7 @@ class Built:
     parts: dict[str, Part] = field(default_factory=dict)
     modal_parts: dict[str, ModalPart] = field(default_factory=dict)
     joints: dict[str, AnyJoint] = field(default_factory=dict)
-    attachments: dict[str, PointMass | GroundSpring] = field(default_factory=dict)
+    attachments: dict[str, PointMass | GroundSpring | Resonator] = field(default_factory=dict)
     sensors: dict[str, PointMass] = field(default_factory=dict)
     unknowns: dict[str, Unknown] = field(default_factory=dict)
     assemblies: dict[str, Assembly] = field(default_factory=dict)
@@ -110,7 +110,7 @@ def _modal_part(name: str, campaign: CampaignTable, built: Built, workshop: Work
 
 def _attachment(
     name: str, campaign: CampaignTable, built: Built, workshop: Workshop
-) -> PointMass | GroundSpring | None:
+) -> PointMass | GroundSpring | Resonator | None:
     table = campaign.attachments[name]
     path: Path = ("attachments", name)
     position = workshop.make((*path, "position"), parse_position, table.position)
@@ -119,6 +119,9 @@ def _attachment(
     if table.kind == "mass":
         values = started(name, table, ("mass", "inertia"), built)
         return workshop.make(path, PointMass, **values, part=table.part, position=position, name=name)
+    if table.kind == "resonator":
+        values = started(name, table, Resonator.columns_of, built)
+        return workshop.make(path, Resonator, **values, part=table.part, position=position, name=name)
     values = started(name, table, SPRING_FIELDS, built)
     shape = {"length": table.length, "points": table.points, "weights": tuple(table.weights)}
     return workshop.make(path, GroundSpring, **values, **shape, part=table.part, position=position, name=name)

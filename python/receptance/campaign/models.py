@@ -212,6 +212,17 @@ class MassSpread(Table):
     """of the moment of inertia"""
 
 
+class ResonatorSpread(Table):
+    """Standard deviations of a resonator."""
+
+    mass: _MassSpread = None
+    """of the mass"""
+    k_y: Annotated[Deviation | None, Spread(KINDS["a stiffness"])] = None
+    """of k_y"""
+    c_y: Annotated[Deviation | None, Spread(KINDS["a damping"])] = None
+    """of c_y"""
+
+
 class SensorTable(Table):
     """A sensor that weighs something: where a measurement names it, its mass sits at the response coordinate."""
 
@@ -261,8 +272,26 @@ class GroundTable(_Placed, SpringFields):
     """standard deviations, by the same keys"""
 
 
+class ResonatorTable(_Placed):
+    """A mass on a spring and a dashpot: a mode of a structure that is not modelled, or an absorber."""
+
+    kind: Literal["resonator"]
+    """`"resonator"`"""
+    mass: _Mass
+    """mass"""
+    k_y: _Stiffness
+    """stiffness; above zero"""
+    c_y: _Damping = 0.0
+    """viscous damping"""
+    tolerance: ResonatorSpread = ResonatorSpread()
+    """standard deviations, by the same keys"""
+
+
 AttachmentTable = Annotated[
-    Annotated[MassTable, Tag("mass")] | Annotated[GroundTable, Tag("ground")], Discriminator("kind")
+    Annotated[MassTable, Tag("mass")]
+    | Annotated[GroundTable, Tag("ground")]
+    | Annotated[ResonatorTable, Tag("resonator")],
+    Discriminator("kind"),
 ]
 
 

@@ -8,10 +8,11 @@ from typing import Any
 from receptance.beams import Part, Section, Segment
 from receptance.campaign.addresses import FIELDS, SPRING_FIELDS, kind_of
 from receptance.campaign.quantities import KINDS, Kind
+from receptance.collet import ColletJoint
 from receptance.identification.laws import Law, Move
 from receptance.identification.priors import Prior
 from receptance.identification.unknowns import Unknown
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.materials import Material
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
@@ -79,6 +80,9 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         return {"kind": "spread", **fields, **points, **sections}
     if type(element) is PointJoint:
         return _spring(element)
+    if isinstance(element, ColletJoint):
+        own = {name: quantity(getattr(element, name), FIELDS[name]) for name in ColletJoint.columns_of}
+        return {"kind": "collet", **own, **{name: _spring(getattr(element, name)) for name in ColletJoint.joints_of}}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a band, which campaigns do not have for modal parts, and is not written")
@@ -100,8 +104,8 @@ def _spring(one: PointJoint | GroundSpring) -> dict[str, Any]:
     return {name: quantity(getattr(one, name), FIELDS[name]) for name in SPRING_FIELDS if getattr(one, name)}
 
 
-def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
-    """Return the table of a mass or of a ground spring at a point.
+def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
+    """Return the table of a mass, a resonator or a ground spring at a point.
 
     Raises
     ------
@@ -110,9 +114,9 @@ def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
     """
     position = point.position if isinstance(point.position, str) else quantity(point.position, KINDS["a length"])
     placed = {"part": point.part, "position": position}
-    if isinstance(point, PointMass):
-        own = {name: quantity(getattr(point, name), FIELDS[name]) for name in ("mass", "inertia")}
-        return {"kind": "mass", **placed, **own}
+    if isinstance(point, (PointMass, Resonator)):
+        kind = "mass" if isinstance(point, PointMass) else "resonator"
+        return {"kind": kind, **placed, **{n: quantity(getattr(point, n), FIELDS[n]) for n in point.columns_of}}
     if point.length:
         raise ValueError(f"{point!r} acts along a stretch and cannot be written as a table of a campaign")
     return {"kind": "ground", **placed, **_spring(point)}

@@ -38,6 +38,7 @@ _KINDS = (
     "MicroslipJoint",
     "PointMass",
     "GroundSpring",
+    "Resonator",
     "Assembly",
     "Unknown",
     "Candidate",

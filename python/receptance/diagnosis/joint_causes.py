@@ -9,16 +9,16 @@ from functools import partial
 from typing import Any, TypeVar
 
 from receptance.assembly import Assembly
-from receptance.beams import Part, Section, Segment
+from receptance.beams import Part, Section
+from receptance.collet import ColletJoint
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, renamed
-from receptance.identification.laws import Move, Tolerance
+from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation
 from receptance.identification.unknowns import covered
-from receptance.joints import GroundSpring, PointJoint, PointMass
-from receptance.materials import Material
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.spread import SpreadJoint
 
 __all__ = ["JOINT_CAUSES", "overhang_of"]
@@ -29,10 +29,9 @@ _VARIED = 1.05
 """A condition has been varied where its largest value is this many times its smallest."""
 _SAME_PLACE = 1e-9
 """Places in m that are nearer than this are one."""
-_STUB = 1e-5
-"""Length in m of the body that stands for a collet between two springs."""
-_LIGHT = Material(youngs_modulus=1e13, density=1e2, poisson_ratio=0.3, name="stands for a collet")
-_Placed = TypeVar("_Placed", bound=Coordinate | PointMass | GroundSpring)
+_GYRATION = 0.6
+"""Radius of gyration of a collet as a multiple of the shank's diameter."""
+_Placed = TypeVar("_Placed", bound=Coordinate | PointMass | GroundSpring | Resonator)
 _STIFFNESSES = ("k_y", "k_theta")
 _DAMPINGS = ("c_y", "c_theta")
 
@@ -73,13 +72,14 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
     _needs_receptances(model)
-    if any(model.has(f"{name}.loss_factor") for name in model.joints):
+    if any(model.has(address) for address in model.joint_addresses("loss_factor")):
         raise UndecidableError("the loss factor is an unknown of the model already")
-    joints = model.joints
-    yield Variant(
-        "all stiffnesses",
-        model.plus(*(p["loss_factor"].unknown(f"{name}.loss_factor", part=_own(joints, name)) for name in joints)),
-    )
+    unknowns = []
+    for name in model.joints:
+        first, *others = model.addresses_of(name, "loss_factor")
+        unknown = p["loss_factor"].unknown(first, part=_own(model.joints, name))
+        unknowns.append(replace(unknown, also=dict.fromkeys(others, 1.0)))
+    yield Variant("all stiffnesses", model.plus(*unknowns))
 
 
 def _needs_receptances(model: Model) -> None:
@@ -108,7 +108,7 @@ def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Ite
 
     def law(*fields: str) -> Model:
         # What a fit of the base has taken as fixed, and zero, no power can change.
-        moved = [field for field in fields if any(_there(model, f"{name}.{field}") for name in model.joints)]
+        moved = [field for field in fields if any(_there(model, a) for a in model.joint_addresses(field))]
         moves = [
             p[field].move(dict.fromkeys(model.joint_addresses(field), 1.0), relative=True, of=of, reference=reference)
             for field in moved
@@ -121,7 +121,7 @@ def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Ite
             moves |= {address: -1.0 for field in fields for address in model.joint_addresses(f"c_{field}")}
         return model.plus(p["exponent"].move(moves, relative=True, of=of, reference=reference))
 
-    damped = any(model.has(f"{name}.{field}") for name in model.joints for field in _DAMPINGS)
+    damped = any(model.has(a) for field in _DAMPINGS for a in model.joint_addresses(field))
     for fields in (("y",), ("theta",), ("y", "theta")):
         title = " and ".join(f"k_{field}" for field in fields)
         yield Variant(f"{prefix}{title}", shared(fields, False))
@@ -185,6 +185,9 @@ def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
+    elements = [one.assembly.elements for one in model.observations]
+    if any(isinstance(own.get(name), ColletJoint) for own in elements for name in model.joints):
+        raise UndecidableError("the model has the collet's mass between tool and holder already")
     yield from _between(p, model)
     own = [anatomy for anatomy in model.anatomies if anatomy.joint]
     sides = {
@@ -205,7 +208,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tools = {one.tool[-1] for one in model.anatomies if one.joint}
     if len(tools) > 1:
         return
-    gyration = min(
+    diameter = min(
         _diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements
     )
     fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
@@ -215,32 +218,42 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             return assembly
         elements = renamed(assembly)
         own = elements[joint]
-        inner = PointJoint(**{**{f: 2.0 * getattr(own, f) for f in fields}, "loss_factor": own.loss_factor}, name=joint)
-        stub = Part([Segment(length=_STUB, outer_diameter=gyration, material=_LIGHT)], name="cause_collet")
-        chain: list[Any] = []
-        for name, element in elements.items():
-            chain += [inner, stub, replace(inner, name="cause_seat")] if name == joint else [element]
-        point = PointMass(mass=0.0, part="cause_collet", name="cause_collet_mass")
+        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in fields}, loss_factor=own.loss_factor)
+        elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
         points = [replace(one, name=name) for name, one in assembly.attachments.items()]
-        return Assembly(chain, [*points, point], motion=assembly.motion)
+        return Assembly(elements.values(), points, motion=assembly.motion)
 
-    changed = model.rebuilt(build)
+    def halves(moves: Mapping[str, float]) -> dict[str, float]:
+        """Return moves of the joint's fields as moves of both springs."""
+        return {half: n for address, n in moves.items() for half in _halves(address, joint)}
+
     unknowns = []
     for unknown in model.unknowns:
         own, field = unknown.address.partition(".")[::2]
-        if own == joint and field in PointJoint.columns_of:
-            # Two springs in series, each twice as stiff; a loss factor is that of both.
+        if isinstance(unknown, Law):
+            unknown = replace(unknown, follows=halves(unknown.follows))
+        if isinstance(unknown, Move):
+            unknown = replace(unknown, moves=halves(unknown.moves))
+        elif own == joint:
+            # Each of two equal springs in series is twice as stiff as both; a loss factor is that of both.
             times = 1.0 if field == "loss_factor" else 2.0
-            unknown = replace(unknown, multiple=times, also={f"cause_seat.{field}": times})
-        elif isinstance(unknown, Move):
-            moves = dict(unknown.moves)
-            moves |= {f"cause_seat.{a.partition('.')[2]}": n for a, n in moves.items() if a.partition(".")[0] == joint}
-            unknown = replace(unknown, moves=moves)
+            inner, outer = _halves(unknown.address, joint)
+            unknown = replace(unknown, address=inner, name=unknown.name, multiple=times, also={outer: times})
         unknowns.append(unknown)
-    mass = p["mass"].move({"cause_collet_mass.mass": 1.0, "cause_collet_mass.inertia": (0.6 * gyration) ** 2})
-    halves = {f"{joint}.{field}": 1.0 for field in fields} | {f"cause_seat.{field}": -1.0 for field in fields}
-    split = p["split"].move(halves, relative=True)
-    yield Variant("between tool and holder", replace(changed, unknowns=tuple(unknowns)).plus(mass, split))
+    changed = replace(
+        model.rebuilt(build),
+        unknowns=tuple(unknowns),
+        tolerances=tuple(replace(one, moves=halves(one.moves)) for one in model.tolerances),
+    )
+    mass = p["mass"].move({f"{joint}.mass": 1.0, f"{joint}.inertia": (_GYRATION * diameter) ** 2})
+    split = {f"{joint}.inner.{field}": 1.0 for field in fields} | {f"{joint}.outer.{field}": -1.0 for field in fields}
+    yield Variant("between tool and holder", changed.plus(mass, p["split"].move(split, relative=True)))
+
+
+def _halves(address: str, joint: str) -> tuple[str, ...]:
+    """Return an address with a field of the joint as those of the two springs of a collet."""
+    own, _, field = address.partition(".")
+    return (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
 
 
 def _diameter(assembly: Assembly, tool: str) -> float:

@@ -12,17 +12,19 @@ from receptance._addresses import edges_of, place_on
 from receptance._placing import places_of
 from receptance.assembly import Assembly
 from receptance.beams import Part
+from receptance.collet import ColletJoint
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.residuals import Unit
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown, covered
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.spread import SpreadJoint
 
 __all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "places_on", "renamed", "with_points"]
 
+_JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 
@@ -98,13 +100,19 @@ class Model:
         return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
 
     def joint_addresses(self, field: str) -> tuple[str, ...]:
-        """Return the addresses that are a field of the joints, those included that follow them."""
-        own = [f"{name}.{field}" for name in self.joints]
-        return (*own, *(other for one in self.unknowns if one.address in own for other in one.also))
+        """Return the addresses of a field of all joints, and of parameters that are multiples of these."""
+        own = [address for name in self.joints for address in self.addresses_of(name, field)]
+        also = [other for one in self.unknowns if one.address in own for other in one.also]
+        return tuple(dict.fromkeys([*own, *also]))
+
+    def addresses_of(self, joint: str, field: str) -> tuple[str, ...]:
+        """Return the addresses of a field of a joint: two where the joint is a collet between two springs."""
+        possible = (f"{joint}.{field}", f"{joint}.inner.{field}", f"{joint}.outer.{field}")
+        return tuple(a for a in possible if any(covered(a, one.assembly) for one in self.observations))
 
     def _anatomy(self, assembly: Assembly) -> Anatomy:
         names = list(assembly.elements)
-        joints = [name for name in names if isinstance(assembly.elements[name], (PointJoint, SpreadJoint))]
+        joints = [name for name in names if isinstance(assembly.elements[name], _JOINTS)]
         wanted = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
         joint = (wanted or joints or [""])[0]
         parts = [name for name in names if isinstance(assembly.elements[name], Part)]
@@ -170,7 +178,7 @@ class Model:
         built = {key: build(assembly) for key, assembly in different.items()}
         return self.map(lambda one: altered(one, assembly=built[id(one.assembly)]))
 
-    def attached(self, *points: PointMass | GroundSpring) -> Model:
+    def attached(self, *points: PointMass | GroundSpring | Resonator) -> Model:
         """Return the model with point elements on every assembly that has their part."""
 
         def build(assembly: Assembly) -> Assembly:
@@ -252,7 +260,7 @@ def places_on(one: Observation, part: str) -> Iterator[float]:
     yield from (x for carrier, x in own if carrier == part and x != end)
 
 
-def with_points(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
+def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more point elements."""
     own = [replace(one, name=name) for name, one in assembly.attachments.items()]
     return Assembly(renamed(assembly).values(), [*own, *points], motion=assembly.motion)

@@ -7,21 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from receptance._addresses import edges_of
 from receptance.assembly import Assembly
-from receptance.beams import Part, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, places_on, renamed
+from receptance.diagnosis.model import Model, places_on
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
-from receptance.joints import PointJoint, PointMass
-from receptance.materials import Material
+from receptance.joints import PointMass, Resonator
 
-__all__ = ["PART_CAUSES", "RESONATOR", "RIGID", "everywhere", "resonances", "with_resonator"]
+__all__ = ["PART_CAUSES", "RESONATOR", "RIGID", "everywhere", "resonances"]
 
 _SPLIT = 1e-5
 """Distance in m from the tip, or from a place on the tool, at which a part is divided; the parameter moves the step."""
@@ -33,10 +31,6 @@ _METAL = 2e11
 """Young's modulus in Pa from which the stiffness of a body is counted, in decades; nine of them are rigid."""
 RIGID = 2e12
 """No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
-_BODY = (0.0005, 0.002)
-"""Length and diameter in m of the body of a resonator, so small that a heavy one turns next to nothing."""
-_VOLUME = 0.25 * math.pi * _BODY[0] * _BODY[1] ** 2
-_GYRATION = math.sqrt(_BODY[1] ** 2 / 16.0 + _BODY[0] ** 2 / 12.0)
 _STEP = 0.08
 """Distance of the frequencies near which a mode is looked for, as a natural logarithm."""
 
@@ -174,57 +168,31 @@ def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         raise UndecidableError("the model has no holder, or several")
     if not all(one.assembly.countable for one in model.observations):
         raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
-    part = next(iter(ends))
-    changed = model.rebuilt(lambda assembly: with_resonator(assembly, part))
-    yield from resonances(p, changed, "at the holder's far end")
+    yield from resonances(p, model, next(iter(ends)), "end", "at the holder's far end")
 
 
-def resonances(p: Mapping[str, Parameter], changed: Model, where: str) -> Iterator[Variant]:
-    """Yield a model that has the body of `with_resonator`, with the body tuned to frequencies all over the lines."""
-    low = min(float(one.frequency_hz[0].real) for one in changed.observations)
-    high = max(float(one.frequency_hz[-1].real) for one in changed.observations)
+def resonances(
+    p: Mapping[str, Parameter], model: Model, part: str, position: float | Literal["end"], where: str
+) -> Iterator[Variant]:
+    """Yield models with a resonator on a part, tuned to frequencies over the whole band of the lines."""
+    low = min(float(one.frequency_hz[0].real) for one in model.observations)
+    high = max(float(one.frequency_hz[-1].real) for one in model.observations)
     count = 1 + math.ceil(math.log(high / low) / _STEP)
+    resonator = Resonator(mass=0.0, k_y=1.0, part=part, position=position, name="cause_resonator")
+    changed = model.attached(resonator)
     for frequency in np.geomspace(low, high, max(count, 2)):
         angular = 2.0 * math.pi * float(frequency)
-        turning = _GYRATION**2 * (20.0 * angular) ** 2
-        body = replace(
-            p["mass"].unknown("cause_resonator.segment[0].density"),
-            multiple=1.0 / _VOLUME,
-            also={
-                "cause_link.k_y": angular**2,
-                "cause_link.k_theta": turning,
-                "cause_link.c_y": 0.02 * angular,
-                "cause_link.c_theta": 0.02 * turning / angular,
-            },
-        )
-        tuned = p["log_frequency"].move({"cause_link.k_y": 2.0, "cause_link.c_y": 1.0}, relative=True)
-        damped = p["log_damping"].move({"cause_link.c_y": 1.0}, relative=True)
+        also = {"cause_resonator.k_y": angular**2, "cause_resonator.c_y": 0.02 * angular}
+        mass = replace(p["mass"].unknown("cause_resonator.mass"), also=also)
+        tuned = p["log_frequency"].move({"cause_resonator.k_y": 2.0, "cause_resonator.c_y": 1.0}, relative=True)
+        damped = p["log_damping"].move({"cause_resonator.c_y": 1.0}, relative=True)
         within = (math.log(low / frequency), math.log(high / frequency))
         yield Variant(
             f"near {frequency:.0f} Hz {where}",
-            changed.plus(body, tuned, damped),
-            # Below the lines or above them nobody has seen a mode: a spring to ground or a mass does the same there.
+            changed.plus(mass, tuned, damped),
+            # No mode is measured outside the lines: a spring to ground or a mass has the same effect there.
             limited=(replace(p["log_frequency"], plausible=within),),
         )
-
-
-def with_resonator(assembly: Assembly, part: str, *, at_tip: bool = False) -> Assembly:
-    """Return the assembly with a small stiff body on a spring behind its last part or before its first.
-
-    An assembly whose last or first part is another one stays as it is.
-    """
-    elements = renamed(assembly)
-    if list(elements)[0 if at_tip else -1] != part:
-        return assembly
-    body = Material(youngs_modulus=1e13, density=1.0, poisson_ratio=0.3)
-    # Rotation is held firmly, so that the body has one resonance.
-    link = PointJoint(k_y=1.0, k_theta=1.0, name="cause_link")
-    stub = Part([Segment(length=_BODY[0], outer_diameter=_BODY[1], material=body)], name="cause_resonator")
-    # What names no part is on the first one, which the resonator would become.
-    first = part if at_tip else ""
-    points = [replace(point, name=name, part=point.part or first) for name, point in assembly.attachments.items()]
-    chain = [stub, link, *elements.values()] if at_tip else [*elements.values(), link, stub]
-    return Assembly(chain, points, motion=assembly.motion)
 
 
 def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

@@ -16,18 +16,16 @@ from receptance.beams import Part
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, explore
 from receptance.diagnosis.model import Model, with_points
-from receptance.diagnosis.part_causes import RESONATOR, resonances, with_resonator
+from receptance.diagnosis.part_causes import RESONATOR, resonances
 from receptance.diagnosis.screening import Direction, directions
 from receptance.diagnosis.starts import starts_of
 from receptance.diagnosis.ways import chosen_of
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import MeasuredFRF, altered
 from receptance.joints import PointMass
 
 if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.diagnosis.steps import Steps
-    from receptance.identification.task import Observation
 
 __all__ = ["RIVALS", "challenge"]
 
@@ -121,21 +119,7 @@ def _behind(part: Part, share: float) -> float:
 
 def _swinging(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tip = _tip(model)
-    if not all(next(iter(one.assembly.elements)) == tip for one in model.observations):
-        raise UndecidableError("the tool is not the first part of every assembly")
-
-    def explicit(one: Observation) -> Observation:
-        # What names no part is on the first one, which the body would become.
-        if not isinstance(one, MeasuredFRF):
-            return one
-        places = {
-            name: type(place)(place.part or tip, place.position, place.direction)
-            for name, place in (("response", one.response), ("excitation", one.excitation))
-        }
-        return altered(one, **places)
-
-    changed = model.map(explicit).rebuilt(lambda assembly: with_resonator(assembly, tip, at_tip=True))
-    yield from resonances(p, changed, f"on the tip of {tip}")
+    yield from resonances(p, model, tip, 0.0, f"on the tip of {tip}")
 
 
 def _rival(id: str, change: Callable[..., Iterator[Variant]], *parameters: Parameter, meaning: str) -> Cause:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
-from receptance.identification.laws import Move
 
 __all__ = ["starts_of", "starts_together"]
 
@@ -23,10 +22,8 @@ def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     """
     values = fit.values
     if not direction.names:
-        joints = tuple(f"{name}.k_" for name in fit.model.joints)
-        stiff = [
-            u.name for u in fit.task.parameters.unknowns if u.address.startswith(joints) and not isinstance(u, Move)
-        ]
+        joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
+        stiff = [u.name for u in fit.task.parameters.unknowns if u.address in joints]
         return [{**values, **{name: times * values[name] for name in stiff}} for times in (2.0, 10.0)]
     parameters = {name: direction.cause.parameter_of(name) for name in direction.names}
     null = {name: one.start for name, one in parameters.items()}
