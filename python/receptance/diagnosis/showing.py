@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from receptance.diagnosis.causes import Cause
+    from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
 __all__ = [
@@ -66,8 +66,8 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
             "next_measurement": None if verdict.next_measurement is None else asdict(verdict.next_measurement),
             "candidates": [_candidate(one) for one in verdict.candidates],
             "vetoed": [_candidate(one) for one in verdict.vetoed],
-            "rivals": [_candidate(one) for one in verdict.rivals],
-            "rival": None if verdict.rival is None else _candidate(verdict.rival),
+            "alternatives": [_candidate(one) for one in verdict.alternatives],
+            "alternative": None if verdict.alternative is None else _candidate(verdict.alternative),
             "threshold": verdict.threshold,
             "adequacy": asdict(verdict.adequacy),
             "adequacy_after": None if after is None else asdict(after),
@@ -89,7 +89,8 @@ def as_dict(verdict: Verdict) -> dict[str, Any]:
 
 
 def _candidate(one: Candidate) -> dict[str, Any]:
-    fields = asdict(one)
+    fields = asdict(replace(one, declared={}))
+    del fields["declared"]
     fields["parameters"] = {
         name: {"value": value, "lower": low, "upper": high} for name, (value, low, high) in one.parameters.items()
     }
@@ -107,15 +108,12 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def sizes(verdict: Verdict, one: Candidate) -> str:
-    """Return what was found for a candidate, with units and 95 % intervals."""
-    known = [found.cause for found in verdict.selection.found]
-    known += [rival.steps[0][0] for rival in verdict.selection.rivals]
-    cause = next(cause for cause in known if cause.id == one.id)
+def sizes(one: Candidate) -> str:
+    """Return the sizes of a candidate, with units and 95 % intervals."""
     texts = []
     for name, (found, *ends) in one.parameters.items():
-        title = name.split(".", 1)[-1]
-        parameter = cause.parameter_of(name)
+        title = name.removeprefix(f"{one.id}.")
+        parameter = one.declared[name]
         # An interval by the curvature may reach beyond what the parameter can be.
         numbers = (found, *(min(max(end, parameter.lower), parameter.upper) for end in ends))
         largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
@@ -133,14 +131,14 @@ def sizes(verdict: Verdict, one: Candidate) -> str:
 _SMALLER = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
 
 
-def implausible(cause: Cause, values: Mapping[str, float]) -> str:
-    """Return which sizes of a cause are outside their plausible range, and the range; empty where none is."""
+def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]) -> str:
+    """Return the sizes of a cause outside their plausible range, and the range; empty where there is none."""
     texts = []
     for name, value in values.items():
-        parameter = cause.parameter_of(name)
-        if parameter.believable(value):
+        parameter = parameters[name]
+        if parameter.is_plausible(value):
             continue
-        title, unit = name.split(".", 1)[-1], parameter.unit
+        title, unit = name.removeprefix(f"{parameter.cause}."), parameter.unit
         ends = parameter.plausible or (parameter.lower, parameter.upper)
         if title.startswith("log_"):
             title = title.removeprefix("log_")
@@ -237,10 +235,10 @@ def as_text(verdict: Verdict) -> str:
     near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
     if verdict.verdict == "unexplained" and near is not None:
         lines += ["", f"nearest of the plausible causes: {near.id} ({near.variant}): {near.meaning}"]
-        lines.append(f"  size: {sizes(verdict, near) or 'no number'}; it leaves a misfit of {near.misfit:.2f}")
+        lines.append(f"  size: {sizes(near) or 'no number'}; it leaves a misfit of {near.misfit:.2f}")
     for one in verdict.causes:
         lines += ["", f"{one.id} ({one.group}; {one.variant}): {one.meaning}"]
-        lines.append(f"  size: {sizes(verdict, one) or 'no number'}")
+        lines.append(f"  size: {sizes(one) or 'no number'}")
         lines.append(f"  chi-square falls by {one.gain:.0f}, evidence {one.evidence:+.0f}")
         if one.look_alikes:
             alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
@@ -248,10 +246,10 @@ def as_text(verdict: Verdict) -> str:
         lines.append(f"  what to do: {one.remedy}")
     for one, text in zip(verdict.vetoed, vetoes(verdict), strict=True):
         lines += ["", f"vetoed: {text}", f"  {one.meaning}; what to do: {one.remedy}"]
-    if verdict.rival is not None:
-        lines += ["", f"something that is no known cause: {verdict.rival.meaning} {verdict.rival.variant}"]
-        lines.append(f"  size: {sizes(verdict, verdict.rival)}")
-        lines.append(f"  what to do: {verdict.rival.remedy}")
+    if (other := verdict.alternative) is not None:
+        lines += ["", f"a change that is not a known cause: {other.meaning} {other.variant}"]
+        lines.append(f"  size: {sizes(other)}")
+        lines.append(f"  what to do: {other.remedy}")
     if verdict.ambiguous_between:
         lines += ["", f"cannot be told apart: {', '.join(verdict.ambiguous_between)}"]
     lines += _candidates(verdict)
