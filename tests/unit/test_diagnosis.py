@@ -382,7 +382,7 @@ def test_progress_counts_steps_and_names_what_leads() -> None:
     [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("no cause: ", 3, 3)],
 )
 def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what: str, times: int, tried: int) -> None:
-    """In the base fit, while starts are compared, while fits end, beside the rivals."""
+    """In the base fit, while starts are compared, while fits end, beside the alternatives."""
     lines, progress = stopping(what, times)
     verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress)
     assert not verdict.final

@@ -97,7 +97,7 @@ def test_one_error_far_off_among_many_is_strain(count: int) -> None:
         assert found.passed == passes
 
 
-def test_rivals_within_the_margin_are_reported_and_others_are_not() -> None:
+def test_explanations_within_the_margin_are_reported_and_others_are_not() -> None:
     data = [observed(x, 1.05) for x in (0.06, 0.08, 0.1)]
     ids = ["calibration_gain", "exponential_window"]
     selection = diagnose(data, JOINT, causes=ids, most=1).selection

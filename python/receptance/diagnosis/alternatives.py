@@ -163,21 +163,21 @@ def fit_alternatives(selection: Selection, threads: int | None, report: Progress
         starts = starts_of(direction, base)
         # The joint of the best explanation is closer to the solution than that of an inadequate base.
         starts += [{**one, **best.fit.values} for one in starts[-2:]]
-        there = explore(direction.variant.model, starts, threads=threads)
-        selection.evaluations += there.evaluations
-        if there.ends:
-            explored.append((direction, there))
+        few = explore(direction.variant.model, starts, threads=threads)
+        selection.evaluations += few.evaluations
+        if few.ends:
+            explored.append((direction, few))
     explored.sort(key=lambda pair: pair[1].chi_square + selection.penalty * pair[0].count)
     # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
     leaders: dict[str, tuple[Direction, Explored]] = {}
-    for direction, there in explored:
-        leaders.setdefault(direction.cause.id, (direction, there))
-    for direction, there in list(leaders.values())[:ALTERNATIVES_FINISHED]:
+    for direction, few in explored:
+        leaders.setdefault(direction.cause.id, (direction, few))
+    for direction, few in list(leaders.values())[:ALTERNATIVES_FINISHED]:
         try:
-            fit = there.finish()
+            fit = few.finish()
         except ReceptanceError:
             continue
-        selection.evaluations += fit.evaluations - there.evaluations
+        selection.evaluations += fit.evaluations - few.evaluations
         selection.alternatives.append(selection.explain((direction.step,), fit))
     selection.alternatives.sort(key=lambda one: -one.evidence)
 

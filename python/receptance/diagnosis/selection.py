@@ -326,8 +326,8 @@ class Search:
             explored = self._explore(steps, root, others)
         if own.interrupted:
             # The comparison on few lines is incomplete, so the leading ones are evaluated on all lines.
-            for direction, there in explored[:EVALUATED_ON_INTERRUPT]:
-                found.append(own.explain((*steps, direction.step), there.evaluate()))
+            for direction, few in explored[:EVALUATED_ON_INTERRUPT]:
+                found.append(own.explain((*steps, direction.step), few.evaluate()))
             return best_of_each(found)
         found += self._finish(steps, root, explored, found)
         return best_of_each(found)
@@ -363,12 +363,12 @@ class Search:
                 self._report("together" if steps else "causes", _titled(steps, direction))
                 alone = [one.fit for one in own.singles if steps and one.steps[0] == direction.step]
                 starts = [*starts_of(direction, root), *starts_together(own.base, alone, root)]
-                there = explore(direction.variant.model, starts, threads=self._threads)
-                own.evaluations += there.evaluations
-                if there.ends:
-                    explored.append((direction, there))
-                if there.chi_square < leading:
-                    leading = there.chi_square
+                few = explore(direction.variant.model, starts, threads=self._threads)
+                own.evaluations += few.evaluations
+                if few.ends:
+                    explored.append((direction, few))
+                if few.chi_square < leading:
+                    leading = few.chi_square
                     self._report.leading = " + ".join([*(cause.id for cause, _ in steps), direction.cause.id])
         except KeyboardInterrupt:
             own.interrupted = True
@@ -390,28 +390,28 @@ class Search:
         stage = "together" if steps else "causes"
         self._report.plan(stage, len(explored))
         found: list[Explanation] = []
-        for direction, there in explored:
-            number, leader = len(leaders), leaders.setdefault(direction.cause.id, there.chi_square)
+        for direction, few in explored:
+            number, leader = len(leaders), leaders.setdefault(direction.cause.id, few.chi_square)
             is_leading = number < LEADING_CAUSES
             # A variant far behind another one of its cause is not needed.
-            is_close = (is_leading or there.chi_square <= limit) and there.chi_square <= leader + BEHIND
-            idle = direction.predicted_evidence(own.penalty) < 0.0 and without - there.chi_square < IDLE
+            is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
+            idle = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < IDLE
             try:
                 if own.interrupted:
-                    fit = there.evaluate()
+                    fit = few.evaluate()
                 else:
                     self._report(stage, f"{_titled(steps, direction)}, on all lines")
                     if idle and not is_leading:
                         fit = evaluate_at(root, direction.variant.model)
                         found.append(own.explain((*steps, direction.step), fit, direction.score))
                         continue
-                    fit = there.finish() if is_close or root.misfit > SCREENING_LIMIT else there.evaluate()
-                own.evaluations += fit.evaluations - there.evaluations
+                    fit = few.finish() if is_close or root.misfit > SCREENING_LIMIT else few.evaluate()
+                own.evaluations += fit.evaluations - few.evaluations
             except ReceptanceError:
                 continue
             except KeyboardInterrupt:
                 own.interrupted = True
-                fit = there.evaluate()
+                fit = few.evaluate()
             found.append(own.explain((*steps, direction.step), fit))
             best_so_far = max([*before, *found], key=lambda one: one.evidence)
             self._report.leading = f"{best_so_far.title}, misfit {best_so_far.fit.misfit:.2f}"
