@@ -165,7 +165,7 @@ def natural_weights(
     flat: Flat, rows: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the joint table at the stated levels, the entries to ask the core for, and their weights for `rows`."""
-    table = flat.tables()[1].copy()
+    table = flat.tables.joints.copy()
     slots = Slots([joint for _, _, joint in flat.microslips])
     levels = slots.level[None, :]
     left = 1.0 - slots.shares(levels)[0]

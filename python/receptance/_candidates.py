@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from receptance import _checks, _core
+from receptance._evaluation import by_line
 from receptance._ties import tie
 from receptance.coordinates import as_coordinates
 from receptance.errors import ReceptanceError
@@ -274,17 +275,18 @@ def candidates_of(
     lines, count = _checks.frequencies(frequency_hz), _checks.thread_count(threads)
     points = [as_coordinates(side)[0] for side in (response, excitation)]
     # A joint in micro-slip depends on the force, and the tables do not tell.
-    if assembly.motion != "bending" or assembly._flatten(tuple(points)).microslips:
+    if assembly._flatten(tuple(points)).microslips:
         return _Assemblies(assembly, names, lines, points, count)
     owners = {name.split(".", 1)[0] for name in names}
     owner = next(iter(owners))
-    if len(owners) == 1 and type(assembly.elements.get(owner)) is PointJoint:
+    if assembly.motion == "bending" and len(owners) == 1 and type(assembly.elements.get(owner)) is PointJoint:
         return _Joint(assembly, owner, names, lines, points, count)
     tied = tie(assembly, names, tuple(points))
     if tied is None:
         return _Assemblies(assembly, names, lines, points, count)
     model = tied.model(_plain(len(names)), np.empty((0, 2)))
-    return _Models(model.sweep(_core.Lines(lines, tau), tied.points), names, count)
+    given = by_line(tied.flat, lines)
+    return _Models(model.sweep(_core.Lines(lines, tau), tied.points, given), names, count)
 
 
 def _plain(count: int) -> NDArray[np.float64]:

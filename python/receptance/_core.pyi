@@ -12,10 +12,14 @@ overlaps (n, 31): node where the shank goes on, node where the sleeve does (x la
     a segment from the outer diameter to the shear model (11), the sleeve's, k_y, k_theta, c_y, c_theta, loss_factor of
     the whole layer, number of points (0: a layer); bending only.
 
+terminals (n, 4), by `Model.with_terminals`: node, and the constant part of y/F, theta/M and y/M;
+modes (m, 7), with them: row of the terminal, natural frequency in rad/s, damping ratio, y, theta, y_imaginary,
+    theta_imaginary.
+
 For axial motion and torsion a node has one degree of freedom; then k_y, c_y, loss_factor and the first inertia column
 act along it. Coordinates are rows of node and direction (0 y or force, 1 theta or moment); `points` are two of them,
 response and excitation. Parameters are rows of table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps, 5
-receptances beyond terminals), row and column.
+terminals, 6 modes), row and column.
 """
 
 from typing import Any, final
@@ -36,6 +40,7 @@ __all__ = [
     "SingularInterfaceError",
     "TiedModel",
     "instruction_set",
+    "modal_receptance",
 ]
 
 class ReceptanceError(Exception): ...
@@ -43,6 +48,7 @@ class SingularInterfaceError(ReceptanceError): ...
 class ResonanceError(ReceptanceError): ...
 
 def instruction_set() -> str: ...
+def modal_receptance(lines: Lines, modes: NDArray[np.float64]) -> NDArray[np.complex128]: ...
 
 @final
 class Lines:
@@ -54,7 +60,6 @@ class ByLine:
     def __new__(
         cls,
         added: NDArray[np.complex128] | None = None,
-        terminals: NDArray[np.float64] | None = None,
         beyond: NDArray[np.complex128] | None = None,
     ) -> ByLine: ...
 
@@ -69,6 +74,7 @@ class Model:
         grounds: NDArray[np.float64],
         overlaps: NDArray[np.float64] | None = None,
     ) -> Model: ...
+    def with_terminals(self, terminals: NDArray[np.float64], modes: NDArray[np.float64]) -> Model: ...
     def receptance(
         self,
         lines: Lines,
@@ -79,7 +85,7 @@ class Model:
         by_line: ByLine | None = None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
     def natural_frequencies(
-        self, upper: float, most: int, parameters: NDArray[np.float64]
+        self, upper: float | None, most: int, parameters: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def log_determinant(self, lines: Lines, by_line: ByLine | None = None) -> NDArray[np.complex128]: ...
     def reduced_to_joint(
@@ -118,7 +124,7 @@ class JointReduction:
 
 @final
 class TiedModel:
-    def sweep(self, lines: Lines, points: NDArray[np.float64]) -> ModelSweep: ...
+    def sweep(self, lines: Lines, points: NDArray[np.float64], by_line: ByLine | None = None) -> ModelSweep: ...
 
 @final
 class ModelSweep:
@@ -149,6 +155,7 @@ class Problem:
         points: NDArray[np.float64],
         measured: NDArray[np.complex128],
         weights: NDArray[np.float64],
+        by_line: ByLine | None = None,
     ) -> None: ...
     def add_frequencies(
         self,

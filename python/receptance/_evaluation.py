@@ -10,7 +10,6 @@ import numpy as np
 from receptance import _core
 from receptance._addresses import interfaces_by_name
 from receptance._amplitude import added_stiffness, evaluate, force_amplitudes, natural_weights
-from receptance._flatten import TERMINALS
 from receptance.terminals import ENTRIES
 
 if TYPE_CHECKING:
@@ -20,20 +19,25 @@ if TYPE_CHECKING:
 
 __all__ = ["by_line", "log_determinant", "modes", "responses"]
 
-_CORE_TERMINALS = 5
-"""The core's number of the table of receptances beyond terminals."""
-
 
 def by_line(flat: Flat, lines: NDArray[Any], added: NDArray[np.complex128] | None = None) -> _core.ByLine | None:
     """Return the properties of a model that differ from line to line, on checked lines in Hz; None without any.
 
-    These are `added` stiffness of the joints, flat of `(n_freq, n_joints, 2)`, and the receptances beyond terminals.
+    These are `added` stiffness of the joints, flat of `(n_freq, n_joints, 2)`, and the tables of measured parts.
+
+    Raises
+    ------
+    ValueError
+        A line at which a measured part is not known, or which is outside the band of a modal part.
     """
-    if not flat.terminals:
+    for part in flat.banded:
+        part.check_band(lines)
+    if not flat.tabled:
         return None if added is None else _core.ByLine(added)
-    nodes = np.array([node for node, _ in flat.terminals], dtype=np.float64)
-    entries = np.concatenate([terminal.entries(lines) for _, terminal in flat.terminals], axis=1)
-    return _core.ByLine(added, nodes, entries.reshape(-1))
+    beyond = np.zeros((lines.size, len(flat.terminals), len(ENTRIES)), dtype=np.complex128)
+    for row, part in flat.tabled:
+        beyond[:, row] = part.table_entries(lines)
+    return _core.ByLine(added, beyond.reshape(-1))
 
 
 def responses(
@@ -56,11 +60,8 @@ def responses(
     def solve(
         loads: NDArray[Any], seen: NDArray[Any], asked: NDArray[Any], added: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        own = asked[:, 0] == TERMINALS
-        needed = np.vstack([asked[~own], _entries_of_terminals(flat)]) if own.any() else asked
         own_lines = same if added is None else by_line(flat, lines, added)
-        h, dh = flat.model(motion).receptance(given, loads, seen, needed, threads, own_lines)
-        return h, _through_terminals(flat, lines, dh, asked) if own.any() else dh
+        return flat.model(motion).receptance(given, loads, seen, asked, threads, own_lines)
 
     with interfaces_by_name(flat):
         if flat.microslips:
@@ -69,34 +70,13 @@ def responses(
         return solve(points[1], points[0], rows)
 
 
-def _entries_of_terminals(flat: Flat) -> NDArray[np.float64]:
-    """Return the core's table entries of all terminals, three each."""
-    count = len(flat.terminals)
-    rows = np.repeat(np.arange(count), len(ENTRIES)), np.tile(np.arange(len(ENTRIES)), count)
-    return np.column_stack([np.full(count * len(ENTRIES), _CORE_TERMINALS), *rows]).astype(np.float64)
-
-
-def _through_terminals(
-    flat: Flat, lines: NDArray[Any], dh: NDArray[np.complex128], asked: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Return derivatives for table entries, those of terminals made of the core's by their receptances."""
-    own = asked[:, 0] == TERMINALS
-    first = int(np.count_nonzero(~own))
-    result = np.empty((*dh.shape[:3], len(asked)), dtype=np.complex128)
-    result[..., ~own] = dh[..., :first]
-    for row, (_, terminal) in enumerate(flat.terminals):
-        columns = np.flatnonzero(own & (asked[:, 1] == row))
-        slopes = terminal.slopes(lines, [terminal.columns_of[int(asked[column, 2])] for column in columns])
-        start = first + len(ENTRIES) * row
-        through = dh[..., start : start + len(ENTRIES)]
-        result[..., columns] = np.einsum("nres,nsm->nrem", through, slopes)
-    return result
-
-
 def modes(
-    flat: Flat, upper: float, rows: NDArray[np.float64], motion: int = 0
+    flat: Flat, upper: float | None, most: int, rows: NDArray[np.float64], motion: int = 0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return natural angular frequencies up to a limit, joints at their stated levels, and derivatives `(n, m)`."""
+    """Return the lowest natural angular frequencies, at most so many or up to a limit, and derivatives `(n, m)`.
+
+    Joints in micro-slip are at their stated levels.
+    """
     if flat.terminals:
         raise ValueError(
             "natural frequencies are counted for parts and joints, not for a spindle known by its receptances; take "
@@ -106,11 +86,10 @@ def modes(
     with interfaces_by_name(flat):
         if flat.microslips:
             joints, asked, weights = natural_weights(flat, rows)
-            segments, _, masses, grounds = flat.tables()
-            model = _core.Model(motion, segments, joints, masses, grounds, flat.beside())
+            model = flat.tables._replace(joints=joints).model(motion)
         else:
             model = flat.model(motion)
-        angular, slope = model.natural_frequencies(upper, 2**31, asked)
+        angular, slope = model.natural_frequencies(upper, most, asked)
     return angular, slope if weights is None else slope @ weights
 
 

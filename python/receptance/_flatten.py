@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from math import tau
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
-from receptance.terminals import MeasuredPart, Terminal
+from receptance.terminals import RESIDUALS, MeasuredPart, Terminal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,8 +32,8 @@ SEGMENT_COLUMN = {
     **{name: 5 + i for i, name in enumerate(MATERIAL_FIELDS)},
     **{f"core.{name}": 9 + i for i, name in enumerate(MATERIAL_FIELDS)},
 }
-SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS, MICROSLIP, TERMINALS = range(7)
-"""The core's tables, and last what it does not know: parameters of joints in micro-slip and of terminals."""
+SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS, TERMINALS, MODES, MICROSLIP = range(8)
+"""The core's tables, and last what it does not know: parameters of joints in micro-slip."""
 MICROSLIP_FIELDS = ("k_y", "k_theta", *MicroslipJoint.amplitude_of)
 OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
 BEAM_COLUMN = {"shank": 3, "sleeve": 14}
@@ -45,7 +46,26 @@ Entry = tuple[int, int, int, float]
 
 
 Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
-Tables = tuple["NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]", "NDArray[np.float64]"]
+
+
+class Tables(NamedTuple):
+    """The core's tables, read only; rows as in `_core.Model` and `_core.Model.with_terminals`."""
+
+    segments: NDArray[np.float64]
+    joints: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    grounds: NDArray[np.float64]
+    overlaps: NDArray[np.float64]
+    terminals: NDArray[np.float64]
+    modes: NDArray[np.float64]
+
+    def model(self, motion: int = 0) -> _core.Model:
+        """Return the core's model for a motion, checked."""
+        model = _core.Model(motion, *self[:5])
+        return model.with_terminals(self.terminals, self.modes) if len(self.terminals) else model
+
+
+_COLUMNS = {"segments": 14, "joints": 9, "masses": 3, "grounds": 8, "overlaps": 31, "terminals": 4, "modes": 7}
 
 
 @dataclass
@@ -58,7 +78,10 @@ class Flat:
     grounds: list[list[float]] = field(default_factory=list)
     overlaps: list[list[float]] = field(default_factory=list)
     microslips: list[tuple[int, str, MicroslipJoint]] = field(default_factory=list)
-    terminals: list[tuple[int, Terminal]] = field(default_factory=list)
+    terminals: list[list[float]] = field(default_factory=list)
+    modes: list[list[float]] = field(default_factory=list)
+    tabled: list[tuple[int, MeasuredPart]] = field(default_factory=list)
+    banded: list[ModalPart] = field(default_factory=list)
     titles: dict[tuple[str, int], str] = field(default_factory=dict)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
@@ -69,43 +92,24 @@ class Flat:
     def model(self, motion: int = 0) -> _core.Model:
         """Return the core's model for a motion, built and checked once."""
         if motion not in self._models:
-            self._models[motion] = _core.Model(motion, *self.tables(), self.beside())
+            self._models[motion] = self.tables.model(motion)
         return self._models[motion]
 
     def __getstate__(self) -> dict[str, Any]:
         # Handles of the core stay in their process.
         return {**self.__dict__, "_models": {}}
 
+    @cached_property
     def tables(self) -> Tables:
-        """Return the four arrays of elements that every model of the core has; read only."""
-        return self._tables
-
-    def beside(self) -> NDArray[np.float64]:
-        """Return the array of the overlaps; read only."""
-        return self._beside
-
-    @cached_property
-    def _tables(self) -> Tables:
-        return (
-            _table(self.segments, 14),
-            _table(self.joints, 9),
-            _table(self.masses, 3),
-            _table(self.grounds, 8),
-        )
-
-    @cached_property
-    def _beside(self) -> NDArray[np.float64]:
-        return _table(self.overlaps, 31)
+        """The core's tables."""
+        # Made once for all calls, so nobody may write to them.
+        each = {name: np.array(getattr(self, name), dtype=np.float64) for name in _COLUMNS}
+        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in each.items()})
 
     def new_node(self) -> int:
         """Number a new node."""
         self.count += 1
         return self.count - 1
-
-
-def _table(rows: list[list[float]], columns: int) -> NDArray[np.float64]:
-    # Made once for all calls, so nobody may write to it.
-    return constant(np.array(rows, dtype=np.float64).reshape(-1, columns))
 
 
 def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -184,9 +188,19 @@ def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
 
 
 def _add_terminal(flat: Flat, name: str, terminal: Terminal, node: int) -> None:
-    for i, quantity in enumerate(terminal.columns_of):
-        flat.entries[f"{name}.{quantity}"] = [(TERMINALS, len(flat.terminals), i, 1.0)]
-    flat.terminals.append((node, terminal))
+    row = len(flat.terminals)
+    flat.terminals.append([float(node), *(getattr(terminal, quantity) for quantity in RESIDUALS)])
+    if isinstance(terminal, MeasuredPart):
+        flat.tabled.append((row, terminal))
+    if isinstance(terminal, ModalPart):
+        flat.banded.append(terminal)
+        for index, mode in enumerate(terminal.modes):
+            for i, quantity in enumerate(mode.columns_of):
+                rate = tau if quantity == "frequency_hz" else 1.0
+                flat.entries[f"{name}.mode[{index}].{quantity}"] = [(MODES, len(flat.modes), 1 + i, rate)]
+            flat.modes.append([float(row), *mode.columns()])
+    for i, quantity in enumerate(RESIDUALS):
+        flat.entries[f"{name}.{quantity}"] = [(TERMINALS, row, 1 + i, 1.0)]
 
 
 def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring, nodes: list[int]) -> None:

@@ -9,11 +9,14 @@ import numpy as np
 
 from receptance import _core
 from receptance._addresses import interfaces_by_name
+from receptance._flatten import MOTIONS
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.collet import ColletJoint
 from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
+from receptance.terminals import MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Tied", "tie"]
 
-_KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring, Resonator)
+_KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring, Resonator, ModalPart, MeasuredPart)
 """Elements whose table entries are sums of their parameters."""
 
 
@@ -34,6 +37,8 @@ class Tied(NamedTuple):
     ----------
     flat : Flat
         The tables of the assembly.
+    motion : int
+        The core's number of the motion.
     rates : ndarray
         `(k, 5)` table, row, column, number of the address, rate.
     present : ndarray
@@ -45,6 +50,7 @@ class Tied(NamedTuple):
     """
 
     flat: Flat
+    motion: int
     rates: NDArray[np.float64]
     present: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -53,13 +59,14 @@ class Tied(NamedTuple):
     def model(self, addresses: NDArray[np.float64], factors: NDArray[np.float64]) -> _core.TiedModel:
         """Return the model as a function of unknowns; `addresses` and `factors` as in `_core.Model.tied`."""
         with interfaces_by_name(self.flat):
-            return self.flat.model().tied(self.rates, self.present, addresses, factors, self.powers)
+            return self.flat.model(self.motion).tied(self.rates, self.present, addresses, factors, self.powers)
 
     @property
     def key(self) -> tuple[bytes, ...]:
         """Bytes that are equal for equal models."""
-        arrays = (*self.flat.tables(), self.flat.beside(), self.rates, self.present, self.points, self.powers)
-        return tuple(array.tobytes() for array in arrays)
+        arrays = (*self.flat.tables, self.rates, self.present, self.points, self.powers)
+        arrays += tuple(array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix))
+        return (bytes([self.motion]), *(array.tobytes() for array in arrays))
 
 
 def tie(
@@ -77,8 +84,6 @@ def tie(
     elements = {**assembly.elements, **assembly.attachments}
     if type(assembly) is not Assembly or any(type(one) not in _KNOWN for one in elements.values()):
         return None
-    if assembly.motion != "bending":
-        return None
     flat = assembly._flatten(points)
     rates = [
         (*entry[:3], index, entry[3])
@@ -90,6 +95,7 @@ def tie(
     acting = [(*entry[:3], n) for address, n in (powers or {}).items() for entry in assembly._entries(address, flat)]
     return Tied(
         flat=flat,
+        motion=MOTIONS[assembly.motion],
         rates=np.array(rates, dtype=np.float64).reshape(-1, 5),
         present=np.array(present, dtype=np.float64),
         points=assembly._points(flat, points),

@@ -220,13 +220,29 @@ class Assembly:
         SingularInterfaceError
             A joint that only a dashpot holds.
         """
-        return self._modes(upper_hz, ())[0]
+        return self.natural_frequency_derivatives(upper_hz, ())[0]
 
     def natural_frequency_derivatives(
         self, upper_hz: float, parameters: Sequence[str]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequencies in Hz, `(n_modes,)`, and derivatives in Hz per SI unit, `(n_modes, n_parameters)`."""
-        return self._modes(upper_hz, listed(parameters))
+        upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
+        return self._modes(upper, 2**31, listed(parameters))
+
+    def lowest_natural_frequencies(
+        self, count: int, parameters: Sequence[str] = ()
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the `count` lowest natural frequencies in Hz, wherever they are, and derivatives in Hz per SI unit.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> frequency, slope = bar.lowest_natural_frequencies(3, ["bar.segment[0].length"])
+        >>> frequency.shape, slope.shape
+        ((3,), (3, 1))
+        """
+        return self._modes(None, count, listed(parameters))
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` the segments must agree."""
@@ -332,10 +348,9 @@ class Assembly:
         with interfaces_by_name(flat):
             model = flat.model()
             if at is not None:
-                segments, joints, masses, grounds = flat.tables()
-                joints = joints.copy()
+                joints = flat.tables.joints.copy()
                 joints[row, 2:] = at.columns()
-                model = _core.Model(0, segments, joints, masses, grounds, flat.beside())
+                model = flat.tables._replace(joints=joints).model()
             return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
 
     def _evaluate(
@@ -361,11 +376,12 @@ class Assembly:
             return h[:, 0, 0], dh[:, 0, 0]
         return h, dh
 
-    def _modes(self, upper_hz: float, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
+    def _modes(
+        self, upper: float | None, most: int, addresses: tuple[str, ...]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         flat = self._flatten(())
         rows, matrix = self._weights(flat, addresses)
-        angular, slope = modes(flat, upper, rows, MOTIONS[self.motion])
+        angular, slope = modes(flat, upper, most, rows, MOTIONS[self.motion])
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
     def _log_determinant(self, lines: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from receptance import _checks
-from receptance.terminals import ENTRIES, RESIDUALS, Terminal
+from receptance import _checks, _core
+from receptance.terminals import RESIDUALS, Terminal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,64 +81,24 @@ class Mode:
                 "expected a shape without imaginary parts"
             )
 
+    def columns(self) -> tuple[float, ...]:
+        """Return its numbers as the core takes them: the frequency in rad/s, then the others."""
+        return tau * self.frequency_hz, *(getattr(self, quantity) for quantity in self.columns_of[1:])
+
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return what it adds to y/F, theta/M and y/M on lines in Hz, `(n, 3)`."""
-        s, below = self._below(lines)
-        result: NDArray[np.complex128] = self._above(s) / below[:, None]
-        return result
+        return modal_entries((self,), lines)
 
-    def slope(self, lines: NDArray[Any], quantity: str) -> NDArray[np.complex128]:
-        """Return its derivative with respect to one of its numbers, `(n, 3)`."""
-        s, below = self._below(lines)
-        zeta, own = self.damping_ratio, tau * self.frequency_hz
-        y, theta, turned_y, turned_theta = self.y, self.theta, self.y_imaginary, self.theta_imaginary
-        shapes = {
-            "y": ((2.0 * y, 0.0, theta), (2.0 * turned_y, 0.0, turned_theta)),
-            "theta": ((0.0, 2.0 * theta, y), (0.0, 2.0 * turned_theta, turned_y)),
-            "y_imaginary": ((-2.0 * turned_y, 0.0, -turned_theta), (2.0 * y, 0.0, theta)),
-            "theta_imaginary": ((0.0, -2.0 * turned_theta, -turned_y), (0.0, 2.0 * theta, y)),
-        }
-        above: NDArray[np.complex128]
-        if quantity in shapes:
-            straight, turned = (np.array(shape) for shape in shapes[quantity])
-            above = straight + self._lag(s)[:, None] * turned if own else straight + 0j * s[:, None]
-            return above / below[:, None]
-        steeper = 2.0 * own * s if quantity == "damping_ratio" else tau * (2.0 * own + 2.0 * zeta * s)
-        above = -self._above(s) * (steeper / below)[:, None]
-        if turned_y or turned_theta:
-            root = np.sqrt(1.0 - zeta**2)
-            lag = -tau * s / (own**2 * root)
-            if quantity == "damping_ratio":
-                lag = 1.0 / root + (s / own + zeta) * zeta / root**3
-            above = above + lag[:, None] * self._turned
-        return above / below[:, None]
 
-    @property
-    def _turned(self) -> NDArray[np.float64]:
-        cross = self.y * self.theta_imaginary + self.theta * self.y_imaginary
-        return np.array([2.0 * self.y * self.y_imaginary, 2.0 * self.theta * self.theta_imaginary, cross])
+def modal_entries(modes: Iterable[Mode], lines: NDArray[Any]) -> NDArray[np.complex128]:
+    """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`.
 
-    def _lag(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        lag = s / (tau * self.frequency_hz) + self.damping_ratio
-        result: NDArray[np.complex128] = lag / np.sqrt(max(1.0 - self.damping_ratio**2, 1e-12))
-        return result
-
-    def _above(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        turned_y, turned_theta = self.y_imaginary, self.theta_imaginary
-        straight = np.array(
-            [self.y**2 - turned_y**2, self.theta**2 - turned_theta**2, self.y * self.theta - turned_y * turned_theta]
-        )
-        if not (turned_y or turned_theta):
-            return np.broadcast_to(straight + 0j, (s.size, straight.size))
-        result: NDArray[np.complex128] = straight + self._lag(s)[:, None] * self._turned
-        return result
-
-    def _below(self, lines: NDArray[Any]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        s, own = 1j * tau * np.asarray(lines, dtype=np.complex128), tau * self.frequency_hz
-        below = own * own + s * s + 2.0 * self.damping_ratio * own * s
-        if (bad := np.flatnonzero(below == 0.0)).size:
-            raise ValueError(f"the line at {lines[bad[0]].real:g} Hz meets a mode without damping exactly")
-        return s, below
+    Raises
+    ------
+    ResonanceError
+        A line that meets a mode without damping exactly.
+    """
+    return _core.modal_receptance(_core.Lines(lines, tau), np.array([mode.columns() for mode in modes]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,14 +163,13 @@ class ModalPart(Terminal):
         own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
         return (*own, *RESIDUALS)
 
-    def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
-        self._check_band(lines)
-        result = np.zeros((lines.size, len(ENTRIES)), dtype=np.complex128)
-        for mode in self.modes:
-            result += mode.entries(lines)
-        return result
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+        self.check_band(lines)
+        return modal_entries(self.modes, lines) + self._residual()
 
-    def _check_band(self, lines: NDArray[Any]) -> None:
+    def check_band(self, lines: NDArray[Any]) -> None:
+        """Raise `ValueError` for a line in Hz outside the band."""
         if self.band_hz is None:
             return
         low, high = self.band_hz
@@ -220,10 +179,6 @@ class ModalPart(Terminal):
                 f"{self._owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
                 "outside; nothing is extrapolated"
             )
-
-    def _slope(self, lines: NDArray[Any], parameter: str) -> NDArray[np.complex128]:
-        index, quantity = self._place(parameter)
-        return self.modes[index].slope(lines, quantity)
 
     def _place(self, parameter: str) -> tuple[int, str]:
         match = _MODE.fullmatch(parameter)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import tau
 from typing import TYPE_CHECKING, Any, Self
@@ -65,20 +65,9 @@ class Terminal(ABC):
             result[:, i, j] = result[:, j, i] = entries[:, column]
         return result
 
+    @abstractmethod
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return y/F, theta/M and y/M on checked lines, `(n, 3)`."""
-        residual = np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
-        return self._entries(lines) + residual
-
-    def slopes(self, lines: NDArray[Any], parameters: Sequence[str]) -> NDArray[np.complex128]:
-        """Return the derivatives of the entries with respect to parameters, `(n, 3, m)`."""
-        result = np.zeros((lines.size, len(ENTRIES), len(parameters)), dtype=np.complex128)
-        for column, parameter in enumerate(parameters):
-            if parameter in RESIDUALS:
-                result[:, RESIDUALS.index(parameter), column] = 1.0
-            else:
-                result[:, :, column] = self._slope(lines, parameter)
-        return result
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
 
     def value(self, parameter: str) -> float:
         """Return the value of a parameter."""
@@ -89,11 +78,8 @@ class Terminal(ABC):
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)  # type: ignore[type-var]
 
-    @abstractmethod
-    def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]: ...
-
-    def _slope(self, lines: NDArray[Any], parameter: str) -> NDArray[np.complex128]:
-        raise ValueError(f"{self._owner}: there is no parameter {parameter!r}")
+    def _residual(self) -> NDArray[np.complex128]:
+        return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -194,7 +180,12 @@ class MeasuredPart(Terminal):
         mean = 0.5 * (found.values + found.values.transpose(0, 2, 1))
         return cls(frequency_hz=found.frequency_hz, matrix=mean, decay_rate=found.decay_rate, name=name)
 
-    def _entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+        return self.table_entries(lines) + self._residual()
+
+    def table_entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the entries without the residuals."""
         table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
         decay = 0.0 - lines.imag * tau
         if np.any(np.abs(decay - self.decay_rate) > 1e-9 * (np.abs(lines) + self.decay_rate)):

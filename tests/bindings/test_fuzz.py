@@ -256,7 +256,7 @@ def test_a_layout_that_is_not_c_contiguous_is_refused_or_read_right(name: str) -
         ("excitations", 0, 1, 2.0, "excitation"),
         ("responses", 1, 0, -1.0, "responses: -1"),
         ("responses", 1, 0, 0.5, "responses: 0.5"),
-        ("parameters", 0, 0, 6.0, "table is 6"),
+        ("parameters", 0, 0, 7.0, "table is 7"),
         ("parameters", 0, 1, 2.0, "parameter row 0 is 2"),
         ("parameters", 0, 2, 13.0, "parameter column 0 is 13"),
         ("parameters", 0, 2, 1.0, "parameter column 0 is 1"),

@@ -7,7 +7,23 @@ import pickle
 import numpy as np
 import pytest
 
-from receptance import STEEL, Assembly, Coordinate, GroundSpring, Part, PointMass, Section, Segment, SpreadJoint
+from receptance import (
+    STEEL,
+    Assembly,
+    Coordinate,
+    GroundSpring,
+    MeasuredFrequencies,
+    MeasuredFRF,
+    Part,
+    PointMass,
+    Section,
+    Segment,
+    SpreadJoint,
+    Unknown,
+    identify,
+)
+from receptance.identification.frequency_residuals import FrequencyResidual
+from receptance.identification.residuals import FRFResidual
 
 ROD = Part(
     [
@@ -34,6 +50,36 @@ def test_uniform_rod_on_a_spring() -> None:
     stiffness = STEEL.youngs_modulus * np.pi / 4.0 * diameter**2 * q * np.tan(q * length)
     assert len(found) == 4
     assert stiffness == pytest.approx(k, rel=1e-8)
+
+
+def test_a_rod_on_a_spring_is_fitted_in_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its receptance in closed form, (k sin + E A q cos) / (k cos - E A q sin) / (E A q) at q L, and its modes."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("the fit left the core")
+
+    monkeypatch.setattr(FRFResidual, "evaluate", refused)
+    monkeypatch.setattr(FrequencyResidual, "evaluate", refused)
+    length, diameter, k = 0.2, 0.03, 1e8 * (1.0 + 0.02j)
+    rod = Part([Segment(length=length, outer_diameter=diameter, material=STEEL)], name="rod")
+    start = Assembly([rod], [GroundSpring(k_y=3e7, loss_factor=0.01, position="end", name="seat")], motion="axial")
+    lines = np.linspace(100.0, 20e3, 150)
+    q = 2.0 * np.pi * lines * np.sqrt(STEEL.density / STEEL.youngs_modulus)
+    wave = STEEL.youngs_modulus * np.pi / 4.0 * diameter**2 * q
+    sine, cosine = np.sin(q * length), np.cos(q * length)
+    h = (k * sine + wave * cosine) / (k * cosine - wave * sine) / wave
+    modes = start.replace({"seat.k_y": k.real}).natural_frequencies(2e4)
+    seen = [
+        MeasuredFRF(assembly=start, frequency_hz=lines, receptance=h, standard_deviation=0.01),
+        MeasuredFrequencies(assembly=start, frequency_hz=modes, standard_deviation_hz=1.0),
+    ]
+    unknowns = [
+        Unknown(address="seat.k_y", lower=1e7, upper=1e9),
+        Unknown(address="seat.loss_factor", lower=1e-3, upper=0.3),
+    ]
+    found = identify(seen, unknowns, starts=6, seed=3)
+    assert found.values["seat.k_y"] == pytest.approx(k.real, rel=1e-8)
+    assert found.values["seat.loss_factor"] == pytest.approx(0.02, rel=1e-7)
 
 
 def test_free_rod_is_that_of_the_part() -> None:

@@ -26,7 +26,6 @@ standard_deviation = "1 %"
 """
 UNKNOWNS = """
 [settings]
-tolerances = "fit"
 starts = 1
 profiles = false
 
@@ -131,11 +130,3 @@ def test_mistakes_are_told(tmp_path: Path, unknown: str, said: str) -> None:
     with pytest.raises(CampaignError) as error:
         campaign_of(tmp_path, f"{unknown}\n")
     assert said in str(error.value)
-
-
-def test_a_gain_wants_its_tolerances_fitted(tmp_path: Path) -> None:
-    gain = '"observation.log_gain" = { lower = -1.0, upper = 1.0 }\n'
-    folder = campaign_of(tmp_path, gain).file
-    folder.write_text(folder.read_text().replace('tolerances = "fit"\n', ""))
-    with pytest.raises(CampaignError, match="tolerances"):
-        load(tmp_path, folder.read_text()).identify()

@@ -348,6 +348,7 @@ class TestExamples:
             plain = MeasuredFRF(
                 assembly=seen.assembly, frequency_hz=seen.frequency_hz.real, receptance=seen.receptance,
                 response=seen.response, excitation=seen.excitation, standard_deviation=seen.standard_deviation,
+                label=name,
             )  # fmt: skip
             measurements[name] = dataclasses.replace(measured, observation=plain)
         wrong = dataclasses.replace(read, measurements=measurements).identify().fit

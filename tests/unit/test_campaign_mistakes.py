@@ -287,10 +287,9 @@ def test_what_ended_as_an_error_of_the_program(
     assert said in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("mode", ["propagate", "fit"])
-def test_a_tolerance_of_zero_is_no_error(tmp_path: Path, mode: str) -> None:
+def test_a_tolerance_of_zero_is_no_error(tmp_path: Path) -> None:
     """What is known exactly may be said so; everything is as without that tolerance."""
-    settings = f'\n[settings]\ntolerances = "{mode}"\nstarts = 1\nprofiles = false\n'
+    settings = "\n[settings]\nstarts = 1\nprofiles = false\n"
     ends = []
     for old, new in (
         ('length = "0.05 mm", ', ""),

@@ -13,8 +13,7 @@ import pytest
 from campaign_text import TEXT, changed, load
 from receptance import FRF
 from receptance.campaign import CampaignError
-from receptance.campaign.draws import Draws
-from receptance.campaign.propagation import Where
+from receptance.campaign.prediction import forecast_of
 from receptance.cli import main
 from receptance.io import write
 from receptance.stability import Milling, TipModes, stability_lobes
@@ -221,24 +220,22 @@ def test_predicted_tips(tmp_path: Path) -> None:
     assert len(found.plot().axes) == 2
 
 
-def test_draws_scatter_as_propagation_says(tmp_path: Path) -> None:
+def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     """Sampled against linear: standard deviations of natural frequencies, and what two assemblies share."""
     known = ('"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n', "")
-    read = load(tmp_path, changed(known, ("[joints.joint]", '[joints.joint]\nk_y = "5e8 N/m"')))
+    one_mode = ('frequencies = ["2500 Hz", "10000 Hz"]', 'frequencies = ["2500 Hz"]')
+    read = load(tmp_path, changed(known, one_mode, ("[joints.joint]", '[joints.joint]\nk_y = "5e8 N/m"')))
     identified = read.identify()
-    draws = Draws(identified.propagation, 400, seed=1)
-    drawn = {}
+    drawn, forecasts = {}, {}
     for name in ("long", "longest"):
-        assembly, effects = read.assemblies[name], read.effects[name]
-        at = Where(name)
-        linear = identified.propagation.frequencies(identified.fit.apply(assembly), (1,), 2e3, effects, at)[1].total
-        several = draws.assemblies(assembly, effects, at)
-        drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in several if one is not None])
+        forecast = forecast_of(identified, read.place_of(name), read.effects[name], name, [])
+        linear = forecast.modes((1,), 2e3)[1].total
+        forecasts[name] = forecast
+        drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
         assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)
     # The same joint, holder and material: what differs is the overhang's own error.
     assert np.corrcoef(drawn["long"], drawn["longest"])[0, 1] > 0.3
-    again = Draws(identified.propagation, 400, seed=1).assemblies(assembly, effects, at)
-    assert again[3] == several[3]
+    assert forecasts["long"].drawn(400, 1)[3] == forecasts["long"].drawn(400, 1)[3]
 
 
 def test_semi_discretisation(tmp_path: Path) -> None:

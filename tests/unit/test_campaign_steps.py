@@ -81,20 +81,6 @@ def test_candidates_are_what_the_file_says(tmp_path):
     assert "sensors.accelerometer.mass" in names[1] - names[2]
 
 
-def test_a_ranking_with_tolerances_propagated_and_fitted(tmp_path):
-    """Whether the fit took dimensions as exact or fitted them, what more data would bring is nearly the same."""
-    true = load(tmp_path, TEXT).measurements["short"].observation.assembly.replace({"joint.k_y": 3e8})
-    first, second = (f"{float(f):.3f} Hz" for f in true.replace({"joint.k_theta": 1e5}).natural_frequencies(2e4)[:2])
-    text = TEXT.replace('"2500 Hz", "10000 Hz"', f'"{first}", "{second}"') + CANDIDATES
-    propagated = load(tmp_path, text + "[settings]\nstarts = 3\n").next_measurement()
-    fitted = load(tmp_path, text + '[settings]\nstarts = 3\ntolerances = "fit"\n').next_measurement()
-    assert [one.label for one in propagated.found.ranking] == [one.label for one in fitted.found.ranking]
-    for one, other in zip(propagated.found.ranking, fitted.found.ranking, strict=True):
-        assert one.shrink == pytest.approx(other.shrink, rel=0.1)
-    assert any("identify takes dimensions as exact" in note for note in propagated.found.notes)
-    assert not any("identify takes" in note for note in fitted.found.notes)
-
-
 def test_targets_are_unknowns_and_assemblies(loaded):
     identified = loaded.identify()
     found = loaded.next_measurement(identified, targets=["not_measured", "joint.k_y"])

@@ -121,12 +121,12 @@ def test_any_parameters_run_as_whole_models(points: dict[str, Coordinate]) -> No
     assert_agrees(found, rows, one_by_one(rich(), SOME, rows, LINES, **points))
 
 
-def test_what_the_tables_do_not_tell_runs_assembly_by_assembly() -> None:
+def test_rods() -> None:
     rods = Assembly(list(plain().elements.values()), motion="axial")
     addresses = ("joint.k_y", "tool.segment[0].length")
     rows = np.array([[1e8, 0.06], [3e8, 0.05]])
     found = candidates_of(rods, addresses, LINES)
-    assert found.road == "assemblies"
+    assert found.road == "models"
     assert_agrees(found, rows, one_by_one(rods, addresses, rows, LINES))
 
 

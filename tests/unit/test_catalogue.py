@@ -15,8 +15,8 @@ import pytest
 from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
-from receptance.campaign.draws import Draws
 from receptance.campaign.frequencies import read_frequencies
+from receptance.campaign.prediction import forecast_of
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import Described
 from receptance.cli import main
@@ -124,13 +124,13 @@ def test_a_pipe_is_no_table(tmp_path: Path) -> None:
 def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
     one, two, three = Catalogue(machine)
     assert isinstance(one, Described)
-    assert list(one.assembly.elements) == ["tool", "collet", "er32", "taper", "spindle"]
-    tool = one.assembly.elements["tool"]
+    assert list(one.place.assembly.elements) == ["tool", "collet", "er32", "taper", "spindle"]
+    tool = one.place.assembly.elements["tool"]
     assert isinstance(tool, Part)
     assert [s.outer_diameter for s in tool.segments] == [pytest.approx(0.0096), 0.012]
     assert [s.length for s in tool.segments] == [pytest.approx(0.03), pytest.approx(0.03)]
-    assert list(two.assembly.elements)[2] == "shrink"
-    assert len(three.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
+    assert list(two.place.assembly.elements)[2] == "shrink"
+    assert len(three.place.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
     # Errors: its own dimensions, and the material's, which the fit knows under the same name.
     assert one.effects["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
     assert one.effects["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
@@ -162,10 +162,9 @@ def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
     catalogue = Catalogue(machine)
-    draws = Draws(identified.propagation, 150, SEED)
     for one, own in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
-        for assembly in draws.assemblies(own.assembly, own.effects, own.at):
+        for assembly in forecast_of(identified, own.place, own.effects, own.row.name, []).drawn(150, SEED):
             assert assembly is not None
             modes = damped_modes(assembly, 5200.0, threads=1)
             values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)

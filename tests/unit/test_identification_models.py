@@ -181,9 +181,9 @@ def test_records_of_one_model_share_its_evaluation(monkeypatch):
         def __init__(self, *arguments):
             self.problem = problem_of_the_core(*arguments)
 
-        def add_receptance(self, model, lines, points, measured, weights):
+        def add_receptance(self, model, lines, points, measured, weights, by_line):
             records.append(len(measured))
-            self.problem.add_receptance(model, lines, points, measured, weights)
+            self.problem.add_receptance(model, lines, points, measured, weights, by_line)
 
     problem_of_the_core = _core.Problem
     monkeypatch.setattr(_core, "Problem", Counted)

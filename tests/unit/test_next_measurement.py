@@ -164,18 +164,16 @@ def test_scatter_that_is_estimated(rng):
         assert expected[name].deviation_now == pytest.approx(known[name].deviation_now, rel=0.05)
 
 
-def test_errors_that_the_fit_took_as_exact_count(rng):
+def test_errors_of_dimensions_limit_what_more_data_bring(rng):
     true = make_assembly()
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
     error = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.01}, relative=True)
     candidate = Candidate(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
     exact = next_measurement(fit, candidate).best.expected["joint.k_theta"]
-    less = next_measurement(fit, candidate, tolerances=error).best.expected["joint.k_theta"]
     fitted = identify(data, STIFFNESSES, tolerances=error, starts=1)
-    same = next_measurement(fitted, candidate).best.expected["joint.k_theta"]
+    less = next_measurement(fitted, candidate).best.expected["joint.k_theta"]
     assert less.deviation > 1.5 * exact.deviation
-    assert less.deviation == pytest.approx(same.deviation, rel=0.05)
 
 
 def test_predictions_as_targets(rng):
@@ -321,9 +319,6 @@ def test_mistakes_are_answered(in_the_machine):
         Candidate(label="x", assembly=make_assembly(), frequency_hz=[0.0, 10.0])
     with pytest.raises(TypeError, match="expected text that says what it is"):
         Candidate(label="", assembly=make_assembly(), frequency_hz=WIDE)
-    bare = identify(modes_of(make_assembly()), STIFFNESSES, starts=1)
-    with pytest.raises(ValueError, match="tolerances can only be weighed against"):
-        next_measurement(bare, options["nose"], tolerances=clamped("x"))
     data = measure(make_assembly(), LINES, 0.01, np.random.default_rng(0), "tip")
     percent = identify(data, STIFFNESSES, objective="percentage", starts=1)
     with pytest.raises(ValueError, match="no likelihood"):

@@ -6,6 +6,7 @@ import pickle
 from dataclasses import replace
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -24,10 +25,13 @@ from receptance import (
     Part,
     PointJoint,
     PointMass,
+    ResonanceError,
     Segment,
     Unknown,
     identify,
 )
+from receptance.identification.factors import frequency_weights
+from receptance.identification.residuals import FRFResidual
 
 LOSSY = replace(STEEL, loss_factor=0.002)
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
@@ -154,6 +158,78 @@ def test_modes_are_identified() -> None:
     assert alone.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
 
 
+def test_modes_against_exact_arithmetic() -> None:
+    """The pair of poles of a mode, w_d = w_r sqrt(1 - zeta^2), in 40 digits: residues psi psi^T / (2 i w_d)."""
+    mpmath.mp.dps = 40
+    lines = np.array([20.0, 649.0, 1700.5 - 2.0j, 8000.0 - 30.0j])
+    h = ModalPart(modes=MODES).receptance(lines)
+    for line, matrix in zip(lines, h, strict=True):
+        s = 2j * mpmath.pi * mpmath.mpmathify(complex(line))
+        expected = mpmath.matrix(2, 2)
+        for mode in MODES:
+            own, zeta = 2 * mpmath.pi * mpmath.mpf(mode.frequency_hz), mpmath.mpf(mode.damping_ratio)
+            swing = own * mpmath.sqrt(1 - zeta**2)
+            # phi + i chi with the pole of positive imaginary part, its conjugate with the other one.
+            psi = [mpmath.mpc(mode.y, mode.y_imaginary), mpmath.mpc(mode.theta, mode.theta_imaginary)]
+            for i in range(2):
+                for j in range(2):
+                    residue = psi[i] * psi[j] / (2j * swing)
+                    pole = mpmath.mpc(-zeta * own, swing)
+                    expected[i, j] += residue / (s - pole) + mpmath.conj(residue) / (s - mpmath.conj(pole))
+        for i in range(2):
+            for j in range(2):
+                assert abs(complex(expected[i, j]) - matrix[i, j]) < 1e-12 * abs(matrix).max()
+
+
+def in_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no residual be evaluated in Python."""
+
+    def refused(*_: object) -> None:
+        raise AssertionError("the fit left the core")
+
+    monkeypatch.setattr(FRFResidual, "evaluate", refused)
+
+
+def test_modes_and_tables_are_fitted_in_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_the_core(monkeypatch)
+    lines = LINES[100:380:4]
+    for spindle, name in ((MODAL, "spindle.mode[1].damping_ratio"), (table(), "spindle.residual_y")):
+        true = Assembly([TOOL, JOINT, HOLDER, TAPER, spindle])
+        seen = MeasuredFRF(assembly=true, frequency_hz=lines, receptance=true.receptance(lines))
+        value = true.get(name)
+        unknowns = [
+            Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=1.05e5),
+            Unknown(address=name, lower=value - 2e-2, upper=value + 2e-2, start=value + 2e-3, scale="linear")
+            if value
+            else Unknown(address=name, lower=-1e-9, upper=1e-9, start=1e-10, scale="linear"),
+        ]
+        found = identify(seen, unknowns, starts=1)
+        assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
+        assert found.values[name] == pytest.approx(value, rel=1e-6, abs=1e-13)
+
+
+def test_a_window_on_a_structure_with_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The derivative by the rate of a window is one by the frequency, on which modes depend as well."""
+    in_the_core(monkeypatch)
+    lines, rate = LINES[100:380:4], 25.0
+    true = Assembly([TOOL, JOINT, HOLDER, MODAL])
+    s = 2j * np.pi * lines
+    recorded = true.receptance(lines - 1j * rate / (2.0 * np.pi)) * (1.0 + rate / s) ** 2
+    seen = MeasuredFRF(assembly=true, frequency_hz=lines, receptance=recorded)
+    unknowns = [
+        Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=1.2e5),
+        Unknown(address="observation.decay_rate", lower=0.0, upper=100.0, start=10.0, scale="linear"),
+    ]
+    found = identify(seen, unknowns, starts=1)
+    assert found.values["observation.decay_rate"] == pytest.approx(rate, rel=1e-6)
+    names, weights = frequency_weights(true)
+    damped, step = lines - 20.0j, 1e-5
+    _, slope = true.derivatives(damped, names)
+    up, down = (true.receptance(damped * (1.0 + side * step)) for side in (1.0, -1.0))
+    expected = (up - down) / (2.0 * step)
+    assert np.max(np.abs(slope @ weights - expected)) < 1e-6 * np.max(np.abs(expected))
+
+
 def test_between_its_lines_a_table_is_interpolated_where_that_is_right() -> None:
     fine = np.arange(100.0, 3000.0, 2.0)
     between = fine[:-1] + 0.7
@@ -217,8 +293,8 @@ def test_from_a_file_s_frf() -> None:
         (lambda: Mode(frequency_hz=-1.0, damping_ratio=0.0, y=1.0, theta=0.0), ValueError, "frequency_hz is -1"),
         (
             lambda: ModalPart(modes=[replace(MODES[0], damping_ratio=0.0)]).receptance([650.0]),
-            ValueError,
-            "650 Hz meets a mode without damping exactly",
+            ResonanceError,
+            "650 Hz .*an undamped resonance met exactly",
         ),
         (
             lambda: MeasuredPart(frequency_hz=LINES, matrix=np.ones((4, 2, 2))),

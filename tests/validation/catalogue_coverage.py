@@ -62,7 +62,7 @@ def text_of(folder: Path) -> str:
     unknowns = '[unknowns]\n"collet.k_theta" = { lower = "1e3 N m/rad", upper = "1e7 N m/rad" }\n'
     more = '"collet.c_theta" = { lower = "1e-3 N m s/rad", upper = "1e2 N m s/rad" }\n'
     tail = rest.split("[unknowns]")[1].split("\n", 2)[2]
-    settings = '\n[settings]\nstarts = 2\nprofiles = false\ntolerances = "fit"\n'
+    settings = "\n[settings]\nstarts = 2\nprofiles = false\n"
     known = head.replace('c_theta = "0.4 N m s/rad"\n', "")
     return known + measured + unknowns + more + settings + tail
 

@@ -12,7 +12,6 @@ from receptance.campaign.next_step import CampaignNext
 from receptance.campaign.observations import Measurement
 from receptance.campaign.prediction import CampaignPrediction
 from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.propagation import Propagation, Scatter
 from receptance.campaign.schema import field_tables, json_schema
 from receptance.campaign.stability import CampaignStability, CutLobes
 from receptance.campaign.transfer import CampaignTransfer
@@ -35,8 +34,6 @@ __all__ = [
     "PredictedFRF",
     "PredictedFrequencies",
     "Problem",
-    "Propagation",
-    "Scatter",
     "Tip",
     "field_tables",
     "json_schema",

@@ -14,6 +14,7 @@ from receptance.campaign.observations import Measurement
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
+from receptance.identification.places import Place
 
 if TYPE_CHECKING:
     from receptance.campaign.cuts import CampaignCut
@@ -111,6 +112,11 @@ class Campaign:
         """Assemblies without any measurement."""
         measured = {one.assembly for one in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
+
+    def place_of(self, name: str) -> Place:
+        """An assembly with its configuration and conditions, as laws and tolerances need to know it."""
+        conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
+        return Place(self.assemblies[name], name, "", conditions)
 
     def identify(
         self, *, threads: int | None = None, progress: Callable[[str], None] | None = None

@@ -11,7 +11,7 @@ from receptance.campaign.assembling import place, with_sensor
 from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.frequencies import deviations_of
 from receptance.campaign.frf_files import deviation_share
-from receptance.campaign.propagation import tolerances_of
+from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import Candidate
 from receptance.identification.candidates import natural_slopes
 

@@ -13,8 +13,8 @@ from receptance.identification.spread import says_nothing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.campaign.propagation import Scatter
     from receptance.coordinates import Coordinate
+    from receptance.identification.prediction import Scatter
 
 __all__ = ["Peak", "PredictedFRF", "PredictedFrequencies"]
 
@@ -38,7 +38,7 @@ class PredictedFrequencies:
     predicted_hz : ndarray
         `(m,)`.
     scatter : Scatter
-        Of the predictions in Hz, from the fit and from each error of the tolerances.
+        Of the predictions in Hz.
     measured_hz, measured_deviation_hz : ndarray or None
         What was measured, with its standard deviation.
     """
@@ -90,7 +90,7 @@ class PredictedFrequencies:
             "interval_hz": [low, high],
             "interval_says_nothing": nothing,
             "standard_error_hz": self.scatter.total,
-            "standard_error_of_fit_hz": self.scatter.fit,
+            "standard_error_of_fit_hz": self.scatter.data,
             "change_for_one_deviation_hz": self.scatter.errors,
         }
         if self.measured_hz is not None:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance._files import write_whole
-from receptance.campaign.identification import observed_unknowns, tolerances_of_measurements
+from receptance.campaign.identification import observed_unknowns
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
+from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.errors import ReceptanceError
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.problems import Problems
-from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.quantities import KINDS
 from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tables import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
+from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.unknown_building import addresses_of
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.model import Model
@@ -96,7 +96,7 @@ def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
             data["measurements"][name]["ends"] = quantity(end, KINDS["a time"])
     _write_unknowns(data, diagnosis)
     _rebase_files(data, campaign.file.parent, folder)
-    data["settings"] = {**data.get("settings", {}), "tolerances": "fit", "starts": 1}
+    data["settings"] = {**data.get("settings", {}), "starts": 1}
     data["settings"].pop("strategy", None)
     data["settings"].pop("objective", None)
     names = " and ".join(cause.id for cause, _ in verdict.explanation.steps)

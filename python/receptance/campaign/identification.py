@@ -1,8 +1,8 @@
-"""The fit of a campaign, and what its tolerances make of the result."""
+"""The fit of a campaign, with the errors of dimensions and materials as parameters with priors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,29 +10,29 @@ import numpy as np
 
 from receptance.campaign.deviations import parse_share
 from receptance.campaign.plain import plain
-from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation, tolerances_of
+from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.series import FEWEST, level_unit, over_levels, started_by_level
-from receptance.identification import Identification, MeasuredFRF, Unknown, identify
-from receptance.identification.factors import FACTORS
+from receptance.campaign.tolerances import tolerances_of_measurements
+from receptance.identification import Identification, Unknown, identify
 from receptance.identification.laws import Law
-from receptance.identification.spread import quantile
-from receptance.identification.task import place_of
+from receptance.identification.task import Observation, place_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.measurement_models import SettingsTable
     from receptance.campaign.observations import Measurement
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profile
     from receptance.taper import ForceSeries
 
-__all__ = ["CampaignIdentification", "identify_campaign", "observed_unknowns", "tolerances_of_measurements"]
-
-_DISAGREE = 1.3
-"""Residuals this many times their standard deviation, as rms, say that exact dimensions do not fit the data."""
+__all__ = [
+    "CampaignIdentification",
+    "fit_options",
+    "identify_campaign",
+    "observed_unknowns",
+    "weighable_tolerances",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +44,7 @@ class CampaignIdentification:
     campaign : Campaign
         What was fitted.
     fit : Identification
-        Values, standard errors from the scatter of the data, residuals, advice.
-    propagation : Propagation
-        How the fit reacts to the tolerances, which it takes as exact.
+        Values, standard errors, residuals, advice.
     notes : tuple of str
         What a person should know, of the campaign and of the fit.
     versions : dict of str to str
@@ -59,7 +57,6 @@ class CampaignIdentification:
 
     campaign: Campaign
     fit: Identification
-    propagation: Propagation
     notes: tuple[str, ...]
     versions: dict[str, str]
     profiles: dict[str, Profile] = field(default_factory=dict)
@@ -70,27 +67,9 @@ class CampaignIdentification:
         """Names of the measurements that were fitted, in the order of `fit.residuals`."""
         return tuple(self.campaign.to_identify)
 
-    def standard_errors(self) -> dict[str, float]:
-        """Standard errors in SI units by address, from the scatter of the data and the tolerances together."""
-        return self.propagation.standard_errors()
-
     def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of a value in SI units, tolerances included; symmetric in the fitted variable.
-
-        Raises
-        ------
-        ValueError
-            An address that was not identified, or a level not between 0 and 1.
-        """
-        value = self.fit.values[address] if address in self.fit.values else self.fit.interval(address)[0]
-        unknown = self.fit.unknowns[self.fit.addresses.index(address)]
-        reach = quantile(level, None if self.fit.known_scatter else self.fit.degrees_of_freedom)
-        spread = self.standard_errors()[address]
-        if unknown.scale == "linear":
-            return value - reach * spread, value + reach * spread
-        with np.errstate(over="ignore"):
-            factor = float(np.exp(np.float64(reach * spread / value)))
-        return (value / factor if np.isfinite(factor) else 0.0), value * factor
+        """Confidence interval of a value in SI units; see `Identification.interval`."""
+        return self.fit.interval(address, level)
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
@@ -101,7 +80,7 @@ class CampaignIdentification:
     def as_dict(self) -> dict[str, Any]:
         """Return the result as what JSON holds: an infinite number is None."""
         fit, campaign = self.fit, self.campaign
-        together = self.standard_errors()
+        data, shares = fit.data_errors, fit.scatter().shares
         found: dict[str, Any] = plain(
             {
                 "campaign": campaign.title,
@@ -111,12 +90,12 @@ class CampaignIdentification:
                     address: {
                         "value": value,
                         "standard_error": fit.standard_errors[address],
-                        "interval_95": fit.interval(address),
-                        "standard_error_with_tolerances": together[address],
-                        "interval_95_with_tolerances": self.interval(address),
+                        "standard_error_of_data": data[address],
+                        "interval_95": self.interval(address),
+                        "shares_of_variance": {name: own[index] for name, own in shares.items()},
                         "determined": self.determined(address),
                     }
-                    for address, value in fit.values.items()
+                    for index, (address, value) in enumerate(fit.values.items())
                     if address not in fit.errors
                 },
                 "errors": {
@@ -150,6 +129,7 @@ class CampaignIdentification:
                     for name, unit, residual in zip(self.measurements, fit.units, fit.residuals, strict=True)
                 ],
                 "rms": fit.rms,
+                "noise_factor": fit.noise_factor,
                 "degrees_of_freedom": fit.degrees_of_freedom,
                 "known_scatter": fit.known_scatter,
                 "starts": len(fit.starts),
@@ -186,7 +166,7 @@ class CampaignIdentification:
         Raises
         ------
         ValueError
-            There are none: `profiles` is off, or tolerances are propagated.
+            There are none, because `profiles` is off, standard deviations are unknown, or levels form a series.
         """
         from receptance.plot.profiles import draw_profiles
 
@@ -211,51 +191,22 @@ def identify_campaign(
         raise CampaignError.about(campaign.file, text)
     unknowns, left_out = observed_unknowns(campaign, seen)
     settings = campaign.table.settings
-    fitted = settings.tolerances == "fit"
-    effects = [{} if fitted else measured.effects for measured in seen.values()]
-    if any(effects) and any(unknown.address in FACTORS for unknown in unknowns):
-        text = 'what stands between structure and record is unknown (`observation.`), expected `tolerances = "fit"`'
-        raise CampaignError.about(campaign.file, text)
+    tolerances = weighable_tolerances(campaign, seen)
     observations = [measured.observation for measured in seen.values()]
     lines = sum(o.frequency_hz.size for o in observations)
-    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
-    if by_level:
-        unknowns = started_by_level(observations, unknowns, settings, threads=threads, say=say)
-    starts = 1 if by_level else settings.starts
-    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {starts} starts")
-    width = band_width_percent(settings)
+    by_level, unknowns, options = fit_options(campaign, observations, unknowns, threads=threads, say=say)
+    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
     try:
-        fit = identify(
-            observations,
-            unknowns,
-            objective=settings.objective,
-            band_width_percent=width,
-            starts=starts,
-            seed=settings.seed,
-            max_evaluations=settings.max_evaluations,
-            threads=threads,
-            tolerances=tolerances_of_measurements(seen) if fitted else (),
-            strategy="direct" if by_level else settings.strategy,
-        )
+        fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
     series = over_levels(campaign, fit)
-    say("propagating the tolerances")
-    propagation = Propagation(fit, observations, effects, width)
     notes = [
         *campaign.notes,
         *left_out,
         *(n for n in fit.notes if not any(said.endswith(n) for said in campaign.notes)),
     ]
-    if any(effects):
-        notes.append("tolerances widen the intervals; the fit itself takes dimensions and materials as exact")
-        notes += _on_damping(fit) if any(isinstance(o, MeasuredFRF) for o in observations) else []
-    if settings.objective == "percentage" and any(isinstance(o, MeasuredFRF) for o in observations) and any(effects):
-        notes.append(
-            "how the fit reacts to tolerances is taken from least squares on the lines of its bands, which the "
-            "percentage objective only resembles"
-        )
-    if fitted and fit.errors:
+    if fit.errors:
         notes.append(f"{len(fit.errors)} errors of dimensions and materials are fitted, their tolerances are priors")
     profiles = {}
     if by_level:
@@ -265,12 +216,11 @@ def identify_campaign(
         )
         if not series:
             notes.append(f"nothing is said of trends and laws: that takes {FEWEST} different levels or more, from 0 on")
-    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log" and not any(effects):
+    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
         profiles = fit.profiles(progress=say)
     return CampaignIdentification(
         campaign=campaign,
         fit=fit,
-        propagation=propagation,
         notes=tuple(notes),
         versions=versions(),
         profiles=profiles,
@@ -278,21 +228,58 @@ def identify_campaign(
     )
 
 
-def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Tolerance]:
-    """Return the errors of all measurements; what has the same name is one error."""
-    return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
+def fit_options(
+    campaign: Campaign,
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    *,
+    threads: int | None,
+    say: Callable[[str], None],
+) -> tuple[bool, list[Unknown], dict[str, Any]]:
+    """Return whether each level of a series is fitted by itself first, unknowns that start there, and fit options."""
+    settings = campaign.table.settings
+    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
+    started = list(unknowns)
+    if by_level:
+        started = started_by_level(observations, unknowns, settings, threads=threads, say=say)
+    return (
+        by_level,
+        started,
+        {
+            "objective": settings.objective,
+            "band_width_percent": 100.0 * parse_share(settings.band_width, 'a percentage such as "5 %"'),
+            "starts": 1 if by_level else settings.starts,
+            "max_evaluations": settings.max_evaluations,
+            "threads": threads,
+            "strategy": "direct" if by_level else settings.strategy,
+        },
+    )
 
 
-def _on_damping(fit: Identification) -> list[str]:
-    """Say where intervals of dampings cannot be trusted; linear propagation does not see why."""
-    damped = [a for a in fit.addresses if a.split(".")[-1].startswith("c_") or a.endswith("loss_factor")]
-    if not damped or not fit.known_scatter or fit.rms < _DISAGREE:
+def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
+    """Return the errors of all measurements; a CampaignError where the fit cannot weigh them against the data."""
+    tolerances = tolerances_of_measurements(seen)
+    if not tolerances:
         return []
-    return [
-        f"the residuals are {fit.rms:.2g} times what noise explains: dimensions are off (the resonances of several "
-        "measurements then do not fit one model) or the noise is larger than stated; dampings answer to that first, "
-        f"and the intervals of {', '.join(damped)} do not cover it"
-    ]
+    if campaign.table.settings.objective == "percentage":
+        raise CampaignError(
+            campaign.file,
+            [
+                Problem(
+                    ("settings", "objective"),
+                    'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
+                    'fitted; expected "log", or no tolerances',
+                )
+            ],
+        )
+    bare = [name for name, measured in seen.items() if not measured.observation.weighted]
+    if bare:
+        expected = (
+            "has no standard deviation, which errors of dimensions and materials are weighed against; expected "
+            '`standard_deviation`, such as "2 %", or no tolerances'
+        )
+        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in bare])
+    return tolerances
 
 
 def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
@@ -308,8 +295,3 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tu
     if not kept:
         raise CampaignError.about(campaign.file, "no assembly that was measured for identification has an unknown")
     return kept, notes
-
-
-def band_width_percent(settings: SettingsTable) -> float:
-    """Return how far a band reaches to either side of its peak, in percent."""
-    return 100.0 * parse_share(settings.band_width, 'a percentage such as "5 %"')

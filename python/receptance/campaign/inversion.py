@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.identification import tolerances_of_measurements
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
+from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.identification import InverseCoupling, MeasuredFRF, invert_coupling
 from receptance.identification.line_solutions import TERMS
 from receptance.joints import PointJoint

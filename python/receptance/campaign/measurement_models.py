@@ -243,11 +243,8 @@ class SettingsTable(Table):
     """most evaluations from one start"""
     strategy: Literal["direct", "staged"] = "direct"
     """whether starts go straight into the fit, or are led to it by way of easier ones, from decades off"""
-    tolerances: Literal["propagate", "fit"] = "propagate"
-    """whether errors of dimensions and materials widen the intervals of a fit that takes them as exact, or are fitted
-    as well, with the tolerances as what is known of them"""
     profiles: bool = True
-    """whether intervals are found by profile likelihoods too; not where tolerances are propagated"""
+    """whether intervals are found by profile likelihoods too"""
     band_width: str = "5 %"
     """with the percentage objective, how far a band reaches to either side of its peak"""
 

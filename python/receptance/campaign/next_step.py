@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.identification import identify_campaign, tolerances_of_measurements
+from receptance.campaign.identification import identify_campaign
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import tolerances_of
 from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import FrequencyTarget, NextMeasurement, next_measurement
 
 if TYPE_CHECKING:
@@ -81,26 +81,17 @@ def next_of_campaign(
         raise CampaignError.about(campaign.file, "there is nothing to choose from, expected `candidates`")
     known = identified or identify_campaign(campaign, threads=threads, progress=progress)
     wanted = [_target(name, campaign, known) for name in targets]
-    exact = campaign.table.settings.tolerances == "propagate" and known.fit.known_scatter
     try:
         found = next_measurement(
             known.fit,
             list(campaign.candidates.values()),
             targets=wanted or None,
-            # The fit took dimensions as exact; what more data would bring depends on them all the same.
-            tolerances=tolerances_of_measurements(campaign.to_identify) if exact else (),
             level=campaign.table.prediction.level,
             profiles=known.profiles,
             progress=progress,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    if exact and any(one.effects for one in campaign.to_identify.values()):
-        text = (
-            'tolerances count here as what is known of dimensions beforehand, as with `tolerances = "fit"`; identify '
-            "takes dimensions as exact, and its intervals with tolerances are wider"
-        )
-        found = replace(found, notes=(*found.notes, text))
     return CampaignNext(identified=known, found=found, versions=versions())
 
 

@@ -11,15 +11,12 @@ import numpy as np
 from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation, Where, tolerances_of
+from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
-from receptance.identification.factors import FACTORS
-from receptance.identification.mapping import Addresses
 from receptance.identification.peaks import match_peaks
-from receptance.identification.residuals import FRFResidual
+from receptance.identification.places import Place
+from receptance.identification.prediction import Forecast
 from receptance.identification.spread import quantile
-from receptance.identification.stepped_place import SteppedPlace
-from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -29,10 +26,10 @@ if TYPE_CHECKING:
     from receptance.assembly import Assembly
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.identification import CampaignIdentification
-    from receptance.campaign.observations import Measurement
     from receptance.campaign.tolerances import Effects
+    from receptance.identification import MeasuredFrequencies
 
-__all__ = ["CampaignPrediction", "applied", "predict_campaign", "prediction_lines", "recorded", "what_can_be_predicted"]
+__all__ = ["CampaignPrediction", "forecast_of", "predict_campaign", "prediction_lines"]
 
 _LINES = 2000
 _MOST_LINES = 1_000_000
@@ -76,7 +73,7 @@ class CampaignPrediction:
     @property
     def reach(self) -> float:
         """How many standard deviations an interval reaches to either side."""
-        return quantile(self.level, None)
+        return quantile(self.level, None) if self.identified is None else self.identified.fit.reach(self.level)
 
     @property
     def errors_percent(self) -> list[float]:
@@ -128,20 +125,6 @@ def predict_campaign(
     progress: Callable[[str], None] | None = None,
 ) -> CampaignPrediction:
     """Predict what a campaign holds out or did not measure; see `Campaign.predict`."""
-    found = what_can_be_predicted(campaign, identified, threads=threads, progress=progress)
-    if not found.frequencies and not found.frfs:
-        raise CampaignError.about(campaign.file, "; ".join(found.not_predicted.values()))
-    return found
-
-
-def what_can_be_predicted(
-    campaign: Campaign,
-    identified: CampaignIdentification | None,
-    *,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> CampaignPrediction:
-    """Predict what a campaign holds out or did not measure, as far as it can be, and say why the rest cannot."""
     from receptance.studies._provenance import versions
 
     say = progress or (lambda _: None)
@@ -151,7 +134,6 @@ def what_can_be_predicted(
         raise CampaignError.about(campaign.file, text)
     if identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
-    propagation = Propagation(None, [], []) if identified is None else identified.propagation
     notes = list(campaign.notes if identified is None else identified.notes)
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
@@ -159,27 +141,28 @@ def what_can_be_predicted(
     for name, measured in held_out.items():
         say(f"predicting {name}")
         seen = measured.observation
-        at = Where(seen.configuration, seen.conditions)
+        place = Place(seen.assembly, seen.configuration, "", seen.conditions)
         try:
-            assembly = applied(identified, seen.assembly, name, notes, measured.effects, at)
+            forecast = forecast_of(identified, place, measured.effects, name, notes)
         except CampaignError as error:
             lost[name] = error.problems[0].text
             continue
-        if isinstance(measured.observation, MeasuredFRF):
-            frfs.append(_held_out_frf(name, measured, assembly, propagation, at, identified))
+        if isinstance(seen, MeasuredFRF):
+            frfs.append(_held_out_frf(name, measured.assembly, seen, forecast))
         else:
-            frequencies.append(_held_out_frequencies(name, measured, assembly, propagation, at))
-    for name, assembly in unmeasured.items():
+            frequencies.append(_held_out_frequencies(name, measured.assembly, seen, forecast))
+    for name in unmeasured:
         say(f"predicting {name}")
-        at = Where(name, {key: one.value for key, one in campaign.conditions.get(name, {}).items()})
         try:
-            assembly = applied(identified, assembly, name, notes, campaign.effects.get(name, {}), at)
+            forecast = forecast_of(identified, campaign.place_of(name), campaign.effects.get(name, {}), name, notes)
         except CampaignError as error:
             lost[name] = error.problems[0].text
             continue
-        found = _unmeasured(name, campaign, assembly, propagation, notes, at)
+        found = _unmeasured(name, campaign, forecast, notes)
         frequencies += [found[0]] if found[0] is not None else []
         frfs.append(found[1])
+    if not frequencies and not frfs:
+        raise CampaignError.about(campaign.file, "; ".join(lost.values()))
     notes += [f"not predicted: {reason}" for reason in lost.values()]
     wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
     if wide:
@@ -199,47 +182,38 @@ def what_can_be_predicted(
     )
 
 
-def applied(
-    identified: CampaignIdentification | None,
-    assembly: Assembly,
-    name: str,
-    notes: list[str],
-    effects: Effects,
-    at: Where,
-) -> Assembly:
-    """Return the assembly with the identified values of the parameters that it has."""
-    if identified is None:
-        return assembly
-    fit = identified.fit
+def forecast_of(
+    identified: CampaignIdentification | None, place: Place, effects: Effects, name: str, notes: list[str]
+) -> Forecast:
+    """Return the forecast of an assembly, and add to the notes which identified parameters are missing from it."""
+    fit = None if identified is None else identified.fit
+    try:
+        found = Forecast(fit, place, tolerances_of(effects))
+    except ValueError as error:
+        if identified is None:
+            raise
+        raise CampaignError.about(identified.campaign.file, f"{name} cannot be predicted: {error}") from None
+    if identified is None or fit is None:
+        return found
     wanted = {address for unknown in fit.task.parameters.wanted for address in unknown.reached}
-    tolerances = tolerances_of(effects)
-    if any(covered(address, assembly) for address in wanted):
-        try:
-            assembly = fit.apply(
-                assembly, configuration=at.configuration, conditions=at.conditions, tolerances=tolerances
-            )
-        except ValueError as error:
-            raise CampaignError.about(identified.campaign.file, f"{name} cannot be predicted: {error}") from None
-    else:
+    if not any(covered(address, place.assembly) for address in wanted):
         notes.append(f"{name}: none of the identified parameters is in it")
     asked = [address for unknown in identified.campaign.unknowns for address in unknown.reached]
-    rest = [address for address in asked if address not in wanted and covered(address, assembly)]
+    rest = [address for address in asked if address not in wanted and covered(address, place.assembly)]
     if rest:
         notes.append(
             f"{name}: {', '.join(rest)} {'was' if len(rest) == 1 else 'were'} not identified and stays at its start"
         )
-    return assembly
+    return found
 
 
 def _held_out_frequencies(
-    name: str, measured: Measurement, assembly: Assembly, propagation: Propagation, at: Where
+    name: str, assembly: str, seen: MeasuredFrequencies, forecast: Forecast
 ) -> PredictedFrequencies:
-    seen = measured.observation
-    assert not isinstance(seen, MeasuredFRF)
-    found, scatter = propagation.frequencies(assembly, seen.modes, float(seen.frequency_hz[-1]), measured.effects, at)
+    found, scatter = forecast.modes(seen.modes, float(seen.frequency_hz[-1]))
     return PredictedFrequencies(
         name=name,
-        assembly=measured.assembly,
+        assembly=assembly,
         modes=seen.modes,
         predicted_hz=found,
         scatter=scatter,
@@ -248,95 +222,68 @@ def _held_out_frequencies(
     )
 
 
-def _held_out_frf(
-    name: str,
-    measured: Measurement,
-    assembly: Assembly,
-    propagation: Propagation,
-    at: Where,
-    identified: CampaignIdentification | None,
-) -> PredictedFRF:
-    seen = measured.observation
-    assert isinstance(seen, MeasuredFRF)
-    response, excitation = (SteppedPlace(seen.assembly, one).on(assembly) for one in (seen.response, seen.excitation))
-    found, real, imaginary = propagation.receptance(
-        assembly, seen.frequency_hz, response, excitation, measured.effects, at, seen.force
-    )
-    if identified is not None and any(unknown.address in FACTORS for unknown in identified.fit.task.parameters.wanted):
-        found = recorded(seen, identified, measured.effects)
-    peaks = match_peaks(seen.frequency_hz, seen.receptance, found, seen.standard_deviation)
-    deviations = _peak_deviations(peaks, assembly, propagation, measured, at)
+def _held_out_frf(name: str, assembly: str, seen: MeasuredFRF, forecast: Forecast) -> PredictedFRF:
+    found = forecast.observed(seen)
+    peaks = match_peaks(seen.frequency_hz, seen.receptance, found.receptance, seen.standard_deviation)
+    deviations = _peak_deviations(peaks, forecast)
     return PredictedFRF(
         name=name,
-        assembly=measured.assembly,
+        assembly=assembly,
         response=seen.response,
         excitation=seen.excitation,
         frequency_hz=seen.frequency_hz,
-        receptance=found,
-        scatter=real,
-        phase_scatter=imaginary,
+        receptance=found.receptance,
+        scatter=found.scatter,
+        phase_scatter=found.phase_scatter,
         measured=seen.receptance,
         measured_deviation=seen.standard_deviation,
         peaks=tuple(peak.with_deviation(one) for peak, one in zip(peaks, deviations, strict=True)),
     )
 
 
-def recorded(seen: MeasuredFRF, identified: CampaignIdentification, effects: Effects) -> NDArray[np.complex128]:
-    """Return the predicted FRF as the chain would record it that the fit has found: with its gain, delay and window."""
-    fit, fresh = identified.fit, list[str]()
-    placed = fit.task.parameters.at(place_of(seen, 0), tolerances_of(effects), fresh)
-    values = np.append(np.array(list(fit.values.values())), np.zeros(len(fresh)))
-    residual = FRFResidual(seen, Addresses(placed.addresses), "logarithm", None, None).value(placed.values(values))
-    real, imaginary = residual.reshape(2, -1)
-    found: NDArray[np.complex128] = seen.receptance * np.exp(-real - 1j * imaginary)
-    return found
-
-
-def _peak_deviations(
-    peaks: list[Peak], assembly: Assembly, propagation: Propagation, measured: Measurement, at: Where
-) -> list[float | None]:
+def _peak_deviations(peaks: list[Peak], forecast: Forecast) -> list[float | None]:
     """Return the standard deviations of predicted peaks, from the nearest natural frequency of the assembly."""
     places = [peak.predicted_hz for peak in peaks if peak.predicted_hz is not None]
-    if not places:
+    if not places or not forecast.assembly.countable:
         return [None] * len(peaks)
-    modes = _counted(assembly, 1.1 * max(places))
+    modes, scatter = forecast.natural_frequencies(1.1 * max(places))
     if not modes.size:
         return [None] * len(peaks)
-    numbers = tuple(range(1, modes.size + 1))
-    _, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), measured.effects, at)
     return [
         None if p.predicted_hz is None else float(scatter.total[np.abs(modes - p.predicted_hz).argmin()]) for p in peaks
     ]
 
 
 def _unmeasured(
-    name: str, campaign: Campaign, assembly: Assembly, propagation: Propagation, notes: list[str], at: Where
+    name: str, campaign: Campaign, forecast: Forecast, notes: list[str]
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
-    effects = campaign.effects.get(name, {})
+    assembly = forecast.assembly
     lines = prediction_lines(campaign, assembly)
-    modes = _counted(assembly, float(lines[-1]))
     frequencies = None
-    if modes.size:
-        numbers = tuple(range(1, modes.size + 1))
-        found, scatter = propagation.frequencies(assembly, numbers, float(modes[-1]), effects, at)
-        frequencies = PredictedFrequencies(name=name, assembly=name, modes=numbers, predicted_hz=found, scatter=scatter)
-    elif not assembly.countable:
+    if not assembly.countable:
         notes.append(f"{name}: ends with a spindle as modes, so only its FRF is predicted, not its natural frequencies")
     else:
-        notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
-    places = campaign.places[name]
+        modes, scatter = forecast.natural_frequencies(float(lines[-1]))
+        if modes.size:
+            numbers = tuple(range(1, modes.size + 1))
+            frequencies = PredictedFrequencies(
+                name=name, assembly=name, modes=numbers, predicted_hz=modes, scatter=scatter
+            )
+        else:
+            notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
+    response, excitation = campaign.places[name]
     asked = campaign.table.prediction.force
     force = None if asked is None else np.full(lines.size, asked)
-    receptance, real, imaginary = propagation.receptance(assembly, lines, places[0], places[1], effects, at, force)
+    found = forecast.receptance(lines, response, excitation, force=force)
     return frequencies, PredictedFRF(
         name=name,
         assembly=name,
-        response=places[0],
-        excitation=places[1],
+        response=response,
+        excitation=excitation,
         frequency_hz=lines,
-        receptance=receptance,
-        scatter=real,
-        phase_scatter=imaginary,
+        receptance=found.receptance,
+        scatter=found.scatter,
+        phase_scatter=found.phase_scatter,
     )
 
 

@@ -175,6 +175,8 @@ def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -
     if kind == "missing":
         return "is missing"
     if kind == "extra_forbidden":
+        if place in _REMOVED:
+            return _REMOVED[place]
         near = _near(str(place[-1]), known, data, place)
         hint = f'; did you mean "{near}"?' if near else f"; expected {one_of(known)}"
         return f"is no known key{hint}"
@@ -195,6 +197,10 @@ def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -
     return f"is {shown(found)}, expected {expected or error['msg']}"
 
 
+_REMOVED: dict[Path, str] = {
+    ("settings", "tolerances"): "was removed: errors of dimensions and materials are always fitted, with their "
+    "tolerances as priors; delete this line",
+}
 _EXPECTED = {
     "string_type": "text in quotes",
     "float_type": "a number",

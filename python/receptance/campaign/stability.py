@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.cuts import CampaignCut
-from receptance.campaign.draws import Draws
 from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation
 from receptance.campaign.suggestions import did_you_mean
 from receptance.campaign.tips import Tips
 from receptance.stability import Lobes, Milling, StableCut, critical_depths, semi_discretised_lobes, stability_lobes
@@ -160,14 +158,12 @@ def stability_of_campaign(
         identified = None
     elif identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
-    propagation = Propagation(None, [], []) if identified is None else identified.propagation
-    draws = Draws(propagation, asked.number_of_draws, asked.seed)
     found = []
     for cut in chosen:
         say(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         try:
-            tips = Tips(campaign, identified, draws, directions, threads)
+            tips = Tips(campaign, identified, asked.number_of_draws, asked.seed, directions, threads)
             found.append(_lobes(cut, tips, speeds, asked, threads, say))
         except ValueError as error:
             raise CampaignError.about(campaign.file, f"cuts.{cut.name}: {error}") from error

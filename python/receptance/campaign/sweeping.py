@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.campaign.prediction import recorded
 from receptance.campaign.problems import CampaignError
+from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
 from receptance.identification.factors import FACTORS
 from receptance.identification.observations import altered
+from receptance.identification.prediction import Forecast
+from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
@@ -97,7 +99,8 @@ def compared_with(
         here = altered(seen, assembly=assembly)
         if isinstance(seen, MeasuredFRF) and any(unknown.address in FACTORS for unknown in fit.unknowns):
             # Candidates are structures: what the measuring chain does to the record is taken out of the record.
-            chain = recorded(seen, found, measurements[name].effects) / assembly.receptance(
+            forecast = Forecast(fit, place_of(seen, 0), tolerances_of(measurements[name].effects))
+            chain = forecast.recorded(seen) / assembly.receptance(
                 seen.frequency_hz, response=seen.response, excitation=seen.excitation
             )
             here = altered(here, receptance=seen.receptance / chain)
@@ -117,7 +120,7 @@ def expected_misfit(observations: Sequence[MeasuredFRF | MeasuredFrequencies]) -
 
     count = 0.0
     for one in observations:
-        if (one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz) is None:
+        if not one.weighted:
             return None
         count += 2.0 * one.independent_lines if isinstance(one, MeasuredFRF) else one.frequency_hz.size
     return count, float(np.maximum(_LIMIT * count, chdtri(count, _RARE)))

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.campaign.prediction import applied, prediction_lines
-from receptance.campaign.propagation import Where
+from receptance.campaign.prediction import forecast_of, prediction_lines
 from receptance.complex_modes import damped_modes
 from receptance.frf.low_frequency import low_frequency_rise
 from receptance.stability import TipModes, receptance_draws, receptance_matrix
@@ -19,9 +18,9 @@ if TYPE_CHECKING:
     from receptance.assembly import Assembly
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.cuts import Tip
-    from receptance.campaign.draws import Draws
     from receptance.campaign.identification import CampaignIdentification
     from receptance.frf import FRF
+    from receptance.identification.prediction import Forecast
     from receptance.modal import ModeEstimate
 
 __all__ = ["Tips"]
@@ -36,8 +35,10 @@ class Tips:
         What it belongs to.
     identified : CampaignIdentification or None
         What predictions rest on.
-    draws : Draws
-        Of all that is uncertain in them.
+    draws : int
+        Number of draws of all that is uncertain in them.
+    seed : int
+        Seed of the draws.
     tips : sequence of Tip or None
         In the direction of feed, and across it; None where it is rigid.
     threads : int or None
@@ -57,7 +58,8 @@ class Tips:
         self,
         campaign: Campaign,
         identified: CampaignIdentification | None,
-        draws: Draws,
+        draws: int,
+        seed: int,
         tips: Sequence[Tip | None],
         threads: int | None,
     ) -> None:
@@ -70,13 +72,13 @@ class Tips:
         if measured:
             self.lines = receptance_matrix(measured[0], measured[-1])[0]
         else:
-            self.lines = prediction_lines(campaign, next(p[0] for p in predicted if p is not None))
+            self.lines = prediction_lines(campaign, next(p.assembly for p in predicted if p is not None))
         self._sources: list[_Source] = []
         for tip, made in zip(own, predicted, strict=True):
             if made is not None:
-                self._sources.append(_Predicted(*made, self.lines, draws, threads))
+                self._sources.append(_Predicted(made, self.lines, draws, seed, threads))
             elif tip.frf is not None:
-                self._sources.append(_Measured(tip, tip.frf, self.lines, draws, self.notes))
+                self._sources.append(_Measured(tip, tip.frf, self.lines, draws, seed, self.notes))
         self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
         self.uncertain = any(source.uncertain for source in self._sources)
 
@@ -128,53 +130,40 @@ class Tips:
         )
 
 
-_Prediction = tuple["Assembly", "Assembly", "dict[str, dict[str, float]]", Where]
-
-
 def _predicted(
     campaign: Campaign, identified: CampaignIdentification | None, tip: Tip, notes: list[str]
-) -> _Prediction | None:
-    """Return an assembly with what was identified, as it is described, its errors and what laws need to know."""
+) -> Forecast | None:
     if not tip.assembly:
         return None
-    at = Where(tip.assembly, {k: c.value for k, c in campaign.conditions.get(tip.assembly, {}).items()})
     effects = campaign.effects.get(tip.assembly, {})
-    bare = campaign.assemblies[tip.assembly]
-    return applied(identified, bare, tip.assembly, notes, effects, at), bare, effects, at
+    return forecast_of(identified, campaign.place_of(tip.assembly), effects, tip.assembly, notes)
 
 
 class _Predicted:
     """A tip that the model predicts."""
 
     def __init__(
-        self,
-        assembly: Assembly,
-        bare: Assembly,
-        effects: dict[str, dict[str, float]],
-        at: Where,
-        lines: NDArray[np.float64],
-        draws: Draws,
-        threads: int | None,
+        self, forecast: Forecast, lines: NDArray[np.float64], draws: int, seed: int, threads: int | None
     ) -> None:
-        self._assembly, self._bare, self._effects, self._at = assembly, bare, effects, at
-        self._lines, self._draws, self._threads = lines, draws, threads
-        self.uncertain = bool(effects) or draws.propagation.fit is not None
+        self._forecast, self._lines, self._draws, self._seed = forecast, lines, draws, seed
+        self._threads = threads
+        self.uncertain = forecast.uncertain
 
     def values(self) -> NDArray[np.complex128]:
-        return self._assembly.receptance(self._lines, threads=self._threads)
+        return self._forecast.assembly.receptance(self._lines, threads=self._threads)
 
     def drawn_values(self) -> NDArray[np.complex128]:
         nothing = np.full(self._lines.size, np.nan, np.complex128)
-        assemblies = self._draws.assemblies(self._bare, self._effects, self._at)
+        assemblies = self._forecast.drawn(self._draws, self._seed)
         return np.array(
             [nothing if one is None else one.receptance(self._lines, threads=self._threads) for one in assemblies]
         )
 
     def modes(self) -> TipModes:
-        return self._modes_of(self._assembly)
+        return self._modes_of(self._forecast.assembly)
 
     def drawn_modes(self) -> list[TipModes | None]:
-        assemblies = self._draws.assemblies(self._bare, self._effects, self._at)
+        assemblies = self._forecast.drawn(self._draws, self._seed)
         return [None if one is None else self._modes_of(one) for one in assemblies]
 
     def _modes_of(self, assembly: Assembly) -> TipModes:
@@ -191,10 +180,10 @@ class _Predicted:
 class _Measured:
     """A tip that was measured."""
 
-    def __init__(self, tip: Tip, frf: FRF, lines: NDArray[np.float64], draws: Draws, notes: list[str]) -> None:
+    def __init__(self, tip: Tip, frf: FRF, lines: NDArray[np.float64], draws: int, seed: int, notes: list[str]) -> None:
         receptance = frf.masked().to("receptance")
         self._frf = receptance.with_(usable=np.isin(receptance.frequency_hz, lines)).masked()
-        self._draws = draws
+        self._draws, self._seed = draws, seed
         self.uncertain = frf.log_variance is not None
         if not self.uncertain:
             key = "`averages` or `standard_deviation`" if tip.file else "the measurement a standard deviation"
@@ -211,16 +200,16 @@ class _Measured:
 
     def drawn_values(self) -> NDArray[np.complex128]:
         if not self.uncertain:
-            return np.repeat(self.values()[None], self._draws.count, axis=0)
-        return receptance_draws(self._frf, draws=self._draws.count, seed=self._draws.seed)[:, :, 0, 0]
+            return np.repeat(self.values()[None], self._draws, axis=0)
+        return receptance_draws(self._frf, draws=self._draws, seed=self._seed)[:, :, 0, 0]
 
     def modes(self) -> TipModes:
         return TipModes.from_estimates(self._estimates())
 
     def drawn_modes(self) -> list[TipModes | None]:
         if not self.uncertain:
-            return [self.modes()] * self._draws.count
-        return list(TipModes.drawn_from_estimates(self._estimates(), draws=self._draws.count, seed=self._draws.seed))
+            return [self.modes()] * self._draws
+        return list(TipModes.drawn_from_estimates(self._estimates(), draws=self._draws, seed=self._seed))
 
     def _estimates(self) -> list[ModeEstimate]:
         from receptance.modal import fit_modes

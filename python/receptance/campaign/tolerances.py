@@ -14,22 +14,37 @@ from receptance.campaign.assembling import no_address
 from receptance.campaign.deviations import Deviation, parse_deviation
 from receptance.campaign.problems import path_text
 from receptance.campaign.unknown_building import addresses_of
+from receptance.identification.laws import Tolerance
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from receptance.assembly import Assembly
     from receptance.campaign.building import Built
     from receptance.campaign.lines import Path
     from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.observations import Measurement
     from receptance.campaign.workshop import Workshop
 
-__all__ = ["Effects", "assembly_effects", "effects_beside"]
+__all__ = ["Effects", "assembly_effects", "effects_beside", "tolerances_of", "tolerances_of_measurements"]
 
 Effects = dict[str, dict[str, float]]
 """By error, then by address: the standard deviation in SI units that the error gives the parameter."""
-_DIMENSIONS = ("length", "outer_diameter", "inner_diameter")
+
+
+def tolerances_of(effects: Effects, labels: str | None = None) -> list[Tolerance]:
+    """Return errors as tolerances of a fit or a prediction, perhaps of the observation with one label alone.
+
+    A standard deviation of zero is no error.
+    """
+    some = {name: {a: d for a, d in moves.items() if d} for name, moves in effects.items()}
+    return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in some.items() if moves]
+
+
+def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Tolerance]:
+    """Return the errors of measurements; errors of the same name are one error."""
+    return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
 
 
 def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> Effects:

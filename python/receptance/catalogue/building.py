@@ -15,13 +15,13 @@ from receptance.beams import Part, Segment
 from receptance.campaign.building import build_segment
 from receptance.campaign.catalogue_models import CatalogueTable
 from receptance.campaign.deviations import Deviation
-from receptance.campaign.lines import Path as Place
+from receptance.campaign.lines import Path as Line
 from receptance.campaign.models import AssemblyTable, PartTable, SegmentSpread, SegmentTable
 from receptance.campaign.problems import CampaignError, Problems
-from receptance.campaign.propagation import Where
 from receptance.campaign.tolerances import Effects, assembly_effects
 from receptance.campaign.workshop import Workshop, expected
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
+from receptance.identification.places import Place
 from receptance.modal_parts import ModalPart
 from receptance.terminals import MeasuredPart
 
@@ -37,12 +37,11 @@ _TOOL = "tool"
 
 @dataclass(frozen=True)
 class Described:
-    """A tool in the machine as it is described, with its errors and what laws need to know."""
+    """A tool in the machine as it is described, with its conditions and errors."""
 
     row: ToolRow
-    assembly: Assembly
+    place: Place
     effects: Effects
-    at: Where
 
 
 class Catalogue:
@@ -116,15 +115,14 @@ class Catalogue:
         effects = assembly_effects(
             name, together, replace(built, assemblies={name: assembly}), Workshop(Problems({}), {})
         )
-        at = Where(row.name, row.conditions)
-        return Described(row, assembly, {**effects, **self.errors}, at)
+        return Described(row, Place(assembly, row.name, "", row.conditions), {**effects, **self.errors})
 
     def _read_holders(self, holders: str | Path | Mapping[str, list[HolderRow]] | None) -> None:
         if holders is None and self.table.holders is None:
             return
         file = _source(holders, self.table.holders, self.campaign, "holders")
         found = holders if isinstance(holders, Mapping) else read_holders(file)
-        lines: dict[Place, int] = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
+        lines: dict[Line, int] = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
         problems = Problems(lines)
         workshop = Workshop(problems, {"materials": list(self.campaign.table.materials)})
         for name, rows in found.items():

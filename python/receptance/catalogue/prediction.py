@@ -6,15 +6,13 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance import _checks
-from receptance.campaign.draws import Draws
-from receptance.campaign.prediction import applied
+from receptance.campaign.prediction import forecast_of
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.propagation import Propagation
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.errors import ReceptanceError
 from receptance.frf.low_frequency import low_frequency_rise
@@ -29,6 +27,7 @@ if TYPE_CHECKING:
     from receptance.campaign.identification import CampaignIdentification
     from receptance.catalogue.building import Catalogue, Described
     from receptance.catalogue.rows import ToolRow
+    from receptance.identification.prediction import Forecast
 
 __all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
 
@@ -144,8 +143,7 @@ def predict_catalogue(
     say = progress or (lambda _: None)
     if identified is None and campaign.unknowns:
         identified = campaign.identify(threads=threads, progress=progress)
-    propagation = Propagation(None, [], []) if identified is None else identified.propagation
-    work = _Work(catalogue, identified, propagation, Draws(propagation, draws, seed))
+    work = _Work(catalogue, identified, draws, seed)
     workers = _checks.worker_count(threads)
     waiting: deque[Future[ToolPrediction]] = deque()
     with ThreadPoolExecutor(workers) as pool:
@@ -169,10 +167,10 @@ class _Work:
         self,
         catalogue: Catalogue,
         identified: CampaignIdentification | None,
-        propagation: Propagation,
-        draws: Draws,
+        draws: int,
+        seed: int,
     ) -> None:
-        self.catalogue, self.identified, self.propagation, self.draws = catalogue, identified, propagation, draws
+        self.catalogue, self.identified, self.draws, self.seed = catalogue, identified, draws, seed
         self.lines = catalogue_lines(catalogue)
         self.level = catalogue.campaign.table.prediction.level
         spindle = catalogue.spindle
@@ -200,24 +198,23 @@ class _Work:
 
     def _predict(self, own: Described) -> ToolPrediction:
         notes = list(self.notes)
-        assembly = applied(self.identified, own.assembly, own.row.name, notes, own.effects, own.at)
-        moved = self.propagation.placed(assembly, own.effects, own.at)
-        addresses = [*moved.addresses, *self.residuals]
-        found, slope = assembly.derivatives(self.lines, addresses, threads=1)
-        count = len(moved.addresses)
+        forecast = forecast_of(self.identified, own.place, own.effects, own.row.name, notes)
+        addresses = [*forecast.addresses, *self.residuals]
+        found, slope = forecast.assembly.derivatives(self.lines, addresses, threads=1)
+        count = len(forecast.addresses)
         table = self._table_variance(slope[:, count:])
         modes = line_modes(self.lines, found, table)
-        deviation = self.propagation.scatter((slope[:, :count] / found[:, None]).real, moved).total
+        deviation = forecast.scatter((slope[:, :count] / found[:, None]).real).total
         return ToolPrediction(
             row=own.row,
-            assembly=assembly,
+            assembly=forecast.assembly,
             frequency_hz=self.lines,
             receptance=found,
             deviation=np.hypot(deviation, np.sqrt(table) / np.abs(found)),
             modes=modes.values,
-            modes_deviation=self._of_modes(modes, slope[:, :count], table, moved),
+            modes_deviation=self._of_modes(modes, slope[:, :count], table, forecast),
             level=self.level,
-            drawn=self._drawn(own, np.sqrt(table)),
+            drawn=self._drawn(own.row, forecast, np.sqrt(table)),
             notes=tuple(notes),
         )
 
@@ -228,24 +225,24 @@ class _Work:
         return np.asarray(np.einsum("ni,nij,nj->n", slope, self.covariance, slope.conj()).real)
 
     def _of_modes(
-        self, modes: LineModes, slope: NDArray[np.complex128], table: NDArray[np.float64], moved: Any
+        self, modes: LineModes, slope: NDArray[np.complex128], table: NDArray[np.float64], forecast: Forecast
     ) -> NDArray[np.float64]:
         flat = modes.log_slopes(slope).reshape(3 * len(modes), -1)
-        total = self.propagation.scatter(flat, moved).total.reshape(-1, 3)
+        total = forecast.scatter(flat).total.reshape(-1, 3)
         return np.asarray(np.sqrt(total**2 + modes.log_variances(table)))
 
-    def _drawn(self, own: Described, noise: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Draws of the tip; what a measured spindle errs is drawn from line to line, to first order."""
-        if not self.draws.count:
+    def _drawn(self, row: ToolRow, forecast: Forecast, noise: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return draws of the tip; errors of a measured spindle are drawn from line to line, to first order."""
+        if not self.draws:
             return np.zeros((0, self.lines.size), np.complex128)
-        random = np.random.default_rng([self.draws.seed, own.row.line])
+        random = np.random.default_rng([self.seed, row.line])
         rows = []
-        for one in self.draws.assemblies(own.assembly, own.effects, own.at):
+        for one in forecast.drawn(self.draws, self.seed):
             if one is not None:
                 parts = random.standard_normal((2, self.lines.size))
                 rows.append(one.receptance(self.lines, threads=1) + noise * (parts[0] + 1j * parts[1]))
-        if 2 * len(rows) < self.draws.count:
-            raise ReceptanceError(f"only {len(rows)} of {self.draws.count} draws have a model")
+        if 2 * len(rows) < self.draws:
+            raise ReceptanceError(f"only {len(rows)} of {self.draws} draws have a model")
         return np.array(rows)
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console, Group
 
     from receptance.campaign import Campaign, CampaignIdentification, CampaignPrediction, Measurement
+    from receptance.identification import Scatter
 
 __all__ = ["print_identification", "print_prediction"]
 
@@ -100,17 +101,16 @@ def _content(measured: Measurement) -> str:
 
 def _parameters(found: CampaignIdentification) -> Iterable[Group | Text]:
     fit = found.fit
-    together = found.standard_errors()
-    toleranced = bool(found.propagation.errors)
+    data = fit.data_errors
     rows = []
     for address, value in fit.values.items():
         if address in fit.errors or address.split(" @ ")[0] in found.series:
             continue
-        cells = [address, _number(value, 5), _error(fit.standard_errors[address], value)]
-        cells += [_error(together[address], value)] if toleranced else []
+        cells = [address, _number(value, 5), _error(data[address], value)]
+        cells += [_error(fit.standard_errors[address], value)] if fit.errors else []
         rows.append([*cells, _within_bounds(found, address)])
     columns = ["<parameter", "value", "standard error\nfrom the data", "95 % interval"]
-    if toleranced:
+    if fit.errors:
         columns[3:] = ["with\ntolerances", "95 % interval\nwith tolerances"]
     if rows:
         yield table("Identified, SI units", columns, rows)
@@ -191,7 +191,7 @@ def _compared_frequencies(found: CampaignPrediction) -> Iterable[Group]:
                     SAYS_NOTHING if nothing[i] else f"{low[i]:.1f} to {high[i]:.1f}",
                     f"{one.errors_percent[i]:+.2f}",
                     "" if nothing[i] else "yes" if inside[i] else "no",
-                    _largest({name: change[i] for name, change in one.scatter.errors.items()}, one.scatter.fit[i]),
+                    _largest(one.scatter, i),
                 )
             )
     columns = (
@@ -262,7 +262,7 @@ def _unmeasured(found: CampaignPrediction) -> Iterable[Group]:
         low, high = one.interval_hz(found.reach)
         nothing = one.says_nothing(found.reach)
         for i, mode in enumerate(one.modes):
-            cause = _largest({name: change[i] for name, change in one.scatter.errors.items()}, one.scatter.fit[i])
+            cause = _largest(one.scatter, i)
             rows.append(
                 (
                     one.name if i == 0 else "",
@@ -289,17 +289,18 @@ def _peak_interval(predicted_hz: float | None, deviation_hz: float | None, reach
     return f"{predicted_hz - reach * deviation_hz:.1f} to {predicted_hz + reach * deviation_hz:.1f}"
 
 
-def _largest(errors: dict[str, float], of_fit: float) -> str:
-    """Return what most of a variance comes from and its share, in short words of the file."""
-    squares = {name: change**2 for name, change in errors.items()} | {"scatter of the data": float(of_fit) ** 2}
-    whole = sum(squares.values())
-    if not np.isfinite(whole) or whole == 0.0:
-        return "not determined" if whole else ""
-    name = max(squares, key=lambda one: squares[one])
+def _largest(scatter: Scatter, index: int) -> str:
+    """Return the error, or the noise, that has the largest share of a variance, and its share."""
+    total = float(scatter.total[index])
+    if not np.isfinite(total) or total == 0.0:
+        return "not determined" if total else ""
+    shares = {name: float(own[index]) for name, own in scatter.shares.items()}
+    shares["scatter of the data"] = float(scatter.data[index] / total) ** 2
+    name = max(shares, key=lambda one: shares[one])
     # Of a place in the file what follows the section is enough here; the JSON has it in full.
     words = re.sub(r"^(materials|parts|joints|sensors|attachments)\.", "", name)
     words = re.sub(r"^assemblies\.(.+?)\.(set|tolerance)\.", r"\1: ", words).replace('"', "")
-    return f"{words} {100.0 * squares[name] / whole:.0f} %"
+    return f"{words} {100.0 * shares[name]:.0f} %"
 
 
 def _rms(residual: NDArray[np.float64]) -> str:

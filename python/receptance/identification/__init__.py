@@ -13,7 +13,7 @@ from receptance.identification.inversion import invert_coupling
 from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.prediction import PredictedReceptance
+from receptance.identification.prediction import PredictedReceptance, Scatter
 from receptance.identification.priors import Prior
 from receptance.identification.result import Identification, Start
 from receptance.identification.transfer import transfer
@@ -38,6 +38,7 @@ __all__ = [
     "Prior",
     "RankedCandidate",
     "ReceptanceTarget",
+    "Scatter",
     "Split",
     "Start",
     "Tolerance",

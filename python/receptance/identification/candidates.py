@@ -19,11 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Candidate", "FrequencyTarget", "ReceptanceTarget", "natural_slopes"]
 
-_GROWTH = 1.6
-"""By how much the limit grows when there are too few modes below it."""
-_FIRST_HZ = 5e3
-_FARTHEST_HZ = 1e7
-
 
 class _Somewhere:
     """An assembly in a configuration under conditions, with errors of its own."""
@@ -227,14 +222,9 @@ def natural_slopes(
     assembly: Assembly, modes: Sequence[int], addresses: Sequence[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return natural frequencies of some modes in Hz, and their derivatives `(n, m)`."""
-    upper, rows = _FIRST_HZ, np.array(modes) - 1
-    while True:
-        found, slopes = assembly.natural_frequency_derivatives(upper, list(addresses))
-        if found.size >= max(modes):
-            return found[rows], slopes[rows]
-        if upper > _FARTHEST_HZ:
-            raise ValueError(f"mode {max(modes)} of {assembly!r} lies above {upper:g} Hz")
-        upper *= _GROWTH
+    found, slopes = assembly.lowest_natural_frequencies(max(modes), list(addresses))
+    rows = np.array(modes) - 1
+    return found[rows], slopes[rows]
 
 
 def _lines(owner: str, lines: ArrayLike | None) -> NDArray[Any]:

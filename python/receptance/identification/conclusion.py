@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["conclude"]
+__all__ = ["conclude", "noise_factor"]
 
 _TIED = 0.99
 """Two parameters whose estimates correlate more than this are said to be tied."""
@@ -54,7 +54,8 @@ def conclude(
     values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
     cuts = np.cumsum([part.size for part in problem.residuals])
-    parts = np.split(residual, cuts[:-1])[: len(observed)]
+    # What is reported is counted in the standard deviations that were stated.
+    parts = [task.noise_factor * part for part in np.split(residual, cuts[:-1])[: len(observed)]]
     rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
     same, elsewhere = _agreement(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
     if not known and residual.size == count:
@@ -71,18 +72,19 @@ def conclude(
         standard_errors=dict(zip(variables.names, errors.tolist(), strict=True)),
         covariance=covariance,
         correlation=correlation,
-        residuals=[part.copy() for part in parts],
+        residuals=parts,
         units=list(task.units),
         labels=[o.label or f"observation {i}" for i, o in enumerate(observed)],
         rms=rms,
         degrees_of_freedom=residual.size - count,
         known_scatter=known,
+        noise_factor=task.noise_factor,
         converged=best.converged,
         advice=[
             *_on_starts(runs, best, same, elsewhere),
-            *_on_bounds(best.variables, variables),
+            *_on_bounds(best.variables, variables, task.parameters.errors),
             *_on_spread(inverse, correlation, variables.names),
-            *(_on_misfit(parts, sum(task.independent_numbers()), count) if known else ()),
+            *(_on_misfit(parts, sum(task.independent_numbers()), count, task.noise_factor) if known else ()),
             *_on_copies(observed),
         ],
         notes=notes,
@@ -133,11 +135,15 @@ def _on_starts(runs: Sequence[Start], best: Start, same: int, elsewhere: int) ->
     return advice
 
 
-def _on_bounds(x: NDArray[np.float64], variables: Variables) -> list[str]:
+def _on_bounds(x: NDArray[np.float64], variables: Variables, errors: Sequence[str]) -> list[str]:
     low, high = variables.limits
     advice = []
+    far: list[str] = []
     for i, unknown in enumerate(variables.unknowns):
         near = _AT_BOUND * (high[i] - low[i])
+        if unknown.name in errors:
+            far += [unknown.name] if min(x[i] - low[i], high[i] - x[i]) <= near else []
+            continue
         sides = (("lower", unknown.lower, x[i] - low[i]), ("upper", unknown.upper, high[i] - x[i]))
         advice += [
             f"{unknown.name} is at its {side} bound {bound:g}: widen the bound, or take it that the data only "
@@ -145,6 +151,12 @@ def _on_bounds(x: NDArray[np.float64], variables: Variables) -> list[str]:
             for side, bound, distance in sides
             if distance <= near
         ]
+    if far:
+        limit = variables.unknowns[variables.names.index(far[0])].upper
+        advice.append(
+            f"{', '.join(far)}: found {limit:g} standard deviations off, the limit of the fit: the tolerances are too "
+            "small, a dimension is wrong, or the model lacks something"
+        )
     return advice
 
 
@@ -164,12 +176,37 @@ def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], n
     return advice
 
 
-def _on_misfit(residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int) -> list[str]:
+def noise_factor(residuals: Sequence[NDArray[np.float64]], left: float) -> float:
+    """Return the size of residuals over stated standard deviations where these cannot explain it by chance, else 1.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray
+        In the standard deviations that were stated.
+    left : float
+        Number of independent numbers less the number of unknowns without a prior.
+    """
+    from scipy.special import chdtrc  # the light part of scipy.stats
+
+    chi_square = sum(float(np.sum(part**2)) for part in residuals)
+    if left <= 0.0 or chi_square <= left * _UNEXPLAINED**2 or chdtrc(left, chi_square) > _RARE:
+        return 1.0
+    return float(np.sqrt(chi_square / left))
+
+
+def _on_misfit(
+    residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int, noise_factor: float
+) -> list[str]:
     """Compare residuals with what is expected of them: one for each independent number, however many lines share it."""
     from scipy.special import chdtr  # the light part of scipy.stats
 
     chi_square = sum(float(np.sum(part**2)) for part in residuals)
     rms = float(np.sqrt(chi_square / independent))
+    if noise_factor > 1.0:
+        return [
+            f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
+            f"standard deviations are too small; the fit and its intervals take them {noise_factor:.3g} times as large"
+        ]
     if rms > _UNEXPLAINED:
         return [
             f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "

@@ -11,7 +11,7 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.bands import check_bands
-from receptance.identification.conclusion import conclude
+from receptance.identification.conclusion import conclude, noise_factor
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
@@ -21,6 +21,8 @@ from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from receptance.identification.residuals import Unit
 
 __all__ = ["identify"]
@@ -29,6 +31,10 @@ Objective = Literal["log", "percentage"]
 Strategy = Literal["direct", "staged"]
 _SMOOTHING_PERCENT = 0.1
 """Percentages well above this count by their absolute value, those below by their square."""
+_REWEIGHTINGS = 10
+"""Most fits with another size of the noise."""
+_SETTLED = 0.03
+"""Relative change of the size of the noise at which it is found."""
 
 
 def identify(
@@ -85,7 +91,9 @@ def identify(
     threads : int, optional
         As in `Assembly.receptance`.
     tolerances : sequence of Tolerance, optional
-        Errors of dimensions and materials, fitted as well, each with its prior.
+        Errors of dimensions and materials, fitted as well, each with its prior. Where the residuals are then more than
+        twice what the standard deviations explain, the model or these are wrong; the standard deviations are multiplied
+        by one factor, estimated from the residuals, so that such data do not overrule the tolerances.
     strategy : {"direct", "staged"}, optional
         "direct": every start goes straight into the problem.
 
@@ -126,6 +134,8 @@ def identify(
     observed = _observed(observations)
     wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
     errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    if not wanted:
+        raise ValueError("unknowns is empty, expected at least one Unknown")
     parameters = Parameters(wanted, errors, [place_of(one, i) for i, one in enumerate(observed)])
     if objective not in get_args(Objective):
         raise ValueError(f"objective is {objective!r}, expected one of {', '.join(get_args(Objective))}")
@@ -147,36 +157,43 @@ def identify(
             'all observations one, and the objective "log"'
         )
     task = Task(observed, parameters, tuple(units), chosen, band_width_percent, threads)
-    variables, problem = task.variables, task.problem()
-    if problem.size < len(variables.unknowns):
-        raise ValueError(
-            f"there are {len(variables.unknowns)} unknowns but only {problem.size} observed numbers; measure more or "
-            "fix some"
-        )
-    x = variables.draw(starts, seed)
-    quick = problem
-    if objective == "percentage":
-        near = task.approach()
-        runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
-    elif strategy == "staged":
-        quick = task.quick(problem)
-        runs = fit_staged(task, quick, x, seed, max_evaluations, tolerance)
-    else:
-        quick = task.quick(problem)
-        runs = quick.fit_all(x, max_evaluations, tolerance)
-    if not np.isfinite(min(run.cost for run in runs)):
-        raise ReceptanceError(f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}")
+    variables = task.variables
+    size = task.problem().size
+    free = sum(unknown.prior is None for unknown in variables.unknowns)
+    seen = size - (len(variables.unknowns) - free)
+    if seen < free:
+        raise ValueError(f"there are {free} unknowns but only {seen} observed numbers; measure more or fix some")
     notes = [note for observation in observed for note in getattr(observation, "notes", ())]
     notes += [*parameters.notes, *_on_weights(observed, units, objective)]
-    return conclude(
-        task,
-        problem,
-        quick,
-        runs,
-        loss=_SMOOTHING_PERCENT if objective == "percentage" else None,
-        seed=seed,
-        notes=notes,
-    )
+
+    def fitted(task: Task, x: NDArray[np.float64]) -> Identification:
+        problem = quick = task.problem()
+        if objective == "percentage":
+            near = task.approach()
+            runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
+        elif strategy == "staged":
+            quick = task.quick(problem)
+            runs = fit_staged(task, quick, x, seed, max_evaluations, tolerance)
+        else:
+            quick = task.quick(problem)
+            runs = quick.fit_all(x, max_evaluations, tolerance)
+        if not np.isfinite(min(run.cost for run in runs)):
+            raise ReceptanceError(
+                f"the model has no value at any of the {len(x)} starts; at the first: {runs[0].message}"
+            )
+        loss = _SMOOTHING_PERCENT if objective == "percentage" else None
+        return conclude(task, problem, quick, runs, loss=loss, seed=seed, notes=list(notes))
+
+    x = variables.draw(starts, seed)
+    found = fitted(task, x)
+    left = sum(task.independent_numbers()) - free
+    # Data that contradict the model do not overrule tolerances: their noise is then as large as the residuals.
+    for _ in range(_REWEIGHTINGS if parameters.errors else 0):
+        factor = noise_factor(found.residuals, left)
+        if abs(factor / found.noise_factor - 1.0) < _SETTLED:
+            break
+        found = fitted(task.noisier(factor), x)
+    return found
 
 
 def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
@@ -193,7 +210,7 @@ def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
     """Return what a residual of 1 is to mean for each observation, so that they can be weighed against each other."""
     if objective == "percentage":
         return ["percent"] * len(observed)
-    known = [_has_spread(observation) for observation in observed]
+    known = [observation.weighted for observation in observed]
     if any(known) and not all(known):
         with_, without = observed[known.index(True)], observed[known.index(False)]
         raise ValueError(
@@ -209,7 +226,7 @@ def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
 
 def _on_weights(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:
     notes = []
-    if objective == "percentage" and any(_has_spread(observation) for observation in observed):
+    if objective == "percentage" and any(observation.weighted for observation in observed):
         notes.append("the percentage objective does not use the standard deviations that were given")
     if "relative" in units:
         notes.append(
@@ -218,12 +235,6 @@ def _on_weights(observed: Sequence[Observation], units: list[Unit], objective: O
         )
         warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
     return notes
-
-
-def _has_spread(observation: Observation) -> bool:
-    if isinstance(observation, MeasuredFRF):
-        return observation.standard_deviation is not None
-    return observation.standard_deviation_hz is not None
 
 
 def _whole(name: str, value: Any, least: int) -> None:

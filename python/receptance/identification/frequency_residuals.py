@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FrequencyResidual"]
 
-_MARGIN = 1.05
-"""Modes are counted up to this many times the highest measured frequency first."""
-_GROWTH = 1.5
-"""By how much the limit grows when there are too few modes below it."""
 _FARTHEST = 1e3
 """A mode this many times above its measured frequency says nothing but that the point is far off."""
 
@@ -92,17 +88,13 @@ class FrequencyResidual:
         """Return undamped natural frequencies of the measured modes, and their derivatives."""
         most = int(self._rows[-1]) + 1
         highest = float(self._measured[-1])
-        upper = _MARGIN * highest
-        while True:
-            try:
-                found, slope = assembly.natural_frequency_derivatives(upper, self._model.addresses)
-            except ReceptanceError as error:
-                raise InfeasibleError(str(error)) from None
-            if len(found) >= most:
-                return found[self._rows], slope[self._rows]
-            if upper > _FARTHEST * highest:
-                raise InfeasibleError(f"mode {most} lies more than {_FARTHEST:g} times above where it was measured")
-            upper *= _GROWTH
+        try:
+            found, slope = assembly.lowest_natural_frequencies(most, self._model.addresses)
+        except (ReceptanceError, ValueError) as error:
+            raise InfeasibleError(str(error)) from None
+        if found[-1] > _FARTHEST * highest:
+            raise InfeasibleError(f"mode {most} lies more than {_FARTHEST:g} times above where it was measured")
+        return found[self._rows], slope[self._rows]
 
     def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals alone; see `Residual`."""

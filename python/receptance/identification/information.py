@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.errors import ReceptanceError
 from receptance.identification.candidates import Candidate, FrequencyTarget, ReceptanceTarget
-from receptance.identification.mapping import Parameters, Place, Placed
-from receptance.identification.task import Task, place_of
+from receptance.identification.mapping import Place, Placed
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.problem import Problem
     from receptance.identification.result import Identification
 
@@ -46,26 +44,11 @@ class Point:
 
 
 class Surroundings:
-    """The fit that was made, its parameters with errors that it took as exact, and what others would tell.
+    """The fit that was made, and the information that other measurements would add to it."""
 
-    Parameters
-    ----------
-    found : Identification
-        The fit.
-    tolerances : sequence of Tolerance
-        Errors that the fit took as exact.
-    """
-
-    def __init__(self, found: Identification, tolerances: Sequence[Tolerance]) -> None:
+    def __init__(self, found: Identification) -> None:
         self.found = found
         task = found.task
-        if tolerances:
-            places = [place_of(o, i) for i, o in enumerate(task.observed)]
-            old = task.parameters
-            parameters = Parameters(old.wanted, [*old.tolerances, *tolerances], places)
-            # A cached property of the old one must not come along.
-            task = replace(task, parameters=parameters)
-        self.task: Task = task
         self.parameters = task.parameters
         self.variables: Variables = task.variables
         whole = task.problem()
@@ -80,13 +63,8 @@ class Surroundings:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """The identified values, errors that the fit did not know at zero."""
-        return np.array([self.found.values.get(name, 0.0) for name in self.names])
-
-    def variables_of(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a point of the fit's own variables as one of these."""
-        own = dict(zip(self.found.task.variables.names, path.tolist(), strict=True))
-        return np.array([own.get(name, 0.0) for name in self.names])
+        """The identified values."""
+        return np.array(list(self.found.values.values()))
 
     def point(self, x: NDArray[np.float64], weight: float) -> Point:
         """Return a point with the information of the measurements taken.

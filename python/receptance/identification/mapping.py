@@ -28,7 +28,7 @@ class Parameters:
     Parameters
     ----------
     wanted : sequence of Unknown
-        Unknowns and laws.
+        Unknowns and laws; none where assemblies have errors alone.
     tolerances : sequence of Tolerance
         Errors.
     places : sequence of Place
@@ -219,8 +219,6 @@ class Parameters:
 
     def _check(self, places: Sequence[Place]) -> list[str]:
         """Return what is to be said of addresses that other assemblies may have; raise for what is wrong."""
-        if not self.wanted:
-            raise ValueError("unknowns is empty, expected at least one Unknown")
         for index, unknown in enumerate(self.wanted):
             if not isinstance(unknown, Unknown):
                 raise TypeError(f"unknowns[{index}] is {unknown!r}, expected an Unknown")

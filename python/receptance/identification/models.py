@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from receptance import _checks, _core
+from receptance._evaluation import by_line
 from receptance._ties import Tied, tie
 from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
 from receptance.identification.frequency_residuals import FrequencyResidual
@@ -119,9 +120,13 @@ class Models:
             if chosen is not None:
                 w, measured, weights = w[chosen], measured[chosen], weights[chosen]
             sizes.append(2 * w.size)
+            try:
+                own_lines = by_line(model.flat, w / math.tau)
+            except ValueError:
+                return None
             key = (w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
             if key not in receptances:
-                receptances[key] = _Receptance(w, model.model(addresses, factors), model.points)
+                receptances[key] = _Receptance(w, model.model(addresses, factors), model.points, own_lines)
             receptances[key].add(index, measured, weights)
         variables = problem.variables
         whole = _core.Problem(
@@ -129,7 +134,7 @@ class Models:
         )
         for one in receptances.values():
             whole.add_receptance(
-                one.model, _core.Lines(one.w), one.points, np.stack(one.measured), np.stack(one.weights)
+                one.model, _core.Lines(one.w), one.points, np.stack(one.measured), np.stack(one.weights), one.by_line
             )
         for _, tied_model, (modes, measured_w, weights) in frequencies:
             whole.add_frequencies(tied_model, modes, measured_w, weights)
@@ -169,6 +174,7 @@ class _Receptance:
     w: NDArray[np.complex128]
     model: _core.TiedModel
     points: NDArray[np.float64]
+    by_line: _core.ByLine | None
     indices: list[int] = field(default_factory=list)
     measured: list[NDArray[np.complex128]] = field(default_factory=list)
     weights: list[NDArray[np.float64]] = field(default_factory=list)

@@ -11,10 +11,8 @@ from receptance.errors import ReceptanceError
 from receptance.identification.candidates import Candidate, FrequencyTarget, ReceptanceTarget
 from receptance.identification.expectations import Expectation, NextMeasurement, RankedCandidate
 from receptance.identification.information import Point, Surroundings, Target, deviation, joined, widened
-from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.profiles import Profile
-from receptance.identification.spread import quantile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +33,6 @@ def next_measurement(
     candidates: Candidate | Sequence[Candidate],
     *,
     targets: Target | Sequence[Target] | None = None,
-    tolerances: Tolerance | Sequence[Tolerance] = (),
     level: float = 0.95,
     profiles: Mapping[str, Profile] | None = None,
     progress: Callable[[str], None] | None = None,
@@ -59,8 +56,6 @@ def next_measurement(
         What could be measured.
     targets : str, FrequencyTarget, ReceptanceTarget or a sequence of them, optional
         What is to be known better: names of unknowns, or predictions. By default all unknowns but errors.
-    tolerances : Tolerance or sequence of Tolerance, optional
-        Errors that the fit took as exact, though they are not.
     level : float, optional
         Level of the intervals.
     profiles : mapping of str to Profile, optional
@@ -101,20 +96,14 @@ def next_measurement(
     'tip FRF'
     """
     menu = _candidates(candidates)
-    extra = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
     if "percent" in found.units and any(isinstance(o, MeasuredFRF) for o in found.task.observed):
         raise ValueError(
             "the percentage objective is no likelihood, so it says nothing of what more data would bring: identify "
             "with the objective 'log'"
         )
-    if extra and not found.known_scatter:
-        raise ValueError(
-            "tolerances can only be weighed against observations whose standard deviations are known: give all "
-            "observations of the fit one"
-        )
     wanted = _targets(targets, found)
-    known = Surroundings(found, extra)
-    reach = quantile(level, None if found.known_scatter else found.degrees_of_freedom)
+    known = Surroundings(found)
+    reach = found.reach(level)
     say = progress or (lambda _: None)
     taken = _profiles(found, known, wanted, reach, level, dict(profiles or {}), say)
     points, notes = _points(known, taken)
@@ -209,7 +198,7 @@ def _points(known: Surroundings, taken: Mapping[str, Profile]) -> tuple[list[Poi
         return [known.point(at_fit, 1.0)], []
     found, lost = [], 0
     for name, profile in taken.items():
-        for path in _spread_along(known.names.index(name), profile, known):
+        for path in _spread_along(known.names.index(name), profile):
             try:
                 found.append(known.point(path, 1.0))
             except ReceptanceError:
@@ -226,9 +215,9 @@ def _points(known: Surroundings, taken: Mapping[str, Profile]) -> tuple[list[Poi
     return [Point(one.x, 1.0 / len(found), one.information) for one in found], notes
 
 
-def _spread_along(index: int, profile: Profile, known: Surroundings) -> list[NDArray[np.float64]]:
+def _spread_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
     """Return points of a profile in parts of equal likelihood, other variables as they were fitted there."""
-    paths = np.array([known.variables_of(path) for path in profile.paths])
+    paths = profile.paths
     at = paths[:, index]
     if at.size < 2 or at[-1] == at[0]:
         return [paths[int(np.argmin(profile.rise))]]

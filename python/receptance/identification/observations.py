@@ -196,6 +196,15 @@ class MeasuredFRF:
         return _configured(self, configuration, conditions)
 
     @property
+    def weighted(self) -> bool:
+        """Whether standard deviations were given."""
+        return self.standard_deviation is not None
+
+    def noisier(self, factor: float) -> MeasuredFRF:
+        """Return it with standard deviations that are so many times as large."""
+        return altered(self, standard_deviation=factor * np.asarray(self.standard_deviation))
+
+    @property
     def independent_lines(self) -> float:
         """Effective number of independent lines: each one counts as 1 / correlated_lines."""
         return float(np.sum(1.0 / self.correlated_lines))
@@ -363,6 +372,20 @@ class MeasuredFrequencies:
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFrequencies:
         """Return the same measurement, said to be of a configuration under conditions."""
         return _configured(self, configuration, conditions)
+
+    @property
+    def weighted(self) -> bool:
+        """Whether standard deviations were given."""
+        return self.standard_deviation_hz is not None
+
+    def noisier(self, factor: float) -> MeasuredFrequencies:
+        """Return it with standard deviations that are so many times as large."""
+        damping = self.standard_deviation_damping
+        return altered(
+            self,
+            standard_deviation_hz=factor * np.asarray(self.standard_deviation_hz),
+            standard_deviation_damping=None if damping is None else factor * np.asarray(damping),
+        )
 
     @property
     def damped(self) -> NDArray[np.intp]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from receptance.identification import showing
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.prediction import Forecast, PredictedReceptance
+from receptance.identification.places import Place
+from receptance.identification.prediction import Forecast, PredictedReceptance, Scatter
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
 
@@ -84,6 +85,9 @@ class Identification:
         Number of residuals less number of unknowns.
     known_scatter : bool
         Whether standard deviations were given. If not, the scatter is estimated from the residuals.
+    noise_factor : float
+        By how much the fit takes the stated standard deviations larger: above 1 where tolerances are fitted and the
+        residuals are more than twice what the standard deviations explain. `residuals` and `rms` count the stated ones.
     converged : bool
         Whether the best start converged.
     advice : list of str
@@ -131,6 +135,7 @@ class Identification:
     rms: float
     degrees_of_freedom: int
     known_scatter: bool
+    noise_factor: float
     converged: bool
     advice: list[str]
     notes: list[str]
@@ -157,7 +162,14 @@ class Identification:
         pairs = zip(self.task.observed, self.task.independent_numbers(), strict=True)
         return sum(0.5 * n if isinstance(one, MeasuredFRF) else float(len(one.modes)) for one, n in pairs)
 
-    def interval(self, address: str, level: float = 0.95) -> tuple[float, float]:
+    @property
+    def data_errors(self) -> dict[str, float]:
+        """Standard error of each value that the noise of the data alone causes, as if all dimensions were exact."""
+        variables = self.task.variables
+        slopes = variables.slopes(np.array(list(self.values.values())))
+        return dict(zip(self.addresses, (self.scatter().data * slopes).tolist(), strict=True))
+
+    def interval(self, address: str, level: float = 0.95, *, exact: bool = False) -> tuple[float, float]:
         """Confidence interval of a value, in SI units.
 
         Symmetric in the fitted variable, so for a log scale value / factor to value * factor; 0 to infinity, or
@@ -165,20 +177,59 @@ class Identification:
         one, else Student's t with `degrees_of_freedom`. It rests on the slope of the model at the fit and does
         not know the bounds.
 
+        Parameters
+        ----------
+        address : str
+            Name of the unknown.
+        level : float, optional
+            Share of cases in which the interval is to hold the truth.
+        exact : bool, optional
+            Take dimensions and materials as exact, so that only the noise of the data counts.
+
         Raises
         ------
         ValueError
             An address that was not identified, or a level not between 0 and 1.
         """
         index = self._index(address)
-        reach = quantile(level, None if self.known_scatter else self.degrees_of_freedom)
-        reach *= float(np.sqrt(self.covariance[index, index]))
+        scatter = self.scatter()
+        reach = self.reach(level) * float((scatter.data if exact else scatter.total)[index])
         value = self.values[address]
         if self.unknowns[index].scale == "linear":
             return value - reach, value + reach
         with np.errstate(over="ignore"):
             factor = float(np.power(10.0, np.float64(reach)))
         return (value / factor if np.isfinite(factor) else 0.0), value * factor
+
+    def reach(self, level: float = 0.95) -> float:
+        """Number of standard errors to either side of a value that an interval reaches.
+
+        The quantile of the normal distribution where standard deviations were given, else of Student's t distribution.
+        """
+        return quantile(level, None if self.known_scatter else self.degrees_of_freedom)
+
+    def scatter(self) -> Scatter:
+        """Standard deviations of the fitted variables, `(p,)`, and the share of each error in them.
+
+        `data` is what the noise of the data alone would leave if all dimensions and materials were known exactly. The
+        variables are those of `covariance`: log10 of the value where the scale is "log".
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> from receptance.identification import Tolerance
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> modes = MeasuredFrequencies(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:2], standard_deviation_hz=1.0
+        ... )
+        >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), tolerances=length)
+        >>> bool(found.scatter().shares["length"][0] > 0.9)
+        True
+        """
+        places = [(name, self._index(name)) for name in self.errors]
+        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, places)
 
     def profiles(
         self,
@@ -282,7 +333,7 @@ class Identification:
         ValueError
             The assembly has none of the identified parameters, or a law cannot say what holds for it.
         """
-        return Forecast(self, assembly, configuration, conditions, tolerances).assembly
+        return self._forecast(assembly, configuration, conditions, tolerances).assembly
 
     def predict_natural_frequencies(
         self,
@@ -310,7 +361,8 @@ class Identification:
             `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
             and the errors that a new configuration has. Infinite where a parameter that matters is not determined.
         """
-        return Forecast(self, assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
+        found, scatter = self._forecast(assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
+        return found, scatter.total
 
     def predict_receptance(
         self,
@@ -335,13 +387,13 @@ class Identification:
         configuration, conditions, tolerances : optional
             As in `predict_natural_frequencies`.
         draws, seed : int, optional
-            Vectors drawn from the covariance of the fit for the band; with none it is linear in the errors, which holds
+            Vectors drawn from the posterior for the band; with none it is linear in the errors, which holds
             as long as no resonance moves by more than about half its width.
 
         Raises
         ------
         ReceptanceError
-            Hardly any drawn vector has a model.
+            Fewer than half of the vectors have a model.
 
         Examples
         --------
@@ -359,8 +411,8 @@ class Identification:
         >>> bool(np.all(low < high))
         True
         """
-        forecast = Forecast(self, assembly, configuration, conditions, tolerances)
-        return forecast.receptance(frequency_hz, response, excitation, draws, seed, threads)
+        forecast = self._forecast(assembly, configuration, conditions, tolerances)
+        return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed, threads=threads)
 
     def summary(self) -> str:
         """Return the result as text: values with intervals, fit, starts, advice and notes."""
@@ -371,6 +423,18 @@ class Identification:
 
     def _repr_html_(self) -> str:
         return showing.page(self)
+
+    def _forecast(
+        self,
+        assembly: Assembly,
+        configuration: str,
+        conditions: Mapping[str, float] | None,
+        tolerances: Sequence[Tolerance] | None,
+    ) -> Forecast:
+        found = Forecast(self, Place(assembly, configuration, "", conditions or {}), tolerances)
+        if not found.addresses:
+            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
+        return found
 
     def _index(self, address: str) -> int:
         if address not in self.values:

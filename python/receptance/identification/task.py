@@ -57,6 +57,8 @@ class Task:
         Of bands that are found around peaks.
     threads : int or None
         As in `Assembly.receptance`.
+    noise_factor : float
+        By how much the standard deviations of `observed` are larger than stated, see `noisier`.
     """
 
     observed: tuple[Observation, ...]
@@ -65,6 +67,7 @@ class Task:
     bands: Bands | None = None
     band_width_percent: float = 5.0
     threads: int | None = None
+    noise_factor: float = 1.0
 
     @cached_property
     def variables(self) -> Variables:
@@ -107,6 +110,11 @@ class Task:
         """
         units: list[Unit] = ["logarithm" if isinstance(o, MeasuredFRF) else "relative" for o in self.observed]
         return replace(self, units=tuple(units), band_width_percent=0.0).problem()
+
+    def noisier(self, factor: float) -> Task:
+        """Return the task with the stated standard deviations multiplied by a factor."""
+        more = factor / self.noise_factor
+        return replace(self, observed=tuple(one.noisier(more) for one in self.observed), noise_factor=factor)
 
     def without_errors(self) -> Task:
         """Return the task with every dimension and material exact; its vector is the first part of this one's."""

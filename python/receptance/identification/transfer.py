@@ -10,6 +10,7 @@ import numpy as np
 from receptance.errors import ReceptanceError
 from receptance.identification.fit import identify
 from receptance.identification.laws import Law, Tolerance
+from receptance.identification.mapping import Place
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.peaks import match_peaks
 from receptance.identification.prediction import Forecast, PredictedReceptance
@@ -19,14 +20,11 @@ from receptance.identification.transferred import Split, Transfer, TransferredFR
 from receptance.identification.unknowns import Unknown, covered
 
 if TYPE_CHECKING:
-    from receptance.identification.mapping import Place
     from receptance.identification.result import Identification
 
 __all__ = ["groups_of", "transfer"]
 
 Splits = Literal["leave-one-out", "one-for-all"]
-_UPPER = 1.5
-"""Natural frequencies are sought this many times above the highest that was measured."""
 _PER_CENT = 100.0
 
 
@@ -176,7 +174,8 @@ def _split(
             reasons.append(f"{one.configuration}: {what} {'is in' if missing else 'in'} no configuration that is left")
             continue
         try:
-            forecast = Forecast(fit, one.assembly, one.configuration, one.conditions, errors, one.label)
+            place = Place(one.assembly, one.configuration, one.label, one.conditions)
+            forecast = Forecast(fit, place, errors)
             if isinstance(one, MeasuredFRF):
                 frf = _frf(one, fit, forecast, level, draws, seed, notes)
                 receptances.append(frf)
@@ -208,11 +207,7 @@ def _there(
 
 
 def _modes(one: Any, forecast: Forecast, fit: Identification, level: float) -> list[TransferredMode]:
-    upper = _UPPER * float(one.frequency_hz[-1])
-    found, deviation = forecast.natural_frequencies(upper)
-    while found.size < max(one.modes):
-        upper *= _UPPER
-        found, deviation = forecast.natural_frequencies(upper)
+    found, scatter = forecast.modes(one.modes, float(one.frequency_hz[-1]))
     reading = one.standard_deviation_hz if fit.known_scatter else _estimated(fit, one.frequency_hz)
     return [
         TransferredMode(
@@ -220,12 +215,14 @@ def _modes(one: Any, forecast: Forecast, fit: Identification, level: float) -> l
             label=one.label,
             mode=mode,
             measured_hz=float(measured),
-            predicted_hz=float(found[mode - 1]),
-            deviation_hz=float(deviation[mode - 1]),
+            predicted_hz=float(predicted),
+            deviation_hz=float(deviation),
             reading_hz=float(spread),
-            reach=_reach(fit, level),
+            reach=fit.reach(level),
         )
-        for mode, measured, spread in zip(one.modes, one.frequency_hz, reading, strict=True)
+        for mode, measured, predicted, deviation, spread in zip(
+            one.modes, one.frequency_hz, found, scatter.total, reading, strict=True
+        )
     ]
 
 
@@ -239,7 +236,7 @@ def _frf(
     notes: list[str],
 ) -> TransferredFRF:
     def predict(draws: int) -> PredictedReceptance:
-        return forecast.receptance(one.frequency_hz, one.response, one.excitation, draws, seed, None)
+        return forecast.observed(one, draws=draws, seed=seed)
 
     try:
         predicted = predict(draws)
@@ -263,7 +260,7 @@ def _frf(
 def _peaks(frf: TransferredFRF, forecast: Forecast, fit: Identification, level: float) -> list[TransferredMode]:
     """Return measured peaks beside predicted ones; a predicted one moves as the natural frequency nearest to it."""
     lines, predicted = frf.predicted.frequency_hz, frf.predicted.receptance
-    found, deviation = forecast.natural_frequencies(1.1 * float(lines[-1].real))
+    found, scatter = forecast.natural_frequencies(1.1 * float(lines[-1].real))
     rows = []
     for peak in match_peaks(lines, frf.measured, predicted, frf.noise):
         if peak.measured_hz is None:
@@ -276,16 +273,12 @@ def _peaks(frf: TransferredFRF, forecast: Forecast, fit: Identification, level: 
                 mode=None if near is None else near + 1,
                 measured_hz=peak.measured_hz,
                 predicted_hz=peak.predicted_hz,
-                deviation_hz=None if near is None else float(deviation[near]),
+                deviation_hz=None if near is None else float(scatter.total[near]),
                 reading_hz=peak.measured_deviation_hz,
-                reach=_reach(fit, level),
+                reach=fit.reach(level),
             )
         )
     return rows
-
-
-def _reach(fit: Identification, level: float) -> float:
-    return quantile(level, None if fit.known_scatter else fit.degrees_of_freedom)
 
 
 def _scatter(fit: Identification) -> float:

@@ -166,15 +166,11 @@ class Transfer:
         Level of the intervals.
     seed : int
         Of starts and draws.
-    propagated : bool
-        Whether fits take dimensions as exact and their tolerances go through them, as campaigns may; else the errors
-        are fitted.
     """
 
     splits: tuple[Split, ...]
     level: float
     seed: int
-    propagated: bool = False
 
     @property
     def modes(self) -> tuple[TransferredMode, ...]:
@@ -206,7 +202,9 @@ class Transfer:
         return tuple(
             ", ".join(split.held_out)
             for split in self.splits
-            if split.identified is not None and split.identified.known_scatter and split.identified.rms > _MISFIT
+            if split.identified is not None
+            and split.identified.known_scatter
+            and split.identified.rms > _MISFIT * split.identified.noise_factor
         )
 
     @property
@@ -231,11 +229,12 @@ class Transfer:
     def notes(self) -> tuple[str, ...]:
         """What a person should know of the intervals."""
         own = tuple(dict.fromkeys(note for split in self.splits for note in split.notes))
-        if self.propagated:
-            return (
-                *own,
-                "every fit takes dimensions and materials as exact; their tolerances widen the intervals, through the "
-                "fit too",
+        factors = [split.identified.noise_factor for split in self.splits if split.identified is not None]
+        raised = [factor for factor in factors if factor > 1.0]
+        if raised:
+            own += (
+                f"in {len(raised)} of {len(self.splits)} splits the residuals contradict the standard deviations, "
+                f"which the fit then takes up to {max(raised):.2g} times as large",
             )
         if not self.narrow:
             return own

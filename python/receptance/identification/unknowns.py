@@ -187,14 +187,26 @@ class Variables:
         return np.where(self.logarithmic, values * math.log(10.0), 1.0)
 
     def draw(self, starts: int, seed: int) -> NDArray[np.float64]:
-        """Return `starts` start vectors: the given one, then a Latin hypercube within the bounds."""
+        """Return `starts` start vectors: the given one, then a Latin hypercube.
+
+        It is uniform within the bounds, or normal where an unknown has a prior: an error of a dimension eight standard
+        deviations off, its bound, is no place to start from.
+        """
         if starts == 1:
             return self.start[None, :]
+        from scipy.special import ndtri
         from scipy.stats import qmc  # heavy to import, and one start needs none of it
 
         low, high = self.limits
         sampler = qmc.LatinHypercube(len(self.unknowns), seed=np.random.default_rng(seed))
-        return np.vstack([self.start, low + (high - low) * sampler.random(starts - 1)])
+        share = sampler.random(starts - 1)
+        found = low + (high - low) * share
+        for i, unknown in enumerate(self.unknowns):
+            if unknown.prior is not None:
+                scale = math.log(10.0) if unknown.scale == "log" else 1.0
+                middle = math.log10(unknown.prior.mean) if unknown.scale == "log" else unknown.prior.mean
+                found[:, i] = middle + unknown.prior.standard_deviation / scale * ndtri(share[:, i])
+        return np.vstack([self.start, np.clip(found, low, high)])
 
 
 def covered(address: str, assembly: Assembly) -> frozenset[str]:

@@ -252,16 +252,15 @@ def _parameters(axes: Axes, found: CampaignIdentification) -> None:
     """Draw the 95 % interval of every parameter as a factor of its value."""
     set_up(axes, "How well the parameters are determined, 95 %", "factor of the value", "")
     fit = found.fit
-    toleranced = bool(found.propagation.errors)
-    styles = [(_BAND, 12.0, "with tolerances")] if toleranced else []
+    styles = [(_BAND, 12.0, "with tolerances")] if fit.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
     for index, address in enumerate(name for name in fit.values if name not in fit.errors):
         value = fit.values[address]
-        intervals = [found.interval(address)] if toleranced else []
-        for ends, (colour, width, _) in zip([*intervals, fit.interval(address)], styles, strict=True):
+        intervals = [fit.interval(address)] if fit.errors else []
+        for ends, (colour, width, _) in zip([*intervals, fit.interval(address, exact=True)], styles, strict=True):
             low, high = sorted(end / value if value else float("inf") for end in ends)
             if np.isfinite(high) and low > 0.0:
                 axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")
@@ -304,6 +303,6 @@ def _factors(axes: Axes) -> None:
 
 
 def _modes(assembly: Any, modes: Sequence[int], near_hz: float) -> NDArray[np.float64]:
-    from receptance.campaign.propagation import frequency_slopes
+    from receptance.identification.prediction import lowest_frequencies
 
-    return frequency_slopes(assembly, modes, near_hz, [])[0]
+    return lowest_frequencies(assembly, max(modes), near_hz)[0][[mode - 1 for mode in modes]]

@@ -189,7 +189,7 @@ def run(
     rods, material, _ = load_rods()
     error = checked_error(reading_error_hz)
     say = progress or (lambda _: None)
-    rigid = {rod.name: _first(rod.assembly(material), rod.measured_hz) for rod in rods}
+    rigid = {rod.name: _first(rod.assembly(material)) for rod in rods}
     say("identifying the clamp")
     clamps = [
         _clamp(rod, material, assumption, rigid[rod.name], error, seed)
@@ -202,11 +202,8 @@ def run(
     return ClampedRods(error, seed, material, rods, rigid, tuple(clamps), tuple(predictions), common, versions())
 
 
-def _first(assembly: Assembly, near_hz: float) -> float:
-    upper = 2.0 * near_hz
-    while (found := assembly.natural_frequencies(upper)).size < 1:
-        upper *= 2.0
-    return float(found[0])
+def _first(assembly: Assembly) -> float:
+    return float(assembly.lowest_natural_frequencies(1)[0][0])
 
 
 def _clamp(rod: Rod, material: Material, assumption: str, rigid_hz: float, error: float, seed: int) -> Clamp:
@@ -232,9 +229,7 @@ def _stiffness(rod: Rod, material: Material, address: str, frequency_hz: float, 
 def _predict(clamp: Clamp, rod: Rod, material: Material, error: float) -> Prediction:
     # Where the clamp is rigid within the reading error, the rigid clamp is the end.
     values = [_RIGID[clamp.address] if k is None else k for k in (clamp.interval[0], clamp.value, clamp.interval[1])]
-    low, middle, high = (
-        _first(rod.assembly(material).replace({clamp.address: value}), rod.measured_hz) for value in values
-    )
+    low, middle, high = (_first(rod.assembly(material).replace({clamp.address: value})) for value in values)
     agrees = low <= rod.measured_hz + error and high >= rod.measured_hz - error
     return Prediction(clamp.assumption, clamp.rod, rod.name, rod.measured_hz, middle, (low, high), agrees)
 
@@ -256,10 +251,7 @@ def _common(assumption: str, rods: Sequence[Rod], material: Material, error: flo
         for address in ASSUMPTIONS[assumption]
     ]
     found = identify(observed, unknowns, seed=seed)
-    errors = {
-        rod.name: _first(rod.assembly(material).replace(found.values), rod.measured_hz) - rod.measured_hz
-        for rod in rods
-    }
+    errors = {rod.name: _first(rod.assembly(material).replace(found.values)) - rod.measured_hz for rod in rods}
     worst = _least_worst(rods, material, found.values)
     return CommonClamp(assumption, dict(found.values), errors, worst, worst <= error, tuple(found.advice))
 
@@ -273,7 +265,7 @@ def _least_worst(rods: Sequence[Rod], material: Material, start: Mapping[str, fl
     def errors(x: NDArray[np.float64]) -> NDArray[np.float64]:
         values = dict(zip(start, np.exp(x[:-1]).tolist(), strict=True))
         pairs = zip(assemblies, rods, strict=True)
-        return np.array([_first(a.replace(values), rod.measured_hz) - rod.measured_hz for a, rod in pairs])
+        return np.array([_first(a.replace(values)) - rod.measured_hz for a, rod in pairs])
 
     # The last variable bounds all errors from both sides and is made as small as it goes.
     x0 = np.append(np.log(list(start.values())), 0.0)

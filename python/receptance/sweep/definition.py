@@ -185,4 +185,5 @@ def _told(assembly: Assembly) -> list[Any]:
     values = [[address, assembly.get(address)] for address in assembly.parameters]
     flat = assembly._flatten(())
     kinds = {name: type(one).__name__ for name, one in elements.items()}
-    return [assembly.motion, kinds, values, *flat.tables(), flat.beside()]
+    tables = [array for _, part in flat.tabled for array in (part.frequency_hz, part.matrix)]
+    return [assembly.motion, kinds, values, *flat.tables, *tables]

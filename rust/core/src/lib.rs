@@ -42,8 +42,9 @@ pub use model::assembly::{
     GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, SPRING_COLUMNS, Spring, Table, Tables,
 };
 pub use model::frequencies::{Frequencies, OwnedFrequencies};
-pub use model::request::{Coordinate, Parameter, Request, Response, Terminals};
+pub use model::request::{Coordinate, Parameter, Request, Response};
 pub use model::section::Motion;
+pub use model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, modal_sum};
 pub use model::{overlap, section};
 pub use modes::determinant::log_determinant;
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};

@@ -80,13 +80,20 @@ pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>>
 
 /// A row of (table, row, column).
 pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
-    const TABLES: [Table; 6] =
-        [Table::Segments, Table::Joints, Table::Masses, Table::Grounds, Table::Overlaps, Table::Terminals];
+    const TABLES: [Table; 7] = [
+        Table::Segments,
+        Table::Joints,
+        Table::Masses,
+        Table::Grounds,
+        Table::Overlaps,
+        Table::Terminals,
+        Table::Modes,
+    ];
     let name = "parameters";
     let table = TABLES
         .get(index(name, row[0])?)
         .copied()
-        .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 5", row[0])))?;
+        .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 6", row[0])))?;
     Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
 }
 

@@ -18,7 +18,7 @@ mod _core {
     #[pymodule_export]
     use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
-    use super::model::{ByLine, Lines, Model, instruction_set};
+    use super::model::{ByLine, Lines, Model, instruction_set, modal_receptance};
     #[pymodule_export]
     use super::problem::{Ends, Problem};
     #[pymodule_export]

@@ -1,6 +1,6 @@
 //! Frequency lines, and models: receptances, natural frequencies, reductions to one joint.
 
-use crate::arrays::{contiguous, coordinates, index, indices, numbers, parameter, parameters, shaped, table};
+use crate::arrays::{contiguous, coordinates, index, numbers, parameter, parameters, shaped, table};
 use crate::errors::{CoreError, detached};
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
@@ -11,14 +11,35 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Factor, Form, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Motion, OwnedFrequencies, Rate,
-    Request, Tables, Terminals, Tied, overlap, section,
+    Factor, Form, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, MODE_COLUMNS, Mode, Motion,
+    OwnedFrequencies, Rate, Request, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Table, Tables, Tied, overlap,
+    section,
 };
 
 /// Name of the instruction set that the kernels use on this machine.
 #[pyfunction]
 pub fn instruction_set() -> String {
     receptance_core::instruction_set()
+}
+
+/// The receptance of modes (n, 6) at one plane on some lines, (n_freq, 3): y over force, theta over moment, y over moment.
+///
+/// A mode is a row of `Model.with_terminals` without the terminal.
+#[pyfunction]
+pub fn modal_receptance<'py>(
+    py: Python<'py>,
+    lines: &Lines,
+    modes: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<Complex64>>> {
+    let rows = table("modes", &modes, MODE_COLUMNS - 1)?.chunks_exact(MODE_COLUMNS - 1).enumerate();
+    let modes: Vec<Mode> = rows
+        .map(|(row, values)| Mode::new(values, row))
+        .collect::<Result<_, _>>()
+        .map_err(CoreError::from)?;
+    let read = lines.read(py)?;
+    let lines = lines.frequencies(&read)?;
+    let found = detached(py, || receptance_core::modal_sum(&modes, &lines))?.map_err(CoreError::from)?;
+    Ok(shaped(Array2::from_shape_vec((lines.len(), TERMINAL_ENTRIES), found))?.into_pyarray(py))
 }
 
 /// Frequency lines, real or complex; times `scale` they are angular frequencies in rad/s. The array is not copied.
@@ -84,27 +105,36 @@ impl Lines {
 /// Properties of a model that differ from line to line.
 ///
 /// `added`, flat of (n_freq, n_joints, 2), is complex stiffness in y and theta besides that of the joints' columns.
-/// `terminals` are nodes at which the structure goes on; `beyond`, flat of (n_freq, n_terminals, 3), is the receptance
-/// there of the structure that follows: y over force, theta over moment and y over moment.
+/// `beyond`, flat of (n_freq, n_terminals, 3), is receptance of the terminals besides that of their modes and constants:
+/// y over force, theta over moment and y over moment.
 #[pyclass(frozen, module = "receptance._core")]
 #[derive(Clone, Default)]
 pub struct ByLine {
     added: Vec<Complex64>,
-    terminals: Terminals,
+    beyond: Vec<Complex64>,
+}
+
+impl ByLine {
+    /// Tables of terminals, for calls that take nothing else.
+    pub fn beyond(by_line: Option<&Self>) -> PyResult<Vec<Complex64>> {
+        match by_line {
+            Some(by_line) if !by_line.added.is_empty() => Err(PyValueError::new_err(
+                "by_line: added stiffness is not possible here, only tables of terminals",
+            )),
+            _ => Ok(by_line.map(|by_line| by_line.beyond.clone()).unwrap_or_default()),
+        }
+    }
 }
 
 #[pymethods]
 impl ByLine {
     #[new]
-    #[pyo3(signature = (added=None, terminals=None, beyond=None))]
+    #[pyo3(signature = (added=None, beyond=None))]
     fn new(
         added: Option<PyReadonlyArray1<'_, Complex64>>,
-        terminals: Option<PyReadonlyArray1<'_, f64>>,
         beyond: Option<PyReadonlyArray1<'_, Complex64>>,
     ) -> PyResult<Self> {
-        let nodes = terminals.as_ref().map_or(Ok(Vec::new()), |nodes| indices("terminals", nodes))?;
-        let terminals = Terminals { nodes, beyond: numbers("beyond", beyond.as_ref())? };
-        Ok(Self { added: numbers("added", added.as_ref())?, terminals })
+        Ok(Self { added: numbers("added", added.as_ref())?, beyond: numbers("beyond", beyond.as_ref())? })
     }
 }
 
@@ -112,7 +142,7 @@ impl ByLine {
 #[pyclass(frozen, module = "receptance._core")]
 pub struct Model {
     model: receptance_core::Model,
-    tables: [Vec<f64>; 5],
+    tables: [Vec<f64>; 7],
 }
 
 #[pymethods]
@@ -141,10 +171,29 @@ impl Model {
             masses: table("masses", &masses, MASS_COLUMNS)?,
             grounds: table("grounds", &grounds, GROUND_COLUMNS)?,
             overlaps,
+            ..Tables::default()
         };
-        let model = receptance_core::Model::new(motion, tables).map_err(CoreError::from)?;
-        let tables = [tables.segments, tables.joints, tables.masses, tables.grounds, tables.overlaps];
-        Ok(Self { model, tables: tables.map(<[f64]>::to_vec) })
+        Self::of(motion, tables.each().map(<[f64]>::to_vec))
+    }
+
+    /// The same model, continued by substructures that are known by their receptance at one plane.
+    ///
+    /// Parameters
+    /// ----------
+    /// terminals : (n, 4)
+    ///     Node, and the constant part of y over force, theta over moment and y over moment.
+    /// modes : (m, 7)
+    ///     Row of the terminal, angular natural frequency in rad/s, damping ratio, mass-normalised y and theta, and the
+    ///     parts of y and theta that lag by 90 degrees.
+    fn with_terminals(
+        &self,
+        terminals: PyReadonlyArray2<'_, f64>,
+        modes: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let mut tables = self.tables.clone();
+        tables[Table::Terminals as usize] = table("terminals", &terminals, TERMINAL_COLUMNS)?.to_vec();
+        tables[Table::Modes as usize] = table("modes", &modes, MODE_COLUMNS)?.to_vec();
+        Self::of(self.model.motion, tables)
     }
 
     /// Receptance (n_freq, n_responses, n_excitations) and its derivatives by parameters (..., n_parameters).
@@ -162,14 +211,14 @@ impl Model {
     ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
         let read = lines.read(py)?;
         let lines = lines.frequencies(&read)?;
-        let ByLine { added, terminals } = by_line.cloned().unwrap_or_default();
+        let ByLine { added, beyond } = by_line.cloned().unwrap_or_default();
         let request = Request {
             excitations: coordinates("excitations", &excitations)?,
             responses: coordinates("responses", &responses)?,
             parameters: self::parameters(&parameters)?,
             joint: None,
             added,
-            terminals,
+            beyond,
         };
         let result = detached(py, || receptance_core::receptance(&self.model, &lines, &request, threads))?
             .map_err(CoreError::from)?;
@@ -180,13 +229,13 @@ impl Model {
         Ok((h.into_pyarray(py), dh.into_pyarray(py)))
     }
 
-    /// Undamped natural angular frequencies up to a limit in rad/s, at most `most`, and their derivatives by parameters
-    /// (n_modes, n_parameters).
+    /// The lowest undamped natural angular frequencies, `most` of them or those up to a limit in rad/s if these are fewer,
+    /// and their derivatives by parameters (n_modes, n_parameters).
     #[allow(clippy::type_complexity)]
     fn natural_frequencies<'py>(
         &self,
         py: Python<'py>,
-        upper: f64,
+        upper: Option<f64>,
         most: usize,
         parameters: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
@@ -210,11 +259,6 @@ impl Model {
     ) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
         let read = lines.read(py)?;
         let lines = lines.frequencies(&read)?;
-        if by_line.is_some_and(|by_line| !by_line.terminals.nodes.is_empty()) {
-            return Err(PyValueError::new_err(
-                "by_line: the determinant of a model with terminals is not known",
-            ));
-        }
         let added = by_line.map_or(&[][..], |by_line| &by_line.added);
         let found = detached(py, || receptance_core::log_determinant(&self.model, &lines, added))?
             .map_err(CoreError::from)?;
@@ -239,12 +283,7 @@ impl Model {
         let read = lines.read(py)?;
         let lines = lines.frequencies(&read)?;
         let [response, excitation] = crate::arrays::response_and_excitation(&points)?;
-        if by_line.is_some_and(|by_line| !by_line.added.is_empty()) {
-            return Err(PyValueError::new_err(
-                "by_line: a model with added stiffness is not reduced to a joint",
-            ));
-        }
-        let ends = by_line.map(|by_line| by_line.terminals.clone()).unwrap_or_default();
+        let beyond = ByLine::beyond(by_line)?;
         let form = if planes { Form::Planes } else { Form::Shortest };
         let found = detached(py, || {
             receptance_core::reduce_joint(
@@ -253,7 +292,7 @@ impl Model {
                 &lines,
                 response,
                 excitation,
-                ends,
+                beyond,
                 form,
                 threads,
             )
@@ -318,12 +357,17 @@ impl Model {
                 through.push((parameter(&row[..3])?, row[3]));
             }
         }
-        let [segments, joints, masses, grounds, overlaps] = &self.tables;
-        let tables = Tables { segments, joints, masses, grounds, overlaps };
         let present = contiguous("present", present.as_slice())?;
         let addresses = table("addresses", &addresses, width)?.to_vec();
-        let tied = Tied::new(self.model.motion, tables, &found, present, addresses, count)
+        let tied = Tied::new(self.model.motion, Tables::of(&self.tables), &found, present, addresses, count)
             .and_then(|tied| tied.with_factors(between, through));
         Ok(TiedModel::new(tied.map_err(CoreError::from)?))
+    }
+}
+
+impl Model {
+    fn of(motion: Motion, tables: [Vec<f64>; 7]) -> PyResult<Self> {
+        let model = receptance_core::Model::new(motion, Tables::of(&tables)).map_err(CoreError::from)?;
+        Ok(Self { model, tables })
     }
 }

@@ -4,7 +4,7 @@ use crate::arrays::{
     c_contiguous, contiguous, index, indices, response_and_excitation, shaped, spring, table,
 };
 use crate::errors::{CoreError, detached};
-use crate::model::Lines;
+use crate::model::{ByLine, Lines};
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3};
@@ -89,7 +89,9 @@ impl Problem {
     }
 
     /// Adds receptances between two coordinates (response, excitation) of a model: `measured` and `weights` are
-    /// (n_records, n_freq), records of the same receptance.
+    /// (n_records, n_freq), records of the same receptance. `by_line` has tables of terminals.
+    #[pyo3(signature = (model, lines, points, measured, weights, by_line=None))]
+    #[allow(clippy::too_many_arguments)]
     fn add_receptance(
         &mut self,
         py: Python<'_>,
@@ -98,6 +100,7 @@ impl Problem {
         points: PyReadonlyArray2<'_, f64>,
         measured: PyReadonlyArray2<'_, Complex64>,
         weights: PyReadonlyArray2<'_, f64>,
+        by_line: Option<&ByLine>,
     ) -> PyResult<()> {
         if measured.shape() != weights.shape() {
             let (found, expected) = (weights.shape(), measured.shape());
@@ -121,6 +124,7 @@ impl Problem {
             records: measured.zip(weights).map(record).collect(),
             response,
             excitation,
+            beyond: ByLine::beyond(by_line)?,
         };
         self.add(Observation::Whole(Modelled { tied: model.tied.clone(), seen }))
     }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{c_contiguous, contiguous, filled, response_and_excitation, shaped, table};
 use crate::errors::{CoreError, detached};
-use crate::model::Lines;
+use crate::model::{ByLine, Lines};
 use num_complex::Complex64;
 use numpy::ndarray::Array2;
 use numpy::{
@@ -134,14 +134,23 @@ impl TiedModel {
 #[pymethods]
 impl TiedModel {
     /// The model between two coordinates (response, excitation) on some lines, for many values of its unknowns.
+    #[pyo3(signature = (lines, points, by_line=None))]
     fn sweep(
         &self,
         py: Python<'_>,
         lines: &Lines,
         points: PyReadonlyArray2<'_, f64>,
+        by_line: Option<&ByLine>,
     ) -> PyResult<ModelSweep> {
         let [response, excitation] = response_and_excitation(&points)?;
-        Ok(ModelSweep { tied: self.tied.clone(), frequencies: lines.copied(py)?, response, excitation })
+        let beyond = ByLine::beyond(by_line)?;
+        Ok(ModelSweep {
+            tied: self.tied.clone(),
+            frequencies: lines.copied(py)?,
+            response,
+            excitation,
+            beyond,
+        })
     }
 }
 
@@ -152,11 +161,18 @@ pub struct ModelSweep {
     frequencies: OwnedFrequencies,
     response: Coordinate,
     excitation: Coordinate,
+    beyond: Vec<Complex64>,
 }
 
 impl ModelSweep {
     fn sweep(&self) -> receptance_core::ModelSweep<'_> {
-        receptance_core::ModelSweep::new(&self.tied, self.frequencies.view(), self.response, self.excitation)
+        receptance_core::ModelSweep::new(
+            &self.tied,
+            self.frequencies.view(),
+            self.response,
+            self.excitation,
+            self.beyond.clone(),
+        )
     }
 
     fn values<'a>(&self, values: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [f64]> {

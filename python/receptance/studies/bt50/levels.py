@@ -202,19 +202,12 @@ def measure_radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[st
 
 def axial_hz(holder: Holder, k_z1: float) -> float:
     """First mode of the elastic holder."""
-    return float(_lowest(holder.axial(k_z1), 1)[0])
+    return float(holder.axial(k_z1).lowest_natural_frequencies(1)[0][0])
 
 
 def radial_hz(holder: Holder, k_x1: float, k_x2: float) -> tuple[float, ...]:
     """First two modes of the elastic holder."""
-    return _lowest(holder.radial(k_x1, k_x2, contact=RADIAL_CONTACT), 2)
-
-
-def _lowest(assembly: Any, count: int) -> tuple[float, ...]:
-    upper = 8e3
-    while len(found := assembly.natural_frequencies(upper)) < count:
-        upper *= 2.0
-    return tuple(found[:count].tolist())
+    return tuple(holder.radial(k_x1, k_x2, contact=RADIAL_CONTACT).lowest_natural_frequencies(2)[0].tolist())
 
 
 def _quiet(estimate: Any, frf: FRF, low_hz: float, high_hz: float) -> Any:

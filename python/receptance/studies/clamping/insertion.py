@@ -29,7 +29,7 @@ from receptance.identification import (
 )
 from receptance.joints import PointJoint
 from receptance.materials import Material
-from receptance.studies.er32.holder import HolderModel, first_modes
+from receptance.studies.er32.holder import HolderModel
 from receptance.studies.er32.tables import Published
 
 __all__ = ["Hypothesis", "InsertionCase", "InsertionStudy", "needed_ratio", "study_insertion"]
@@ -210,7 +210,7 @@ def _case(
     hypotheses = [_fitted(name, single, laws) for name, laws in _single_laws(total).items()]
     hypotheses.append(_fitted(SERIES, series, _series_laws(inner, outer)))
     first, last = joints(INSERTIONS_MM[0]), joints(INSERTIONS_MM[-1])
-    before, after = (first_modes(one, 2, _BAND_HZ[1]) for one in (first, last))
+    before, after = (one.lowest_natural_frequencies(2)[0] for one in (first, last))
     return InsertionCase(
         ratio=ratio,
         change_percent={name: _change(ratio, growth) for name, growth in _GROWTH.items()},

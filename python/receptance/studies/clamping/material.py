@@ -14,7 +14,7 @@ import numpy as np
 from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
 from receptance.materials import Material
-from receptance.studies.er32.holder import HolderModel, first_modes
+from receptance.studies.er32.holder import HolderModel
 from receptance.studies.er32.joints import follow_joint
 from receptance.studies.er32.tables import Published
 
@@ -74,7 +74,7 @@ def study_material(holder: HolderModel, published: Published, *, say: Callable[[
         mount = published.mount(setup.diameter_mm)
         bare = holder.assembly(mount.diameter_mm, mount.overhang_mm, mount.holder_length_mm, setup.k_y, setup.k_theta)
         true = _with_shank(bare, blank=HSS, shank=HSS, inserted_by=holder.carbide)
-        frequency = first_modes(true, 2, 1e4)
+        frequency = true.lowest_natural_frequencies(2)[0]
         for slip, what, size in (("none", "", 1.0), *SLIPS):
             model, read = _slipped(true, bare, holder.carbide, frequency, what, size)
             found = follow_joint(model, read)

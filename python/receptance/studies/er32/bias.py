@@ -103,16 +103,11 @@ def propagate(
     for long in published.long_tools:
         joint = joint_of(joints, long.diameter_mm, torque_nm)
         mount = published.mount(long.diameter_mm)
-        reading = published.reading(long.diameter_mm, torque_nm)
         stiffness = (joint.k_y, joint.k_theta)
         identifying = model.assembly(long.diameter_mm, mount.overhang_mm, mount.holder_length_mm, *stiffness)
         assembly = model.assembly(long.diameter_mm, long.overhang_mm, mount.holder_length_mm, *stiffness)
-        _, shared_1, joint_1, overhang_1 = mode_slopes(
-            model, identifying, (1, 2), reading.frequency_hz[1], model.shared
-        )
-        _, shared_2, joint_2, overhang_2 = mode_slopes(
-            model, assembly, (_FIRST_MODE,), long.measured_hz[_FIRST_MODE - 1], model.shared
-        )
+        _, shared_1, joint_1, overhang_1 = mode_slopes(model, identifying, (1, 2), model.shared)
+        _, shared_2, joint_2, overhang_2 = mode_slopes(model, assembly, (_FIRST_MODE,), model.shared)
         follow = np.linalg.solve(joint_1.T, joint_2[0])
         parts.append(
             (shared_2[0] - follow @ shared_1, joint_2[0], overhang_2, -np.atleast_1d(follow @ overhang_1), follow)

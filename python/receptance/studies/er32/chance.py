@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from receptance.studies.er32.bias import ChanceModel, LongToolBias, Propagation
-from receptance.studies.er32.holder import HolderModel, first_modes
+from receptance.studies.er32.holder import HolderModel
 from receptance.studies.er32.joints import BOUNDS, IdentifiedJoint, Resolution, follow_joint, joint_of
 from receptance.studies.er32.tables import Published
 from receptance.studies.er32.transfer import Stiffness, predict_transfers, rms
@@ -73,7 +73,7 @@ def simulate_chance(
         mount = published.mount(long.diameter_mm)
         joint = joint_of(joints, long.diameter_mm, torque_nm)
         assembly = model.assembly(long.diameter_mm, long.overhang_mm, mount.holder_length_mm, joint.k_y, joint.k_theta)
-        nominal[long] = float(first_modes(assembly, 1, long.measured_hz[0])[0])
+        nominal[long] = float(assembly.lowest_natural_frequencies(1)[0][0])
     for _ in range(draws):
         factors = np.exp(deviations * random.standard_normal(deviations.size))
         wrong = model.varied(dict(zip(model.shared, factors.tolist(), strict=True)))
@@ -88,7 +88,7 @@ def simulate_chance(
             found = follow_joint(wrong.assembly(long.diameter_mm, overhangs[0], *arguments), read)
             at_bound += _at_bound(found)
             assembly = wrong.assembly(long.diameter_mm, overhangs[1], mount.holder_length_mm, *found.tolist())
-            predicted = float(first_modes(assembly, 1, true_hz)[0])
+            predicted = float(assembly.lowest_natural_frequencies(1)[0][0])
             half = float(resolution.half_step([long.measured_hz[0]])[0])
             errors.append(100.0 * (predicted / (true_hz + half * random.uniform(-1.0, 1.0)) - 1.0))
         means.append(float(np.mean(errors)))
@@ -186,6 +186,6 @@ def _rms_of_long(
         assembly = model.assembly(
             long.diameter_mm, long_overhang[long.diameter_mm], length, *long_stiffness[long.diameter_mm]
         )
-        ours = first_modes(assembly, len(long.measured_hz), long.measured_hz[-1])
+        ours = assembly.lowest_natural_frequencies(len(long.measured_hz))[0]
         errors += (100.0 * (ours / np.array(long.measured_hz) - 1.0)).tolist()
     return rms(errors)

@@ -17,7 +17,7 @@ from receptance.studies._data import read_toml
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["JOINT", "HolderModel", "Section", "first_modes", "load_holder", "mode_slopes"]
+__all__ = ["JOINT", "HolderModel", "Section", "load_holder", "mode_slopes"]
 
 JOINT = ("joint.k_y", "joint.k_theta")
 _MATERIALS = ("carbide", "steel")
@@ -198,16 +198,8 @@ def load_holder() -> HolderModel:
     )
 
 
-def first_modes(assembly: Assembly, count: int, near_hz: float) -> NDArray[np.float64]:
-    """Return the lowest natural frequencies in Hz, `(count,)`; `near_hz` says about where the last one is."""
-    upper = 1.5 * near_hz
-    while (found := assembly.natural_frequencies(upper)).size < count:
-        upper *= 2.0
-    return found[:count]
-
-
 def mode_slopes(
-    model: HolderModel, assembly: Assembly, modes: Sequence[int], near_hz: float, names: Sequence[str]
+    model: HolderModel, assembly: Assembly, modes: Sequence[int], names: Sequence[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Natural frequencies of an assembly and how they move, all to first order.
 
@@ -217,8 +209,6 @@ def mode_slopes(
         The model that the assembly was built from.
     modes : sequence of int
         Mode numbers from 1.
-    near_hz : float
-        About where the last mode is.
     names : sequence of str
         Shared quantities.
 
@@ -235,12 +225,7 @@ def mode_slopes(
     """
     pairs = [model.entries(name) for name in names]
     addresses = [*JOINT, "tool.segment[0].length", *dict.fromkeys(address for pair in pairs for address, _ in pair)]
-    upper = 1.5 * near_hz
-    while True:
-        frequency, slope = assembly.natural_frequency_derivatives(upper, addresses)
-        if frequency.size >= max(modes):
-            break
-        upper *= 2.0
+    frequency, slope = assembly.lowest_natural_frequencies(max(modes), addresses)
     rows = [mode - 1 for mode in modes]
     frequency, relative = frequency[rows], slope[rows] / frequency[rows, None]
     column = {address: relative[:, i] for i, address in enumerate(addresses)}

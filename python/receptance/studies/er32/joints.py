@@ -136,7 +136,7 @@ def _identify(
     k_y, k_theta = (found.values[address] for address in JOINT)
     fitted = assembly.replace(found.values)
     intervals = _intervals(fitted, reading, resolution)
-    _, _, joint_slopes, overhang_slopes = mode_slopes(model, fitted, (1, 2), reading.frequency_hz[1], ())
+    _, _, joint_slopes, overhang_slopes = mode_slopes(model, fitted, (1, 2), ())
     per_mm = -100.0 * np.linalg.solve(joint_slopes, overhang_slopes)
     order = [list(found.addresses).index(address) for address in JOINT]
     return IdentifiedJoint(
@@ -186,10 +186,7 @@ def follow_joint(assembly: Assembly, frequency_hz: Sequence[float] | NDArray[np.
     x = np.log([assembly.get(address) for address in JOINT])
     for _ in range(60):
         moved = assembly.replace(dict(zip(JOINT, np.exp(x).tolist(), strict=True)))
-        upper = 1.5 * float(np.exp(wanted[-1]))
-        while (result := moved.natural_frequency_derivatives(upper, JOINT))[0].size < 2:
-            upper *= 2.0
-        frequency, slope = result[0][:2], result[1][:2]
+        frequency, slope = moved.lowest_natural_frequencies(2, JOINT)
         matrix = slope * np.exp(x) / frequency[:, None]
         step, *_ = np.linalg.lstsq(matrix, wanted - np.log(frequency), rcond=None)
         # A step of more than a factor e^2 is more than the slopes can be trusted for.

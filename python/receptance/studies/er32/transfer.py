@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from receptance.studies.er32.holder import HolderModel, first_modes
+from receptance.studies.er32.holder import HolderModel
 from receptance.studies.er32.tables import ParameterSet, Published
 
 __all__ = ["ModeError", "SetVerdict", "TransferRow", "judge_sets", "predict_transfers", "rms"]
@@ -51,7 +51,7 @@ def predict_transfers(
         length = published.mount(transfer.diameter_mm).holder_length_mm
         joint = stiffness[transfer.diameter_mm]
         assembly = model.assembly(transfer.diameter_mm, transfer.overhang_mm, length, *joint)
-        ours = first_modes(assembly, len(transfer.measured_hz), transfer.measured_hz[-1])
+        ours = assembly.lowest_natural_frequencies(len(transfer.measured_hz))[0]
         for mode, (measured, paper) in enumerate(zip(transfer.measured_hz, transfer.predicted_hz, strict=True), 1):
             rows.append(
                 TransferRow(transfer.diameter_mm, transfer.overhang_mm, mode, measured, paper, float(ours[mode - 1]))
@@ -125,6 +125,6 @@ def _judge(model: HolderModel, published: Published, chosen: ParameterSet, thres
     for overhang in sorted(measured, reverse=True):
         frequencies = measured[overhang]
         assembly = model.assembly(chosen.diameter_mm, overhang, mount.holder_length_mm, chosen.k_y, chosen.k_theta)
-        ours = first_modes(assembly, len(frequencies), frequencies[-1])
+        ours = assembly.lowest_natural_frequencies(len(frequencies))[0]
         errors += [ModeError(overhang, mode, value, float(ours[mode - 1])) for mode, value in enumerate(frequencies, 1)]
     return SetVerdict(chosen.name, chosen.k_y, chosen.k_theta, tuple(errors), threshold)

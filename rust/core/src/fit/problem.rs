@@ -9,11 +9,13 @@ use crate::fit::least_squares::{End, Stop, minimise};
 use crate::joint::reduction::JointReduction;
 use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::frequencies::every;
+use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::observe::joint::Reduced;
 use crate::observe::lines::{Rows, add, spread};
 use crate::observe::observed::{Modelled, Record, Seen};
 use crate::observe::ties::At;
 use crate::threads::on_threads;
+use num_complex::Complex64;
 use std::sync::Arc;
 
 /// Least time of one line of a whole model [ns].
@@ -143,9 +145,13 @@ impl Problem {
             same("number of unknowns that the model is tied to", index, tied.count(), self.count())?;
         }
         match &one {
-            Observation::Whole(Modelled { seen: Seen::Receptance { w, records, .. }, .. }) => {
+            Observation::Whole(Modelled { tied, seen: Seen::Receptance { w, records, beyond, .. } }) => {
                 if w.is_empty() || records.is_empty() {
                     return Err(wrong("number of lines or records", index, 0.0, "at least one"));
+                }
+                if !beyond.is_empty() {
+                    let expected = tied.terminals() * TERMINAL_ENTRIES * w.len();
+                    same("receptances beyond terminals", index, beyond.len(), expected)?;
                 }
                 for Record { measured, weights } in records {
                     same("measured receptance", index, measured.len(), w.len())?;
@@ -181,7 +187,7 @@ impl Problem {
         let fewer = |one: &Observation| match one {
             Observation::Whole(Modelled {
                 tied,
-                seen: Seen::Receptance { w, records, response, excitation },
+                seen: Seen::Receptance { w, records, response, excitation, beyond },
             }) => {
                 let stride = stride(w.len(), lines);
                 let records = records.iter().map(|record| record.thinned(stride)).collect();
@@ -190,6 +196,7 @@ impl Problem {
                     records,
                     response: *response,
                     excitation: *excitation,
+                    beyond: thinned_rows(beyond, beyond.len() / w.len(), stride),
                 };
                 Observation::Whole(Modelled { tied: tied.clone(), seen })
             }
@@ -407,6 +414,11 @@ impl Record {
     }
 }
 
+/// Every so many of some rows.
+fn thinned_rows(values: &[Complex64], columns: usize, stride: usize) -> Vec<Complex64> {
+    values.chunks(columns.max(1)).step_by(stride).flatten().copied().collect()
+}
+
 /// How many lines to go on by, so that about `wanted` of them are left.
 fn stride(lines: usize, wanted: usize) -> usize {
     (lines / wanted.max(1)).max(1)
@@ -446,7 +458,6 @@ mod tests {
     use crate::model::request::{Coordinate, Request};
     use crate::model::section::Motion;
     use crate::observe::ties::{Rate, Tied};
-    use num_complex::Complex64;
 
     const BAR: [f64; 14] = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0];
     // Ten times one unknown as modulus, and a length that is 0.2 exp(0.01 u).
@@ -472,7 +483,13 @@ mod tests {
         let rates =
             [(5, 0), (2, 1)].map(|(column, address)| Rate { entry: entry(column), address, rate: 1.0 });
         let response = Coordinate { node: 0, direction: 0 };
-        let seen = Seen::Receptance { w, records: vec![record.clone()], response, excitation: response };
+        let seen = Seen::Receptance {
+            w,
+            records: vec![record.clone()],
+            response,
+            excitation: response,
+            beyond: Vec::new(),
+        };
         let tied = Tied::new(Motion::Bending, tables, &rates, &[BAR[5], BAR[2]], ADDRESSES.to_vec(), 2);
         let priors = vec![Prior { variable: 1, scale: 1.0, offset: 0.0 }];
         let mut problem = Problem::new(variables(), priors).unwrap();
@@ -572,7 +589,8 @@ mod tests {
         let addresses = vec![0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
         let tied = Tied::new(Motion::Bending, tables, &rates, &[1e5, 1e8], addresses, 2).unwrap();
         let records = vec![record.clone()];
-        let seen = Seen::Receptance { w: w.clone(), records, response: tip, excitation: tip };
+        let seen =
+            Seen::Receptance { w: w.clone(), records, response: tip, excitation: tip, beyond: Vec::new() };
         let mut whole = Problem::new(variables(), priors()).unwrap();
         whole.add(Observation::Whole(Modelled { tied: Arc::new(tied), seen })).unwrap();
         let x = [5.1, 1.3e8];

@@ -14,8 +14,9 @@ use crate::joint::series::joint_series;
 use crate::line::response::{Job, first_of};
 use crate::model::assembly::{Model, SPRING_COLUMNS, Spring};
 use crate::model::frequencies::{EMPTY, Frequencies, LINES_PER_TASK, OwnedFrequencies, every};
-use crate::model::request::{Coordinate, Request, Terminals, check};
+use crate::model::request::{Coordinate, Request, check};
 use crate::model::section::Motion;
+use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
 use crate::threads::on_threads;
@@ -100,7 +101,7 @@ pub fn reduce_joint(
     lines: &Frequencies,
     response: Coordinate,
     excitation: Coordinate,
-    terminals: Terminals,
+    beyond: Vec<Complex64>,
     form: Form,
     threads: usize,
 ) -> Result<JointReduction> {
@@ -116,11 +117,11 @@ pub fn reduce_joint(
         excitations: vec![excitation, response],
         responses: vec![response],
         joint: Some(joint),
-        terminals,
+        beyond,
         ..Request::default()
     };
     let highest = check(model, lines, &request)?;
-    let in_series = form == Form::Shortest && lines.are_real() && request.terminals.nodes.is_empty();
+    let in_series = form == Form::Shortest && lines.are_real() && model.terminals.is_empty();
     let series = if in_series { joint_series(model, joint, highest, response, excitation) } else { None };
     let reduction = match series {
         Some(series) => Reduction::Series(series),
@@ -140,8 +141,8 @@ fn planes(
     threads: usize,
 ) -> Result<Vec<f64>> {
     let (nodes, spring) = model.joints[joint];
-    let first = Face::new(model, joint, nodes[0], &request.terminals);
-    let second = Face::new(model, joint, nodes[1], &request.terminals);
+    let first = Face::new(model, joint, nodes[0], &request.beyond);
+    let second = Face::new(model, joint, nodes[1], &request.beyond);
     let solve = |whole_branches: bool| {
         let whole = whole_branches.then_some((highest, lines.len()));
         let jobs = [
@@ -165,21 +166,23 @@ struct Face {
 }
 
 impl Face {
-    fn new(model: &Model, joint: usize, node: usize, terminals: &Terminals) -> Self {
+    fn new(model: &Model, joint: usize, node: usize, beyond: &[Complex64]) -> Self {
         let (side, number) = model.side(joint, node);
-        let terminals = terminals.on(&number);
+        let beyond = beyond_of(model, beyond, &number);
         let node = number[node].unwrap_or(0);
         let points = vec![Coordinate { node, direction: 0 }, Coordinate { node, direction: 1 }];
         Self {
             model: side,
-            request: Request {
-                excitations: points.clone(),
-                responses: points,
-                terminals,
-                ..Request::default()
-            },
+            request: Request { excitations: points.clone(), responses: points, beyond, ..Request::default() },
         }
     }
+}
+
+/// The receptances beyond those terminals whose nodes have a number on one side.
+fn beyond_of(model: &Model, beyond: &[Complex64], number: &[Option<usize>]) -> Vec<Complex64> {
+    let kept = |(_, row): &(&[Complex64], usize)| number[model.terminals[*row].node].is_some();
+    let rows = beyond.chunks(TERMINAL_ENTRIES).zip((0..model.terminals.len()).cycle());
+    rows.filter(kept).flat_map(|(entries, _)| entries.iter().copied()).collect()
 }
 
 fn reduce(jobs: &[Job<'_, 2>; 3], spring: &Spring, lines: &Frequencies, threads: usize) -> Result<Vec<f64>> {
@@ -340,7 +343,7 @@ mod tests {
                 joints: &joints,
                 masses: &masses,
                 grounds: &grounds,
-                overlaps: &[],
+                ..Tables::default()
             };
             Model::new(Motion::Bending, tables).unwrap()
         }
@@ -377,8 +380,7 @@ mod tests {
                 let h = whole.receptance[line];
                 let one = Frequencies::complex(&w[line..=line], 1.0);
                 for form in [Form::Shortest, Form::Planes] {
-                    let model =
-                        reduce_joint(&model, 0, &one, tip, tip, Terminals::default(), form, 1).unwrap();
+                    let model = reduce_joint(&model, 0, &one, tip, tip, Vec::new(), form, 1).unwrap();
                     assert_eq!(model.planes().is_some(), form == Form::Planes);
                     // log(measured/H) is 1 for the first and i for the second, so that the products are J.
                     let measured = [h * 1.0_f64.exp(), h * Complex64::I.exp()];
@@ -422,7 +424,7 @@ mod tests {
         let (model, w) = (draw.model(), lines());
         let tip = Coordinate { node: 0, direction: 0 };
         let in_series = |model: &Model, w: &[Complex64], response, excitation| {
-            let (lines, ends) = (Frequencies::complex(w, 1.0), Terminals::default());
+            let (lines, ends) = (Frequencies::complex(w, 1.0), Vec::new());
             let found = reduce_joint(model, 0, &lines, response, excitation, ends, Form::Shortest, 1);
             found.unwrap().planes().is_none()
         };

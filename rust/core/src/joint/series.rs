@@ -54,7 +54,7 @@ pub fn joint_series(
     if response != excitation {
         return None;
     }
-    let plan = model.plan(response.node, &[]);
+    let plan = model.plan(response.node);
     let at = plan.iter().position(|step| matches!(step, Step::Joint { row, .. } if *row == joint))?;
     let segments: Vec<Segment<2>> =
         model.segments.iter().map(|row| Segment::new(row, model.motion)).collect();

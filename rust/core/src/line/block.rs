@@ -6,8 +6,9 @@ use crate::line::overlap::Lanes;
 use crate::line::plane::Plane;
 use crate::model::assembly::{Model, Spring, Step};
 use crate::model::overlap::Beside;
-use crate::model::request::{ByLine, TERMINAL_ENTRIES};
+use crate::model::request::ByLine;
 use crate::model::section::Segment;
+use crate::model::terminals::{Mode, TERMINAL_ENTRIES, Terminal};
 use crate::series::branch::Branch;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
@@ -28,8 +29,10 @@ pub struct Prepared<const D: usize> {
     pub active: Vec<bool>,
     /// Overlaps.
     pub overlaps: Vec<Beside>,
-    /// Nodes of the terminals.
-    pub terminals: Vec<usize>,
+    /// Terminals.
+    pub terminals: Vec<Terminal>,
+    /// Their modes, each with the row of its terminal.
+    modes: Vec<(usize, Mode)>,
     /// Whether each overlap is passed with its inner, and with its outer beam lying behind.
     ways: Vec<[bool; 2]>,
 }
@@ -101,8 +104,8 @@ impl Spring {
 }
 
 impl<const D: usize> Prepared<D> {
-    /// Prepares a model with its terminals.
-    pub fn new(model: &Model, terminals: &[usize]) -> Self {
+    /// Prepares a model.
+    pub fn new(model: &Model) -> Self {
         let mut points = vec![(Vec::new(), Vec::new()); model.nodes];
         for (node, inertia) in &model.masses {
             points[*node].0.push(*inertia);
@@ -117,7 +120,8 @@ impl<const D: usize> Prepared<D> {
             branches: Vec::new(),
             active: vec![true; model.segments.len()],
             overlaps: model.overlaps.iter().map(Beside::new).collect(),
-            terminals: terminals.to_vec(),
+            terminals: model.terminals.clone(),
+            modes: model.modes.clone(),
             ways: vec![[false; 2]; model.overlaps.len()],
         }
     }
@@ -213,16 +217,31 @@ impl<const D: usize> Prepared<D> {
             into.overlaps.push(Lanes::new(beside, w, into.most, *ways));
         }
         into.terminals.clear();
-        for (row, node) in self.terminals.iter().enumerate() {
-            let a_line = TERMINAL_ENTRIES * self.terminals.len();
+        for (row, terminal) in self.terminals.iter().enumerate() {
+            let mut entries = [C::zero(simd); TERMINAL_ENTRIES];
+            for entry in 0..TERMINAL_ENTRIES {
+                entries[entry] = C::real(simd, terminal.residual[entry]);
+            }
+            if !by_line.beyond.is_empty() {
+                let a_line = TERMINAL_ENTRIES * self.terminals.len();
+                for entry in 0..TERMINAL_ENTRIES {
+                    let more = lanes(simd, by_line.beyond, TERMINAL_ENTRIES * row + entry, a_line);
+                    entries[entry] = entries[entry] + more;
+                }
+            }
+            for (_, mode) in self.modes.iter().filter(|(own, _)| *own == row) {
+                let more = mode.entries(into.iw, into.w2);
+                for entry in 0..TERMINAL_ENTRIES {
+                    entries[entry] = entries[entry] + more[entry];
+                }
+            }
             let mut receptance = small::zeros(simd);
             for i in 0..D {
                 for j in 0..D {
-                    let entry = if i == j { i } else { 2 };
-                    receptance[i][j] = lanes(simd, by_line.beyond, TERMINAL_ENTRIES * row + entry, a_line);
+                    receptance[i][j] = entries[if i == j { i } else { 2 }];
                 }
             }
-            into.terminals.push((*node, Plane::loads(simd, receptance)));
+            into.terminals.push((terminal.node, Plane::loads(simd, receptance)));
         }
     }
 }

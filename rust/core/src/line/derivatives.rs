@@ -16,6 +16,7 @@ use crate::model::overlap::{Overlap, column as overlap_column};
 use crate::model::request::Parameter;
 use crate::model::section;
 use crate::model::section::{Motion, Segment};
+use crate::model::terminals::{Mode, TERMINAL_ENTRIES};
 use crate::simd::lane::{C, R};
 use num_complex::Complex64;
 use pulp::Simd;
@@ -36,6 +37,8 @@ pub(crate) enum Gradient<const D: usize> {
     Overlap { row: usize, factors: [Complex64; DERIVATIVES], rates: [f64; 2] },
     /// An entry of the receptance beyond a terminal.
     Terminal { row: usize, entry: usize },
+    /// A number of a mode of a terminal.
+    Mode { row: usize, column: usize, mode: Mode },
 }
 
 /// The factors of a column of an overlap.
@@ -87,7 +90,11 @@ impl<const D: usize> Gradient<D> {
                 let (factors, rates) = overlap_factors(&model.overlaps[row], column);
                 Self::Overlap { row, factors, rates }
             }
-            Table::Terminals => Self::Terminal { row, entry: column },
+            Table::Terminals => Self::Terminal { row, entry: column - 1 },
+            Table::Modes => {
+                let (row, mode) = model.modes[row];
+                Self::Mode { row, column: column - 1, mode }
+            }
         }
     }
 
@@ -160,6 +167,15 @@ impl<const D: usize> Gradient<D> {
             }
             Self::Terminal { row, entry } => {
                 -spring_term(*entry, &left.terminals[*row], &right.terminals[*row])
+            }
+            Self::Mode { row, column, mode } => {
+                let slopes = mode.slopes(*column, block.iw, block.w2);
+                let mut sum = zero;
+                for entry in 0..TERMINAL_ENTRIES {
+                    let change = spring_term(entry, &left.terminals[*row], &right.terminals[*row]);
+                    sum = slopes[entry].neg_mul_add(change, sum);
+                }
+                sum
             }
         }
     }

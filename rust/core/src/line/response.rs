@@ -82,7 +82,7 @@ impl<'a, const D: usize> Job<'a, D> {
     /// as one series.
     pub(crate) fn new(model: &Model, request: &'a Request, whole: Option<(f64, usize)>) -> Self {
         let mut job = Self {
-            prepared: Prepared::new(model, &request.terminals.nodes),
+            prepared: Prepared::new(model),
             plans: Vec::new(),
             loads: Vec::new(),
             excited: Vec::new(),
@@ -125,7 +125,7 @@ impl<'a, const D: usize> Job<'a, D> {
         let observed = |node: usize| {
             self.request.responses.iter().any(|point| point.node == node)
                 || self.gradients.iter().any(|gradient| gradient.node() == Some(node))
-                || self.request.terminals.nodes.contains(&node)
+                || model.has_terminal(node)
         };
         let joint = |row: usize| {
             self.request.joint == Some(row)
@@ -167,8 +167,7 @@ impl<'a, const D: usize> Job<'a, D> {
         let plan = match self.plans.iter().position(|plan| plan.0 == coordinate.node) {
             Some(plan) => plan,
             None => {
-                self.plans
-                    .push((coordinate.node, model.plan(coordinate.node, &self.request.terminals.nodes)));
+                self.plans.push((coordinate.node, model.plan(coordinate.node)));
                 self.plans.len() - 1
             }
         };

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::model::overlap::{self, Overlap};
 use crate::model::section::{self, Motion};
+use crate::model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Terminal};
 
 /// Kinds of element, in the order of the tables.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
@@ -17,8 +18,10 @@ pub enum Table {
     Grounds,
     /// Beams side by side.
     Overlaps,
-    /// What is known by its receptance only, beyond a node.
+    /// Substructures that are known by their receptance at one plane.
     Terminals,
+    /// Modes of terminals.
+    Modes,
 }
 
 /// Columns of the joint table: nodes a, b, then the spring's seven.
@@ -121,7 +124,7 @@ pub enum Step {
         /// Node behind.
         far: usize,
     },
-    /// The point elements of the node.
+    /// The point elements and the terminal of the node.
     Point {
         /// The node.
         node: usize,
@@ -152,9 +155,13 @@ pub struct Model {
     pub grounds: Vec<(usize, Spring)>,
     /// Beams side by side.
     pub overlaps: Vec<Overlap>,
+    /// Substructures that are known by their receptance at one plane.
+    pub terminals: Vec<Terminal>,
+    /// Modes of terminals, each with the row of its terminal.
+    pub modes: Vec<(usize, Mode)>,
 }
 
-/// The five tables, row by row.
+/// The tables, row by row.
 #[derive(Copy, Clone, Debug, Default)]
 pub struct Tables<'a> {
     /// Segments, `section::column::COUNT` columns.
@@ -167,6 +174,23 @@ pub struct Tables<'a> {
     pub grounds: &'a [f64],
     /// Overlaps, `overlap::column::COUNT`.
     pub overlaps: &'a [f64],
+    /// Terminals, `TERMINAL_COLUMNS`.
+    pub terminals: &'a [f64],
+    /// Modes, `MODE_COLUMNS`.
+    pub modes: &'a [f64],
+}
+
+impl<'a> Tables<'a> {
+    /// The tables in the order of `Table`.
+    pub fn each(self) -> [&'a [f64]; 7] {
+        let Self { segments, joints, masses, grounds, overlaps, terminals, modes } = self;
+        [segments, joints, masses, grounds, overlaps, terminals, modes]
+    }
+
+    /// Tables in the order of `Table`.
+    pub fn of([segments, joints, masses, grounds, overlaps, terminals, modes]: &'a [Vec<f64>; 7]) -> Self {
+        Self { segments, joints, masses, grounds, overlaps, terminals, modes }
+    }
 }
 
 fn node(value: f64, element: &'static str, row: usize) -> Result<usize> {
@@ -176,6 +200,37 @@ fn node(value: f64, element: &'static str, row: usize) -> Result<usize> {
     }
     let expected = "a node number: 0, 1, 2, ...";
     Err(Error::Quantity { element, row, quantity: "node", value, expected })
+}
+
+fn read_terminals(table: &[f64]) -> Result<Vec<Terminal>> {
+    let mut terminals: Vec<Terminal> = Vec::new();
+    for (row, values) in table.chunks_exact(TERMINAL_COLUMNS).enumerate() {
+        const NAMES: [&str; TERMINAL_ENTRIES] = ["residual_y", "residual_theta", "residual_ytheta"];
+        let (node, element) = (node(values[0], "terminal", row)?, "terminal");
+        for (quantity, &value) in NAMES.into_iter().zip(&values[1..]) {
+            if !value.is_finite() {
+                return Err(Error::Quantity { element, row, quantity, value, expected: "a finite number" });
+            }
+        }
+        if terminals.iter().any(|other| other.node == node) {
+            return Err(Error::Topology(format!("two terminals on node {node}")));
+        }
+        terminals.push(Terminal { node, residual: [values[1], values[2], values[3]] });
+    }
+    Ok(terminals)
+}
+
+fn read_modes(table: &[f64], terminals: usize) -> Result<Vec<(usize, Mode)>> {
+    let mut modes = Vec::new();
+    for (row, values) in table.chunks_exact(MODE_COLUMNS).enumerate() {
+        let terminal = values[0];
+        if !(terminal >= 0.0 && terminal.fract() == 0.0 && terminal < terminals as f64) {
+            let (quantity, expected) = ("terminal", "a row of the table of terminals");
+            return Err(Error::Quantity { element: "mode", row, quantity, value: terminal, expected });
+        }
+        modes.push((terminal as usize, Mode::new(&values[1..], row)?));
+    }
+    Ok(modes)
 }
 
 impl Model {
@@ -226,11 +281,13 @@ impl Model {
         if motion != Motion::Bending && !overlaps.is_empty() {
             return Err(Error::Topology("an overlap joins beams in bending, not rods".into()));
         }
+        let terminals = read_terminals(tables.terminals)?;
+        let modes = read_modes(tables.modes, terminals.len())?;
         if edges.is_empty() {
             return Err(Error::Topology("there is no segment and no joint".into()));
         }
         let nodes = 1 + edges.iter().flatten().copied().max().unwrap_or(0);
-        let model = Self { motion, nodes, segments, joints, masses, grounds, overlaps };
+        let model = Self { motion, nodes, segments, joints, masses, grounds, overlaps, terminals, modes };
         model.check_tree(edges.len())?;
         Ok(model)
     }
@@ -241,7 +298,7 @@ impl Model {
             return Err(Error::Topology(found));
         }
         let points = self.masses.iter().map(|m| m.0).chain(self.grounds.iter().map(|g| g.0));
-        for point in points {
+        for point in points.chain(self.terminals.iter().map(|terminal| terminal.node)) {
             if point >= self.nodes {
                 return Err(Error::Topology(format!(
                     "a point element on node {point}, which no element has"
@@ -325,20 +382,44 @@ impl Model {
         }
         let masses = self.masses.iter().filter_map(|(at, mass)| Some((number[*at]?, *mass))).collect();
         let grounds = self.grounds.iter().filter_map(|(at, spring)| Some((number[*at]?, *spring))).collect();
-        (Self { motion: self.motion, nodes: count, segments, joints, masses, grounds, overlaps }, number)
+        let (mut terminals, mut rows) = (Vec::new(), vec![None; self.terminals.len()]);
+        for (row, terminal) in self.terminals.iter().enumerate() {
+            if let Some(node) = number[terminal.node] {
+                rows[row] = Some(terminals.len());
+                terminals.push(Terminal { node, ..*terminal });
+            }
+        }
+        let modes = self.modes.iter().filter_map(|(row, mode)| Some((rows[*row]?, *mode))).collect();
+        let side = Self {
+            motion: self.motion,
+            nodes: count,
+            segments,
+            joints,
+            masses,
+            grounds,
+            overlaps,
+            terminals,
+            modes,
+        };
+        (side, number)
     }
 
-    /// Whether a node carries point elements.
-    pub fn has_point(&self, node: usize) -> bool {
-        self.masses.iter().any(|mass| mass.0 == node) || self.grounds.iter().any(|ground| ground.0 == node)
+    /// Whether a node carries a terminal.
+    pub fn has_terminal(&self, node: usize) -> bool {
+        self.terminals.iter().any(|terminal| terminal.node == node)
     }
 
-    /// The steps of a sweep from all free ends to `root`, each branch before the node where it joins; also `terminals`
-    /// are nodes at which there is a point element.
-    pub fn plan(&self, root: usize, terminals: &[usize]) -> Vec<Step> {
+    /// Whether a node carries point elements or a terminal.
+    fn has_point(&self, node: usize) -> bool {
+        self.masses.iter().any(|mass| mass.0 == node)
+            || self.grounds.iter().any(|ground| ground.0 == node)
+            || self.has_terminal(node)
+    }
+
+    /// The steps of a sweep from all free ends to `root`, each branch before the node where it joins.
+    pub fn plan(&self, root: usize) -> Vec<Step> {
         let neighbours = self.neighbours();
-        let points: Vec<bool> =
-            (0..self.nodes).map(|node| self.has_point(node) || terminals.contains(&node)).collect();
+        let points: Vec<bool> = (0..self.nodes).map(|node| self.has_point(node)).collect();
         let mut steps = Vec::new();
         // (node, node it was reached from, next neighbour, branches taken, step back to the parent)
         let mut stack = vec![(root, usize::MAX, 0, 0, None)];

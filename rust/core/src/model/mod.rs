@@ -5,3 +5,4 @@ pub mod frequencies;
 pub mod overlap;
 pub mod request;
 pub mod section;
+pub mod terminals;

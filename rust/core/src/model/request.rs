@@ -5,6 +5,7 @@ use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model,
 use crate::model::frequencies::Frequencies;
 use crate::model::overlap::{self, Beside, Overlap};
 use crate::model::section::{Segment, column};
+use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS, TERMINAL_ENTRIES};
 use core::ops::Range;
 use num_complex::Complex64;
 
@@ -42,48 +43,17 @@ pub struct Request {
     /// Complex stiffness that each joint has besides its columns, `(n_freq, n_joints, 2)` for y and theta, as that of
     /// an amplitude may differ from line to line; empty where none has any.
     pub added: Vec<Complex64>,
-    /// What the structure goes on as.
-    pub terminals: Terminals,
-}
-
-/// Nodes at which a structure goes on as something that is known by its receptance only.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Terminals {
-    /// The nodes.
-    pub nodes: Vec<usize>,
-    /// Receptance of what is beyond each of them, `(n_freq, n_terminals, 3)`: y over force, theta over moment, and the
-    /// coupling.
+    /// Receptance of each terminal besides its modes and its constant, as a table gives it, `(n_freq, n_terminals, 3)`;
+    /// empty where none has any.
     pub beyond: Vec<Complex64>,
 }
-
-impl Terminals {
-    /// Those that a part of the model has, whose nodes have new numbers there.
-    pub(crate) fn on(&self, number: &[Option<usize>]) -> Self {
-        let kept = |row: usize| self.nodes.get(row).and_then(|&node| number.get(node).copied().flatten());
-        let rows: Vec<usize> = (0..self.nodes.len()).filter(|&row| kept(row).is_some()).collect();
-        let entries = |line: &[Complex64]| -> Vec<Complex64> {
-            rows.iter()
-                .flat_map(|row| line.iter().skip(TERMINAL_ENTRIES * row).take(TERMINAL_ENTRIES))
-                .copied()
-                .collect()
-        };
-        let beyond = match self.nodes.len() {
-            0 => Vec::new(),
-            count => self.beyond.chunks(TERMINAL_ENTRIES * count).flat_map(entries).collect(),
-        };
-        Self { nodes: rows.into_iter().filter_map(kept).collect(), beyond }
-    }
-}
-
-/// Entries of a terminal's receptance.
-pub(crate) const TERMINAL_ENTRIES: usize = 3;
 
 /// What differs from line to line besides the columns of the elements, on some lines.
 #[derive(Copy, Clone, Default)]
 pub(crate) struct ByLine<'a> {
     /// As in a request.
     pub added: &'a [Complex64],
-    /// As in the terminals of a request.
+    /// As in a request.
     pub beyond: &'a [Complex64],
 }
 
@@ -101,7 +71,7 @@ impl<'a> ByLine<'a> {
 impl Request {
     /// What differs from line to line, on all lines.
     pub(crate) fn by_line(&self) -> ByLine<'_> {
-        ByLine { added: &self.added, beyond: &self.terminals.beyond }
+        ByLine { added: &self.added, beyond: &self.beyond }
     }
 
     /// The directions of response and excitation of each pair, as the pairs of a line are ordered.
@@ -128,10 +98,9 @@ pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Re
     let highest = lines.highest()?;
     check_request(model, request)?;
     check_added(model, lines, &request.added)?;
-    check_terminals(model, request)?;
-    let ends = lines.len() * request.terminals.nodes.len() * TERMINAL_ENTRIES;
+    let ends = lines.len() * model.terminals.len() * TERMINAL_ENTRIES;
     let receptance = ("number of receptances beyond terminals", "receptance beyond terminals");
-    check_numbers(receptance, &request.terminals.beyond, ends, false)?;
+    check_numbers(receptance, &request.beyond, ends)?;
     check_waves(model, highest)?;
     check_interfaces(model, lines)?;
     Ok(highest)
@@ -140,7 +109,7 @@ pub(crate) fn check(model: &Model, lines: &Frequencies, request: &Request) -> Re
 /// Checks the complex stiffness that joints have besides their columns.
 pub(crate) fn check_added(model: &Model, lines: &Frequencies, added: &[Complex64]) -> Result<()> {
     let names = ("number of stiffnesses added to joints", "stiffness added to joints");
-    check_numbers(names, added, lines.len() * model.joints.len() * 2, true)
+    check_numbers(names, added, lines.len() * model.joints.len() * 2)
 }
 
 /// Checks how many numbers are given for the lines, and that they are finite.
@@ -148,10 +117,9 @@ fn check_numbers(
     (number, what): (&'static str, &'static str),
     values: &[Complex64],
     count: usize,
-    or_none: bool,
 ) -> Result<()> {
-    if values.len() != count && !(or_none && values.is_empty()) {
-        let expected = if or_none { format!("none or {count}") } else { count.to_string() };
+    if values.len() != count && !values.is_empty() {
+        let expected = format!("none or {count}");
         return Err(Error::Index { what: number, index: 0, value: values.len() as f64, expected });
     }
     match values.iter().position(|value| !value.is_finite()) {
@@ -161,21 +129,6 @@ fn check_numbers(
         }
         None => Ok(()),
     }
-}
-
-fn check_terminals(model: &Model, request: &Request) -> Result<()> {
-    for (index, &node) in request.terminals.nodes.iter().enumerate() {
-        let what = "terminal";
-        if node >= model.nodes {
-            let expected = format!("a node from 0 to {}", model.nodes - 1);
-            return Err(Error::Index { what, index, value: node as f64, expected });
-        }
-        if request.terminals.nodes[..index].contains(&node) {
-            let expected = "a node of its own: another terminal has this one".into();
-            return Err(Error::Index { what, index, value: node as f64, expected });
-        }
-    }
-    Ok(())
 }
 
 /// Most wavelengths in one segment: next to its cut-off it is passed in pieces, which must stay countable.
@@ -219,11 +172,11 @@ fn check_request(model: &Model, request: &Request) -> Result<()> {
             }
         }
     }
-    check_parameters(model, &request.parameters, request.terminals.nodes.len())
+    check_parameters(model, &request.parameters)
 }
 
 /// Checks that the model has the parameters.
-pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter], terminals: usize) -> Result<()> {
+pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
     for (index, parameter) in parameters.iter().enumerate() {
         let (rows, columns) = match parameter.table {
             Table::Segments => (model.segments.len(), column::LENGTH..column::SHEAR_MODEL),
@@ -231,7 +184,8 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter], terminal
             Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
             Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
             Table::Overlaps => (model.overlaps.len(), overlap::column::LENGTH..overlap::column::POINTS),
-            Table::Terminals => (terminals, 0..TERMINAL_ENTRIES),
+            Table::Terminals => (model.terminals.len(), 1..TERMINAL_COLUMNS),
+            Table::Modes => (model.modes.len(), 1..MODE_COLUMNS),
         };
         if parameter.row >= rows {
             let expected = format!("a row below {rows}");

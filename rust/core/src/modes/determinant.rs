@@ -15,7 +15,7 @@ use crate::line::sweep::Observer;
 use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::{EMPTY, Frequencies};
 use crate::model::request::{ByLine, check_added};
-use crate::modes::natural::within_reach;
+use crate::modes::natural::{check_no_terminals, within_reach};
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
 use num_complex::Complex64;
@@ -29,6 +29,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Unusable lines, added stiffness of another length, or waves that are too short for the lengths of the segments.
 pub fn log_determinant(model: &Model, lines: &Frequencies, added: &[Complex64]) -> Result<Vec<Complex64>> {
     let highest = lines.highest()?;
+    check_no_terminals(model)?;
     check_added(model, lines, added)?;
     match model.motion.degrees() {
         1 => Job::<1>::new(model).run(lines, highest, added),
@@ -115,7 +116,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
 impl<const D: usize> Job<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
+        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
         prepared.follow(&plan);
         Self { prepared, plan }
     }

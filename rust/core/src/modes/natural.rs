@@ -15,6 +15,7 @@ use crate::line::sweep::{Blind, Field, Observer, Within};
 use crate::line::{derivatives, exponential, layer};
 use crate::model::assembly::{Model, Step};
 use crate::model::request::{ByLine, Parameter, check_parameters, singular};
+use crate::model::section::{Segment, column};
 use crate::modes::locate::{Locating, Wanted, too_high};
 use crate::simd::lane::{C, MAX_LANES, R};
 use crate::simd::small::{self, Mat};
@@ -42,25 +43,49 @@ pub struct NaturalFrequencies {
     pub derivative: Vec<f64>,
 }
 
-/// All natural frequencies up to `upper` (rad/s), at most `most` of them, with derivatives.
+/// The lowest natural frequencies, `most` of them or those up to `upper` (rad/s) if these are fewer, with derivatives.
 ///
 /// Damping, loss factors and imaginary parts are left out.
 ///
 /// # Errors
-/// An upper limit that is no positive number, a parameter that the model does not have, or a joint without
-/// static stiffness in some direction.
+/// An upper limit that is no positive number, a parameter that the model does not have, a joint without static
+/// stiffness in some direction, or modes above the frequencies up to which they can be counted.
 pub fn natural_frequencies(
     model: &Model,
-    upper: f64,
+    upper: Option<f64>,
     most: usize,
     parameters: &[Parameter],
 ) -> Result<NaturalFrequencies> {
+    let Some(upper) = upper else {
+        let modes: Vec<usize> = (0..most).collect();
+        let wanted = Wanted::These { modes: &modes, near: &[], farthest: f64::INFINITY };
+        return find(model, first_limit(model, most), wanted, parameters);
+    };
     if !(upper.is_finite() && upper >= LEAST) {
         return Err(Error::NaturalFrequency(format!(
             "the upper limit is {upper:e} rad/s, expected a finite number of at least {LEAST:e} rad/s"
         )));
     }
     find(model, upper, Wanted::UpTo(most), parameters)
+}
+
+/// A frequency below which a chain of beams has about so many modes: where its length is as many half waves.
+fn first_limit(model: &Model, count: usize) -> f64 {
+    let half_waves = |w: f64| -> f64 {
+        let square = |row: &[f64]| match model.motion.degrees() {
+            1 => Segment::<1>::new(row, model.motion).wave_number_square(w * w),
+            _ => Segment::<2>::new(row, model.motion).wave_number_square(w * w),
+        };
+        let beams = model.overlaps.iter().map(|overlap| &overlap.beams[1]);
+        let spans = model.segments.iter().chain(beams).map(|row| square(row).sqrt() * row[column::LENGTH]);
+        spans.sum::<f64>() / core::f64::consts::PI
+    };
+    let (mut low, mut high) = (1e-3, 1e12);
+    for _ in 0..60 {
+        let middle = f64::sqrt(low * high);
+        if half_waves(middle) > count as f64 + 0.5 { high = middle } else { low = middle }
+    }
+    low
 }
 
 /// The modes of some numbers, counted from 0 on and ascending, expected near some frequencies (rad/s).
@@ -85,7 +110,8 @@ pub(crate) fn expected_frequencies(
 }
 
 fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
-    check_parameters(model, parameters, 0)?;
+    check_parameters(model, parameters)?;
+    check_no_terminals(model)?;
     let model = undamped(model);
     for (row, (_, spring)) in model.joints.iter().enumerate() {
         if !spring.statically_regular(model.motion.degrees()) {
@@ -110,6 +136,16 @@ fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> 
         1 => Search::<1>::new(&model).run(&model, at, parameters),
         _ => Search::<2>::new(&model).run(&model, at, parameters),
     }
+}
+
+/// Refuses what counts and determinants of the pivots do not cover.
+pub(crate) fn check_no_terminals(model: &Model) -> Result<()> {
+    if model.terminals.is_empty() {
+        return Ok(());
+    }
+    let text =
+        "they are counted for beams and joints, not for substructures that are known by their receptance";
+    Err(Error::NaturalFrequency(text.into()))
 }
 
 /// The model without what loses energy.
@@ -314,7 +350,7 @@ fn angular(lines: &[f64]) -> [Complex64; MAX_LANES] {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model, &[]), model.plan(0, &[]));
+        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
         prepared.follow(&plan);
         Self { prepared, plan }
     }

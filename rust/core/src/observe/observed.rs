@@ -5,7 +5,7 @@
 
 use crate::line::response::Job;
 use crate::model::frequencies::{Frequencies, LINES_PER_TASK};
-use crate::model::request::{ByLine, Coordinate, Parameter, Request, check};
+use crate::model::request::{Coordinate, Parameter, Request, check};
 use crate::modes::natural::expected_frequencies;
 use crate::observe::ties::{At, Factor, Tied};
 use crate::threads::on_threads;
@@ -43,6 +43,8 @@ pub enum Seen {
         response: Coordinate,
         /// Where the load acted.
         excitation: Coordinate,
+        /// Tables of terminals on these lines, as in a request.
+        beyond: Vec<Complex64>,
     },
     /// Natural frequencies in rad/s.
     Frequencies {
@@ -91,42 +93,29 @@ impl Modelled {
         threads: usize,
         work: impl Fn(Lines) -> T + Sync,
     ) -> Option<Vec<T>> {
-        let Seen::Receptance { w, records, response, excitation } = &self.seen else { return None };
+        let Seen::Receptance { w, records, response, excitation, beyond } = &self.seen else { return None };
         let factors = Factors::new(at);
+        if factors.decay != 0.0 && !beyond.is_empty() {
+            // A table belongs to the window under which it was measured.
+            return None;
+        }
         let request = Request {
             excitations: vec![*excitation],
             responses: vec![*response],
             parameters: factors.entries.clone(),
+            beyond: beyond.clone(),
             ..Request::default()
         };
         let shifted: Vec<Complex64> = w.iter().map(|w| w - Complex64::I * factors.decay).collect();
         let highest = check(&at.model, &Frequencies::complex(&shifted, 1.0), &request).ok()?;
-        let arch = Arch::new();
         // A free resonance without damping can make the one denominator of a branch zero to the last bit.
         [true, false].into_iter().find_map(|whole| {
-            let job = Job::<2>::new(&at.model, &request, whole.then_some((highest, w.len())));
-            let tasks: Vec<usize> = (0..w.len()).step_by(LINES_PER_TASK).collect();
-            let parts = on_threads(threads, tasks, job.a_task_takes(), |start| {
-                let range = start..w.len().min(start + LINES_PER_TASK);
-                let mut h = vec![Complex64::ZERO; range.len()];
-                let mut dh = vec![Complex64::ZERO; range.len() * request.parameters.len()];
-                if job
-                    .lines(&arch, &shifted[range.clone()], ByLine::default(), &mut h, &mut dh, &mut [])
-                    .is_some()
-                {
-                    return None;
-                }
-                let dh = factors.apply(&w[range.clone()], &mut h, dh);
-                let own: Vec<RecordLines> = records
-                    .iter()
-                    .map(|one| RecordLines {
-                        measured: &one.measured[range.clone()],
-                        weights: &one.weights[range.clone()],
-                    })
-                    .collect();
-                Some(work(Lines { range, h: &h, dh: &dh, records: &own }))
-            });
-            parts.ok()?.into_iter().collect()
+            let whole = whole.then_some((highest, w.len()));
+            let (model, lines) = (&at.model, (w.as_slice(), shifted.as_slice()));
+            match model.motion.degrees() {
+                1 => parts(&Job::<1>::new(model, &request, whole), lines, records, &factors, threads, &work),
+                _ => parts(&Job::<2>::new(model, &request, whole), lines, records, &factors, threads, &work),
+            }
         })
     }
 
@@ -142,6 +131,38 @@ impl Modelled {
         };
         Some(measured.iter().zip(weights).enumerate().map(row).collect())
     }
+}
+
+/// What some work makes of the lines (as stated, and as evaluated) of each task.
+fn parts<const D: usize, T: Send>(
+    job: &Job<D>,
+    (w, shifted): (&[Complex64], &[Complex64]),
+    records: &[Record],
+    factors: &Factors,
+    threads: usize,
+    work: &(impl Fn(Lines) -> T + Sync),
+) -> Option<Vec<T>> {
+    let arch = Arch::new();
+    let tasks: Vec<usize> = (0..w.len()).step_by(LINES_PER_TASK).collect();
+    let parts = on_threads(threads, tasks, job.a_task_takes(), |start| {
+        let range = start..w.len().min(start + LINES_PER_TASK);
+        let mut h = vec![Complex64::ZERO; range.len()];
+        let mut dh = vec![Complex64::ZERO; range.len() * factors.entries.len()];
+        let by_line = job.by_line(&range, w.len());
+        if job.lines(&arch, &shifted[range.clone()], by_line, &mut h, &mut dh, &mut []).is_some() {
+            return None;
+        }
+        let dh = factors.apply(&w[range.clone()], &mut h, dh);
+        let own: Vec<RecordLines> = records
+            .iter()
+            .map(|one| RecordLines {
+                measured: &one.measured[range.clone()],
+                weights: &one.weights[range.clone()],
+            })
+            .collect();
+        Some(work(Lines { range, h: &h, dh: &dh, records: &own }))
+    });
+    parts.ok()?.into_iter().collect()
 }
 
 /// What becomes of a receptance on the way to the record.

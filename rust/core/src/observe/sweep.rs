@@ -26,15 +26,20 @@ pub struct ModelSweep<'a> {
 }
 
 impl<'a> ModelSweep<'a> {
-    /// A tied model between two coordinates on some lines.
+    /// A tied model between two coordinates on some lines; `beyond` as in a request.
     pub fn new(
         tied: &'a Tied,
         frequencies: Frequencies<'a>,
         response: Coordinate,
         excitation: Coordinate,
+        beyond: Vec<Complex64>,
     ) -> Self {
-        let request =
-            Request { excitations: vec![excitation], responses: vec![response], ..Request::default() };
+        let request = Request {
+            excitations: vec![excitation],
+            responses: vec![response],
+            beyond,
+            ..Request::default()
+        };
         Self { tied, frequencies, request, count: tied.count() }
     }
 
@@ -120,8 +125,12 @@ impl<'a> ModelSweep<'a> {
         let highest = check(&model, &self.frequencies, &self.request).ok()?;
         let lines = self.frequencies.len();
         [true, false].into_iter().find_map(|whole| {
-            let job = Job::<2>::new(&model, &self.request, whole.then_some((highest, lines)));
-            Some(job.run(&self.frequencies, 1).ok()?.receptance)
+            let whole = whole.then_some((highest, lines));
+            let found = match model.motion.degrees() {
+                1 => Job::<1>::new(&model, &self.request, whole).run(&self.frequencies, 1),
+                _ => Job::<2>::new(&model, &self.request, whole).run(&self.frequencies, 1),
+            };
+            Some(found.ok()?.receptance)
         })
     }
 }

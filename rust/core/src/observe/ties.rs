@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table, Tables};
 use crate::model::request::Parameter;
 use crate::model::section::Motion;
+use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS};
 use crate::model::{overlap, section};
 
 /// What stands between a structure and what was recorded of it.
@@ -36,7 +37,7 @@ pub struct Rate {
 #[derive(Clone, Debug)]
 pub struct Tied {
     /// The tables less the contribution of the addresses.
-    fixed: [Vec<f64>; 5],
+    fixed: [Vec<f64>; 7],
     motion: Motion,
     /// The distinct entries that move.
     pub entries: Vec<Parameter>,
@@ -69,7 +70,7 @@ impl Tied {
     /// Ties the tables to `count` unknowns. `present` are the values of the addresses that are in the tables now.
     ///
     /// # Errors
-    /// A model that is not in bending, or an entry, an address or an unknown that does not exist.
+    /// An entry, an address or an unknown that does not exist.
     pub fn new(
         motion: Motion,
         tables: Tables,
@@ -78,9 +79,6 @@ impl Tied {
         addresses: Vec<f64>,
         count: usize,
     ) -> Result<Self> {
-        if motion != Motion::Bending {
-            return Err(Error::Topology("only a model in bending is tied to unknowns".into()));
-        }
         let width = 2 + 2 * count;
         let expected = || format!("rows of {width} columns for {count} unknowns");
         if !addresses.len().is_multiple_of(width) {
@@ -98,8 +96,7 @@ impl Tied {
             let (value, expected) = (present.len() as f64, format!("{known}, one of each address"));
             return Err(Error::Index { what: "number of present values", index: 0, value, expected });
         }
-        let fixed = [tables.segments, tables.joints, tables.masses, tables.grounds, tables.overlaps];
-        let fixed = fixed.map(<[f64]>::to_vec);
+        let fixed = tables.each().map(<[f64]>::to_vec);
         let (factors, powers) = (Vec::new(), Vec::new());
         let (entries, rated) = (Vec::new(), Vec::new());
         let mut tied = Self { fixed, motion, entries, rates: rated, addresses, count, factors, powers };
@@ -124,6 +121,11 @@ impl Tied {
     /// Number of unknowns.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// Number of terminals.
+    pub fn terminals(&self) -> usize {
+        self.fixed[Table::Terminals as usize].len() / TERMINAL_COLUMNS
     }
 
     /// The same with factors at addresses, and entries through which frequency acts with their powers.
@@ -200,9 +202,7 @@ impl Tied {
         for (_, address) in &self.factors {
             moving.extend_from_slice(slopes_of(*address));
         }
-        let [segments, joints, masses, grounds, overlaps] = &tables;
-        let tables = Tables { segments, joints, masses, grounds, overlaps };
-        let model = Model::new(self.motion, tables).ok()?;
+        let model = Model::new(self.motion, Tables::of(&tables)).ok()?;
         Some(At { model, entries, factors, by_frequency, slopes: moving })
     }
 }
@@ -235,6 +235,7 @@ fn columns(table: Table) -> usize {
         Table::Masses => MASS_COLUMNS,
         Table::Grounds => GROUND_COLUMNS,
         Table::Overlaps => overlap::column::COUNT,
-        Table::Terminals => 0,
+        Table::Terminals => TERMINAL_COLUMNS,
+        Table::Modes => MODE_COLUMNS,
     }
 }

@@ -89,7 +89,7 @@ fn reach<const D: usize>(
                 span <= MOST_SPAN
             }
             Step::Joint { row, .. } => model.joints[row].1.is_plain(),
-            Step::Point { node } => model.has_plain_point(node),
+            Step::Point { node } => model.has_plain_point(node) && !model.has_terminal(node),
             Step::Leaf { .. } | Step::Overlap { .. } | Step::Join | Step::Branch { .. } => false,
         };
         if !serves || needed(step) {

@@ -1,4 +1,4 @@
-"""Tolerances as fitted parameters with priors, and laws, in campaign files."""
+"""Priors, laws and profiles in campaign files."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import pytest
 
 from campaign_text import TEXT, changed, load
 from receptance import campaign
-
-FIT = '\n[settings]\ntolerances = "fit"\nstarts = 3\n'
-
 
 TRUE = {"joint.k_y": 3e8, "joint.k_theta": 1e5}
 
@@ -24,36 +21,8 @@ def consistent(tmp_path):
     return changed(('"2500 Hz", "10000 Hz"', f'"{float(first)!r} Hz", "{float(second)!r} Hz"'))
 
 
-def with_settings(text: str) -> str:
-    assert "[settings]" not in text
-    return text + FIT
-
-
-def test_fitted_tolerances_give_the_same_intervals_where_data_say_nothing_of_them(tmp_path, text):
-    propagated = load(tmp_path, text).identify()
-    fitted = load(tmp_path, with_settings(text)).identify()
-    # Two frequencies determine two stiffnesses whatever the errors are, so nothing is learnt of these.
-    assert set(fitted.fit.errors) == set(propagated.propagation.errors)
-    for name in fitted.fit.errors:
-        assert fitted.fit.values[name] == pytest.approx(0.0, abs=0.02)
-        assert fitted.fit.standard_errors[name] == pytest.approx(1.0, rel=0.02)
-    for name, value in propagated.fit.values.items():
-        assert fitted.fit.values[name] == pytest.approx(value, rel=1e-3)
-        assert fitted.standard_errors()[name] == pytest.approx(propagated.standard_errors()[name], rel=0.02)
-    assert propagated.profiles == {}
-    assert set(fitted.profiles) == set(propagated.fit.values)
-
-
-def test_predictions_are_the_same_too(tmp_path, text):
-    propagated = load(tmp_path, text).predict()
-    fitted = load(tmp_path, with_settings(text)).predict()
-    for one, other in zip(propagated.frequencies, fitted.frequencies, strict=True):
-        assert other.predicted_hz == pytest.approx(one.predicted_hz, rel=1e-4)
-        assert other.scatter.total == pytest.approx(one.scatter.total, rel=0.03)
-
-
 def test_the_json_has_errors_and_profiles(tmp_path, text):
-    found = load(tmp_path, with_settings(text)).identify().as_dict()
+    found = load(tmp_path, text).identify().as_dict()
     assert json.loads(json.dumps(found)) == found
     assert set(found["profiles"]) == set(found["parameters"])
     assert not set(found["errors"]) & set(found["parameters"])
@@ -87,18 +56,17 @@ def test_a_law_follows_a_condition(tmp_path):
         load(tmp_path, torque.replace('role = "hold out"', 'role = "identify"')).identify()
 
 
-@pytest.mark.parametrize("settings", ["", FIT])
-def test_a_prior_pulls_as_much_as_it_knows(tmp_path, text, settings):
+def test_a_prior_pulls_as_much_as_it_knows(tmp_path, text):
     line = next(row for row in text.splitlines() if row.startswith('"joint.k_theta"'))
     prior = ', prior = { value = "9e4 N m/rad", spread = "0.01 %" } }'
-    known = load(tmp_path, text.replace(line, line.rstrip(" }") + prior) + settings).identify()
-    free = load(tmp_path, text + settings).identify()
+    known = load(tmp_path, text.replace(line, line.rstrip(" }") + prior)).identify()
+    free = load(tmp_path, text).identify()
     assert known.fit.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
     assert free.fit.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
-    # Errors of dimensions cannot move what is known: propagated or fitted, the interval is that of the prior.
-    share = known.standard_errors()["joint.k_theta"] / known.fit.values["joint.k_theta"]
+    # Errors of dimensions cannot move what is known: the interval is that of the prior.
+    share = known.fit.standard_errors["joint.k_theta"] / known.fit.values["joint.k_theta"]
     assert share == pytest.approx(1e-4, rel=0.1)
-    assert free.standard_errors()["joint.k_theta"] > 3.0 * known.standard_errors()["joint.k_theta"]
+    assert free.fit.standard_errors["joint.k_theta"] > 3.0 * known.fit.standard_errors["joint.k_theta"]
 
 
 @pytest.mark.parametrize(
@@ -139,6 +107,7 @@ def test_a_prior_needs_standard_deviations(tmp_path):
     text = text.replace(
         'frequencies = ["2500 Hz", "10000 Hz"]\nstandard_deviation = "2 Hz"', 'frequencies = ["2500 Hz", "10000 Hz"]'
     )
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("tolerance"))
     with pytest.raises(campaign.CampaignError, match="standard deviations"):
         load(tmp_path, text).identify()
 
