@@ -265,16 +265,29 @@ class Part:
         return angular / (2.0 * np.pi)
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{i}</td><td>{1e3 * s.length:.4g}</td><td>{1e3 * s.outer_diameter:.4g}</td>"
-            f"<td>{1e3 * s.inner_diameter:.4g}</td><td>{s.material.youngs_modulus / 1e9:.4g}</td>"
-            f"<td>{s.material.density:.5g}</td></tr>"
-            for i, s in enumerate(self.segments)
+        from receptance.report import Column, Table
+        from receptance.report.html import table_html
+
+        columns = (
+            Column("segment", form="d"),
+            Column("length", "mm"),
+            Column("outer", "mm"),
+            Column("inner", "mm"),
+            Column("E", "GPa"),
+            Column("density", "kg/m3", ".5g"),
         )
-        return (
-            "<table><thead><tr><th>segment</th><th>length [mm]</th><th>outer [mm]</th><th>inner [mm]</th>"
-            f"<th>E [GPa]</th><th>density [kg/m3]</th></tr></thead><tbody>{rows}</tbody></table>"
-        )
+        rows = [
+            (
+                index,
+                1e3 * one.length,
+                1e3 * one.outer_diameter,
+                1e3 * one.inner_diameter,
+                1e-9 * one.material.youngs_modulus,
+                one.material.density,
+            )
+            for index, one in enumerate(self.segments)
+        ]
+        return table_html(Table(f"Part {self.name}".rstrip(), columns, rows))
 
     def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
         return (self.segments,), {"name": self.name}

@@ -82,7 +82,7 @@ def test_it_gives_what_the_study_gives(read: campaign.Campaign) -> None:
     stiffness = {}
     for joint in joints:
         name = f"joint_d{int(joint.diameter_mm)}"
-        own = found.fit.values[f"{name}.k_y"], found.fit.values[f"{name}.k_theta"]
+        own = found.values[f"{name}.k_y"], found.values[f"{name}.k_theta"]
         assert own == pytest.approx((joint.k_y, joint.k_theta), rel=1e-3)
         stiffness[joint.diameter_mm] = (joint.k_y, joint.k_theta)
     rows = predict_transfers(holder, published, stiffness)

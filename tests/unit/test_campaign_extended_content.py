@@ -54,17 +54,18 @@ def campaign_of(
 
 def test_a_gain_is_identified_and_the_held_out_frf_is_predicted_with_it(tmp_path: Path) -> None:
     gain = '"observation.log_gain" = { lower = -1.0, upper = 1.0, start = 0.0 }\n'
-    found = campaign_of(tmp_path, gain, factor=1.08).identify()
-    assert found.fit.values["observation.log_gain"] == pytest.approx(np.log(1.08), abs=1e-6)
-    assert found.fit.values["joint.k_y"] == pytest.approx(5e8, rel=1e-4)
-    (frf,) = found.campaign.predict(found).frfs
+    read = campaign_of(tmp_path, gain, factor=1.08)
+    found = read.identify()
+    assert found.values["observation.log_gain"] == pytest.approx(np.log(1.08), abs=1e-6)
+    assert found.values["joint.k_y"] == pytest.approx(5e8, rel=1e-4)
+    (frf,) = read.predict(found).frfs
     np.testing.assert_allclose(frf.receptance, frf.measured, rtol=1e-4)
 
 
 def test_a_delay_of_one_assembly_alone(tmp_path: Path) -> None:
     delay = '"observation.delay" = { lower = "-1 ms", upper = "1 ms", assemblies = ["short"], name = "lag" }\n'
     found = campaign_of(tmp_path, delay).identify()
-    assert found.fit.values["lag"] == pytest.approx(0.0, abs=1e-10)
+    assert found.values["lag"] == pytest.approx(0.0, abs=1e-10)
 
 
 def test_moves_and_multiples(tmp_path: Path) -> None:
@@ -78,8 +79,8 @@ multiple = 2.0
 also = { "holder.segment[1].length" = 4.5 }
 """
     found = campaign_of(tmp_path, both).identify()
-    assert found.fit.values["tool E"] == pytest.approx(0.0, abs=1e-4)
-    assert found.fit.values["holder.segment[0].length"] == pytest.approx(0.02, rel=1e-3)
+    assert found.values["tool E"] == pytest.approx(0.0, abs=1e-4)
+    assert found.values["holder.segment[0].length"] == pytest.approx(0.02, rel=1e-3)
 
 
 def test_a_power_of_a_condition_moves_several(tmp_path: Path) -> None:
@@ -93,18 +94,18 @@ power_of = "tool.segment[0].length"
 reference = "75 mm"
 """
     found = campaign_of(tmp_path, moved).identify()
-    assert found.fit.values["softer"] == pytest.approx(0.0, abs=1e-3)
+    assert found.values["softer"] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_what_sat_on_it_while_it_was_measured_is_not_on_the_assembly(tmp_path: Path) -> None:
     head = '\n[attachments.second]\nkind = "mass"\nmass = "0 g"\n'
     unknown = '"second.mass" = { lower = "0 g", upper = "20 g", scale = "linear" }\n'
-    found = campaign_of(
-        tmp_path, unknown, 'attachments = ["second"]', head, PointMass(mass=2e-3, name="second")
-    ).identify()
-    assert found.fit.values["second.mass"] == pytest.approx(2e-3, rel=1e-3)
-    assert "second" not in found.campaign.assemblies["short"].attachments
-    (frf,) = found.campaign.predict(found).frfs
+    second = PointMass(mass=2e-3, name="second")
+    read = campaign_of(tmp_path, unknown, 'attachments = ["second"]', head, second)
+    found = read.identify()
+    assert found.values["second.mass"] == pytest.approx(2e-3, rel=1e-3)
+    assert "second" not in read.assemblies["short"].attachments
+    (frf,) = read.predict(found).frfs
     np.testing.assert_allclose(frf.receptance, frf.measured, rtol=1e-3)
 
 

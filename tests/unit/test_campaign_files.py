@@ -314,13 +314,13 @@ class TestExamples:
         read = campaign.load(request.getfixturevalue(name.replace("-", "_")))
         text = read.table.description
         found = read.identify()
-        assert found.fit.converged
-        assert not found.fit.advice
+        assert found.converged
+        assert not found.advice
         for address, value in joint.items():
             low, high = found.interval(address)
             assert low < value < high, address
             # Of the data alone: three standard errors, so that no draw of the noise decides.
-            assert abs(found.fit.values[address] - value) < 3.0 * found.fit.standard_errors[address], address
+            assert abs(found.values[address] - value) < 3.0 * found.standard_errors[address], address
             assert address.split(".")[1] in text, "the description states the joint"
         prediction = read.predict(found)
         held_out = next(frf for frf in prediction.frfs if frf.measured is not None)
@@ -340,7 +340,7 @@ class TestExamples:
     def test_a_window_that_is_not_told_biases_the_damping(self, hammer: Path, tmp_path: Path) -> None:
         """The windowed FRF taken for an ordinary one: the damping comes out too large by the window."""
         read = campaign.load(hammer)
-        right = read.identify().fit.values["collet.c_theta"]
+        right = read.identify().values["collet.c_theta"]
         measurements = {}
         for name, measured in read.measurements.items():
             seen = measured.observation
@@ -351,7 +351,7 @@ class TestExamples:
                 label=name,
             )  # fmt: skip
             measurements[name] = dataclasses.replace(measured, observation=plain)
-        wrong = dataclasses.replace(read, measurements=measurements).identify().fit
+        wrong = dataclasses.replace(read, measurements=measurements).identify()
         excess = wrong.values["collet.c_theta"] - right
         assert excess > 10.0 * wrong.standard_errors["collet.c_theta"]
 
@@ -359,7 +359,7 @@ class TestExamples:
         read = campaign.load(free_free)
         prediction = read.predict()
         again = pickle.loads(pickle.dumps(prediction))
-        assert again.as_dict() == prediction.as_dict()
+        assert again.to_dict() == prediction.to_dict()
         assert repr(again) == repr(prediction)
 
     def test_a_damaged_data_file(self, free_free: Path, tmp_path: Path) -> None:
@@ -376,7 +376,7 @@ def test_one_file_under_two_names_is_said(tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
     noise = 0.02 * (rng.standard_normal(300) + 1j * rng.standard_normal(300))
     seen = campaign.load(write_copies(tmp_path, values() * np.exp(noise)))
-    assert any("again and m have the same numbers (300 of 300)" in text for text in seen.identify().fit.advice)
+    assert any("again and m have the same numbers (300 of 300)" in text for text in seen.identify().advice)
 
 
 def write_copies(folder: Path, receptance: np.ndarray) -> Path:

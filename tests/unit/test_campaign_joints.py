@@ -64,7 +64,7 @@ def fitted_to(folder: Path, text: str, true: dict[str, float]) -> tuple[campaign
         modes = drawn.measurements[name].observation.assembly.replace(true).natural_frequencies(40e3)[:2]
         text = text.replace(written, ", ".join(f'"{mode:.9f} Hz"' for mode in modes))
     found = loaded(folder, text)
-    fit = found.identify().fit
+    fit = found.identify()
     return found, {name: value for name, value in fit.values.items() if name not in fit.errors}
 
 
@@ -131,8 +131,8 @@ def test_an_unknown_also_holds_for_an_assembly_that_is_held_out(tmp_path: Path) 
     assert any("no observation's assembly has second.k_theta; it matters for predictions" in n for n in found.notes)
     predicted = read.predict(found)
     held_out = next(one for one in predicted.frequencies if one.name == "long")
-    applied = found.fit.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
-    assert applied.get("second.k_theta") == pytest.approx(2.0 * found.fit.values["joint.k_theta"])
+    applied = found.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
+    assert applied.get("second.k_theta") == pytest.approx(2.0 * found.values["joint.k_theta"])
     expected = applied.natural_frequencies(2e4)[:2]
     np.testing.assert_allclose(held_out.predicted_hz, expected, rtol=1e-6)
 
@@ -173,16 +173,16 @@ def test_a_stepped_sine(tmp_path: Path) -> None:
     read = loaded(tmp_path, text)
     assert read.measurements["sine1"].observation.force == pytest.approx(np.ones(lines.size))
     found = read.identify()
-    assert found.fit.rms == pytest.approx(1.0, abs=0.1)
+    assert found.rms == pytest.approx(1.0, abs=0.1)
     for name, value in true.items():
-        low, high = found.fit.interval(name, 0.999)
+        low, high = found.interval(name, 0.999)
         assert low <= value <= high
     predicted = read.predict(found)
     held_out = next(frf for frf in predicted.frfs if frf.name == "sine2")
     difference = np.log(held_out.receptance / held_out.measured)
     assert np.sqrt(np.mean(np.abs(difference) ** 2) / 2.0) < 0.015
     other = next(frf for frf in predicted.frfs if frf.name == "long")
-    again = found.fit.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
+    again = found.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
     np.testing.assert_allclose(other.receptance, again.receptance(other.frequency_hz, force=0.5), rtol=1e-9)
     found.plot(), predicted.plot()
 

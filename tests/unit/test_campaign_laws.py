@@ -22,7 +22,7 @@ def consistent(tmp_path):
 
 
 def test_the_json_has_errors_and_profiles(tmp_path, text):
-    found = load(tmp_path, text).identify().as_dict()
+    found = load(tmp_path, text).identify().to_dict()
     assert json.loads(json.dumps(found)) == found
     assert set(found["profiles"]) == set(found["parameters"])
     assert not set(found["errors"]) & set(found["parameters"])
@@ -49,7 +49,7 @@ def test_a_law_follows_a_condition(tmp_path):
     text = changed_unknown(', power_of = "tool.segment[0].length", reference = "60 mm", exponent = [-1, 1]')
     loaded = load(tmp_path, text.replace('role = "hold out"', 'role = "identify"'))
     found = loaded.identify()
-    assert "joint.k_y ~ tool.segment[0].length" in found.fit.values
+    assert "joint.k_y ~ tool.segment[0].length" in found.values
     torque = changed_unknown(', power_of = "torque", reference = "135 N m"')
     with pytest.raises(campaign.CampaignError, match="no condition 'torque'"):
         # The long assembly has no torque.
@@ -61,12 +61,12 @@ def test_a_prior_pulls_as_much_as_it_knows(tmp_path, text):
     prior = ', prior = { value = "9e4 N m/rad", spread = "0.01 %" } }'
     known = load(tmp_path, text.replace(line, line.rstrip(" }") + prior)).identify()
     free = load(tmp_path, text).identify()
-    assert known.fit.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
-    assert free.fit.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
+    assert known.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
+    assert free.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
     # Errors of dimensions cannot move what is known: the interval is that of the prior.
-    share = known.fit.standard_errors["joint.k_theta"] / known.fit.values["joint.k_theta"]
+    share = known.standard_errors["joint.k_theta"] / known.values["joint.k_theta"]
     assert share == pytest.approx(1e-4, rel=0.1)
-    assert free.fit.standard_errors["joint.k_theta"] > 3.0 * known.fit.standard_errors["joint.k_theta"]
+    assert free.standard_errors["joint.k_theta"] > 3.0 * known.standard_errors["joint.k_theta"]
 
 
 @pytest.mark.parametrize(

@@ -299,6 +299,6 @@ def test_a_tolerance_of_zero_is_no_error(tmp_path: Path) -> None:
         found = load(tmp_path, changed((old, new)) + settings)
         fit = found.identify()
         ends.append([*fit.interval("joint.k_theta"), *found.predict(fit).frequencies[0].scatter.total])
-        assert "parts.tool.segments[0].length" not in fit.fit.errors
+        assert "parts.tool.segments[0].length" not in fit.errors
     assert ends[1] == pytest.approx(ends[0])
     assert ends[2] == pytest.approx(ends[0])

@@ -146,14 +146,14 @@ def test_a_spindle_is_fitted_with_the_joint(tmp_path: Path) -> None:
     loaded = written(tmp_path)
     found = loaded.identify()
     true = true_machine()
-    values = found.fit.values
+    values = found.values
     for address, value in values.items():
         if "residual" not in address:
             assert value == pytest.approx(true.get(address), rel=0.1), address
     assert values["joint.k_theta"] == pytest.approx(4e4, rel=0.02)
     assert values["spindle.mode[0].frequency_hz"] == pytest.approx(800.0, rel=0.005)
-    assert found.fit.rms == pytest.approx(1.0, abs=0.1)
-    assert np.isfinite(found.fit.covariance).all()
+    assert found.rms == pytest.approx(1.0, abs=0.1)
+    assert np.isfinite(found.covariance).all()
     # Another overhang, which was not measured, and a pair of places that was held out.
     fitted = loaded.built.assemblies["longer"].replace(values)
     off = np.abs(np.log(fitted.receptance(LINES) / true_machine(0.085).receptance(LINES)))
@@ -178,11 +178,11 @@ def test_a_spindle_starts_from_the_measured_frfs(tmp_path: Path) -> None:
     loaded = written(tmp_path, AUTOMATIC, step=2)
     found = loaded.identify()
     true = true_machine()
-    for address, value in found.fit.values.items():
+    for address, value in found.values.items():
         if "residual" not in address:
             assert value == pytest.approx(true.get(address), rel=0.1), address
-    assert found.fit.values["joint.k_theta"] == pytest.approx(4e4, rel=0.02)
-    assert found.fit.rms == pytest.approx(1.0, abs=0.1)
+    assert found.values["joint.k_theta"] == pytest.approx(4e4, rel=0.02)
+    assert found.rms == pytest.approx(1.0, abs=0.1)
     # Bounds that are given are kept.
     bounds = '"spindle.mode[0].frequency_hz" = { lower = "700 Hz", upper = "900 Hz" }\n'
     kept = written(tmp_path, AUTOMATIC + bounds, step=2).unknowns
@@ -203,7 +203,7 @@ def test_random_spindles_are_found_from_the_measured_frfs(tmp_path: Path, seed: 
         )
         for low, high in ((500.0, 1000.0), (1500.0, 2500.0))
     )
-    fit = written(tmp_path, AUTOMATIC, modes=modes, step=2).identify().fit
+    fit = written(tmp_path, AUTOMATIC, modes=modes, step=2).identify()
     assert fit.rms == pytest.approx(1.0, abs=0.1)
     for index, mode in enumerate(modes):
         assert fit.values[f"spindle.mode[{index}].frequency_hz"] == pytest.approx(mode.frequency_hz, rel=0.03)
@@ -218,7 +218,7 @@ def test_peaks_without_an_interval_are_not_outside_of_it(tmp_path: Path) -> None
         io.write(tmp_path / f"{name}.npz", FRF(frequency_hz=lines, values=h, log_variance=1e-4))
         place = f'{{ part = "{at.part}", position = "{1e3 * float(at.position):g} mm" }}'
         text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "longer"\nfile = "{name}.npz"\nresponse = {place}\n'
-    found = written(tmp_path, text, step=10).transfer().found
+    found = written(tmp_path, text, step=10).transfer()
     assert any(mode.predicted_hz is not None for mode in found.modes)
     assert all(mode.inside is None for mode in found.modes if mode.predicted_hz is not None)
 
@@ -270,7 +270,7 @@ def test_a_cause_that_changes_the_modal_part_is_written(tmp_path: Path) -> None:
     spindle = again.assemblies["machine"].elements["spindle"]
     assert isinstance(spindle, ModalPart)
     assert len(spindle.modes) == 3
-    fit = again.identify().fit
+    fit = again.identify()
     added = [value for name, value in fit.values.items() if not name.startswith("joint.")]
     assert added == pytest.approx([0.15], rel=0.05)
     assert fit.rms == pytest.approx(1.0, abs=0.15)
@@ -291,7 +291,7 @@ def test_a_diagnosis_of_a_spindle_ends_with_a_verdict(
     said = capsys.readouterr().out
     assert "verdict: suspected" in said
     assert "mode at 760 Hz" in said
-    assert campaign.load(target).identify().fit.rms == pytest.approx(1.0, abs=0.15)
+    assert campaign.load(target).identify().rms == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.slow
@@ -299,9 +299,9 @@ def test_transfer_next_and_stability_with_an_unknown_spindle(tmp_path: Path) -> 
     text = AUTOMATIC.replace("starts = 4", "starts = 1") + FURTHER
     loaded = written(tmp_path, text, step=10)
     found = loaded.identify()
-    assert found.fit.rms == pytest.approx(1.0, abs=0.15)
-    assert "nose" in str(loaded.next_measurement(found).as_dict())
-    assert "roughing" in str(loaded.stability(found).as_dict())
+    assert found.rms == pytest.approx(1.0, abs=0.15)
+    assert "nose" in str(loaded.next_measurement(found).to_dict())
+    assert "roughing" in str(loaded.stability(found).to_dict())
     with pytest.raises(CampaignError, match="fewer than two assemblies were measured"):
         loaded.transfer()
     catalogue = '\n[catalogue]\nmachine = ["spindle"]\n'

@@ -125,16 +125,16 @@ def test_a_measured_tip_alone(tmp_path: Path) -> None:
     """With a file nothing else is needed, and the limit is that of `stability_lobes`."""
     write_tip(tmp_path)
     found = load(tmp_path, MEASURED).stability()
-    (one,) = found.cuts
+    (one,) = found.values()
     expected = stability_lobes(
         Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, TIP.receptance(LINES), speeds_rpm=np.arange(8e3, 26.1e3, 250.0)
     )
-    np.testing.assert_allclose(one.lobes.depth, expected.depth, rtol=1e-6)
-    assert one.lobes.draws is not None
-    assert one.lobes.draws.shape == (40, 73)
-    assert one.recommended[0].probability == 0.95
+    np.testing.assert_allclose(one.depth, expected.depth, rtol=1e-6)
+    assert one.draws is not None
+    assert one.draws.shape == (40, 73)
+    assert one.best_cuts[0].probability == 0.95
     assert found.identified is None
-    exact = load(tmp_path, MEASURED.replace(', standard_deviation = "2 %"', "")).stability().cuts[0]
+    exact = load(tmp_path, MEASURED.replace(', standard_deviation = "2 %"', "")).stability()["slot"]
     assert exact.probability is None
     assert [note.split(":")[0] for note in exact.notes] == [
         "measured, tip.csv",
@@ -169,19 +169,19 @@ def test_noise_of_an_accelerometer_at_low_frequencies_is_told_and_bands_leave_it
     head = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N]"
     (tmp_path / "tip.csv").write_text("\n".join([head, *rows]) + "\n")
     slow = MEASURED.replace('"8000 rpm"', '"1000 rpm"')
-    (wrong,) = load(tmp_path, slow).stability().cuts
-    assert wrong.lobes.chatter_hz[np.argmin(wrong.lobes.depth)] < 50.0
+    (wrong,) = load(tmp_path, slow).stability().values()
+    assert wrong.chatter_hz[np.argmin(wrong.depth)] < 50.0
     (said,) = [note for note in wrong.notes if "1/f^2" in note]
     assert said.startswith("measured, tip.csv: from 5 to ")
     advised = said.partition("leave them out, ")[2]
     assert advised.startswith("bands = [[")
-    (right,) = load(tmp_path, slow.replace('"2 %" }', f'"2 %", {advised} }}')).stability().cuts
+    (right,) = load(tmp_path, slow.replace('"2 %" }', f'"2 %", {advised} }}')).stability().values()
     assert not [note for note in right.notes if "1/f^2" in note]
     expected = stability_lobes(
         Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, TIP.receptance(LINES), speeds_rpm=np.arange(1e3, 26.1e3, 250.0)
     )
-    assert right.lobes.depth.min() == pytest.approx(expected.depth.min(), rel=0.02)
-    assert wrong.lobes.depth.min() < 0.75 * expected.depth.min()
+    assert right.depth.min() == pytest.approx(expected.depth.min(), rel=0.02)
+    assert wrong.depth.min() < 0.75 * expected.depth.min()
 
 
 def test_tips_without_lines_are_mistakes(tmp_path: Path) -> None:
@@ -205,18 +205,18 @@ def test_bands_belong_to_what_was_measured(tmp_path: Path) -> None:
 def test_predicted_tips(tmp_path: Path) -> None:
     read = load(tmp_path, changed(*DAMPED) + PREDICTED)
     found = read.stability()
-    rough, boring = found.cuts
+    rough, boring = found.values()
     assert found.identified is not None
-    assert rough.lobes.draws is not None
-    assert rough.lobes.lower is not None
-    assert (rough.lobes.lower <= rough.lobes.depth).mean() > 0.9
+    assert rough.draws is not None
+    assert rough.lower is not None
+    assert (rough.lower <= rough.depth).mean() > 0.9
     # The coefficient's spread is in the turning cut as well.
     for cut in (rough, boring):
-        assert cut.depth.min() < cut.lobes.depth.min()
-    data = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+        assert cut.certain_depth.min() < cut.depth.min()
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert [one["name"] for one in data["cuts"]] == ["rough", "boring"]
     assert data["cuts"][0]["tips"] == {"x": "predicted, longest", "y": "predicted, longest"}
-    assert read.stability(found.identified, cuts=["boring"]).cuts[0].lobes.depth.tolist() == boring.lobes.depth.tolist()
+    assert read.stability(found.identified, cuts=["boring"])["boring"].depth.tolist() == boring.depth.tolist()
     assert len(found.plot().axes) == 2
 
 
@@ -228,7 +228,7 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     identified = read.identify()
     drawn, forecasts = {}, {}
     for name in ("long", "longest"):
-        forecast = forecast_of(identified, read.place_of(name), read.effects[name], name, [])
+        forecast = forecast_of(read, identified, read.place_of(name), read.effects[name], name, [])
         linear = forecast.modes((1,), 2e3)[1].total
         forecasts[name] = forecast
         drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
@@ -245,12 +245,12 @@ def test_semi_discretisation(tmp_path: Path) -> None:
         'step = "6000 rpm"\ndraws = 20\nmethod = "semi-discretisation"\nlargest_depth = "20 mm"',
     )
     text = text.replace('"200 N/mm^2"', '"200 MPa"\nimmersion = 0.1\ntolerance = { k_t = "10 %" }')
-    (one,) = load(tmp_path, text).stability().cuts
-    mean = load(tmp_path, text.replace("semi-discretisation", "mean force")).stability().cuts[0]
-    assert one.lobes.draws is not None
+    (one,) = load(tmp_path, text).stability().values()
+    mean = load(tmp_path, text.replace("semi-discretisation", "mean force")).stability()["slot"]
+    assert one.draws is not None
     # Of the same order where the mean force says so at all, and not the same.
-    finite = np.isfinite(one.lobes.depth) & np.isfinite(mean.lobes.depth)
-    ratio = one.lobes.depth[finite] / mean.lobes.depth[finite]
+    finite = np.isfinite(one.depth) & np.isfinite(mean.depth)
+    ratio = one.depth[finite] / mean.depth[finite]
     assert ((ratio > 0.3) & (ratio < 2.0)).all()
     assert np.abs(ratio - 1.0).max() > 0.01
     with pytest.raises(CampaignError, match="turning, which is not interrupted"):
@@ -263,7 +263,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     Path("c.toml").write_text(MEASURED)
     assert call(monkeypatch, "stability", "c.toml", "--json", "s.json", "--plot", "s.png") == 0
     said = capsys.readouterr().out
-    assert "slot: 2 teeth, slot; x: measured, tip.csv, rigid across it" in said
+    assert "slot: 2 teeth, slot; x: measured, tip.csv, y: rigid" in said
     assert "Recommended speeds" in said
     assert Path("s.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 40

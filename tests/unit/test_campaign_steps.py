@@ -84,23 +84,23 @@ def test_candidates_are_what_the_file_says(tmp_path):
 def test_targets_are_unknowns_and_assemblies(loaded):
     identified = loaded.identify()
     found = loaded.next_measurement(identified, targets=["not_measured", "joint.k_y"])
-    assert found.found.targets == ("not_measured: mode 1 [Hz]", "not_measured: mode 2 [Hz]", "joint.k_y")
+    assert found.targets == ("not_measured: mode 1 [Hz]", "not_measured: mode 2 [Hz]", "joint.k_y")
     # What is to be predicted is best measured; its overhang error is that of the candidate's clamping.
-    assert found.found.best.label == "another overhang"
-    assert found.found.best.expected["not_measured: mode 1 [Hz]"].shrink < 0.2
+    assert found.best.label == "another overhang"
+    assert found.best.expected["not_measured: mode 1 [Hz]"].shrink < 0.2
     with pytest.raises(CampaignError, match=r'the target "joint\.k_z" is not identified and no assembly'):
         loaded.next_measurement(identified, targets=["joint.k_z"])
 
 
 def test_a_joint_line_by_line(loaded):
     found = loaded.invert()
-    (one,) = found.joints.values()
+    (one,) = found.values()
     assert one.terms == ("k_y", "k_theta")
     assert one.labels == ("short", "medium")
     for name, true in (("k_y", 4.2e8), ("k_theta", 1.6e5), ("c_y", 400.0), ("c_theta", 0.08)):
         assert one.start()[f"joint.{name}"] == pytest.approx(true, rel=0.03), name
     assert np.any(one.model_deviation[:, 0, 0] > 0.0)
-    assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["joints"]["joint"]["measured"]
+    assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["joints"]["joint"]["measured"]
     with pytest.raises(CampaignError, match='no joint "taper" with unknown stiffnesses was measured'):
         loaded.invert("taper")
 
@@ -112,8 +112,8 @@ def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path
     changed = text.replace(old, old.replace(" }", ", free = true }")).replace('file = "', f'file = "{free_free}/')
     (tmp_path / "campaign.toml").write_text(changed, encoding="utf-8")
     found = campaign.load(tmp_path).invert()
-    assert set(found.joints) == {"joint @ short", "joint @ medium"}
-    assert all(one.terms == ("k_theta",) for one in found.joints.values())
+    assert set(found) == {"joint @ short", "joint @ medium"}
+    assert all(one.terms == ("k_theta",) for one in found.values())
     assert any("joint.k_y is held at its start" in note for note in found.notes)
 
 

@@ -101,7 +101,7 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
             # The blank errs and the model does not know: the fit goes the other way from the model erring.
             wrong = with_frequencies(campaign, {error: sign * step}, None)
             found = wrong.identify()
-            values = np.log10([found.fit.values[address] for address in JOINT])
+            values = np.log10([found.values[address] for address in JOINT])
             modes = {
                 one.name: one.predicted_hz - np.array(one.measured_hz)
                 for one in wrong.predict(found).frequencies
@@ -109,9 +109,9 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
             }
             ends.append((values, modes["long"]))
         moved = (ends[0][0] - ends[1][0]) / (2.0 * step)
-        if error in exact.fit.errors:
+        if error in exact.errors:
             # Two frequencies determine two stiffnesses whatever the errors are, so the posterior of these is the prior.
-            stated = exact.fit.scatter().errors[error][: len(JOINT)]
+            stated = exact.scatter().errors[error][: len(JOINT)]
             assert stated == pytest.approx(-moved, rel=2e-3, abs=1e-7)
         else:
             assert np.abs(moved).max() < 1e-9
@@ -123,11 +123,11 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
 def test_standard_errors_with_and_without_tolerances(campaign: Campaign) -> None:
     found = with_frequencies(campaign, {}, None).identify()
     for address in JOINT:
-        assert found.fit.standard_errors[address] > found.fit.data_errors[address]
+        assert found.standard_errors[address] > found.data_errors[address]
         low, high = found.interval(address)
-        exact = found.fit.interval(address, exact=True)
+        exact = found.interval(address, exact=True)
         assert low < exact[0] < exact[1] < high
-        assert low * high == pytest.approx(found.fit.values[address] ** 2)
+        assert low * high == pytest.approx(found.values[address] ** 2)
     with pytest.raises(ValueError, match="was not identified"):
         found.interval("joint.c_y")
 
@@ -138,12 +138,12 @@ def test_the_error_of_data_is_that_of_a_fit_with_exact_dimensions(campaign: Camp
     seen = [one.observation for one in measured.to_identify.values()]
     exact = identify(seen, campaign.unknowns, starts=1)
     for address in JOINT:
-        assert found.fit.data_errors[address] == pytest.approx(exact.standard_errors[address], rel=1e-3)
-        assert found.fit.interval(address, exact=True) == pytest.approx(exact.interval(address), rel=1e-4)
+        assert found.data_errors[address] == pytest.approx(exact.standard_errors[address], rel=1e-3)
+        assert found.interval(address, exact=True) == pytest.approx(exact.interval(address), rel=1e-4)
 
 
 def test_shares_of_the_variance_are_its_whole_where_errors_are_independent(campaign: Campaign) -> None:
-    scatter = with_frequencies(campaign, {}, None).identify().fit.scatter()
+    scatter = with_frequencies(campaign, {}, None).identify().scatter()
     for index in range(len(JOINT)):
         shares = [float(own[index]) for own in scatter.shares.values()]
         noise = float(scatter.data[index] / scatter.total[index]) ** 2
@@ -153,8 +153,8 @@ def test_shares_of_the_variance_are_its_whole_where_errors_are_independent(campa
 def test_without_tolerances_only_the_data_scatter(tmp_path: Path) -> None:
     bare = "\n".join(line for line in TEXT.splitlines() if not line.startswith("tolerance"))
     found = load(tmp_path, bare).identify()
-    assert found.fit.errors == ()
-    assert found.fit.data_errors == pytest.approx(found.fit.standard_errors)
+    assert found.errors == ()
+    assert found.data_errors == pytest.approx(found.standard_errors)
     assert not any("toleranc" in note for note in found.notes)
 
 
@@ -166,6 +166,28 @@ def test_tolerances_want_standard_deviations(tmp_path: Path) -> None:
     text = TEXT + '\n[settings]\nobjective = "percentage"\n'
     with pytest.raises(CampaignError, match=r'settings\.objective: is "percentage"'):
         load(tmp_path, text).identify()
+
+
+def test_data_that_contradict_the_model_do_not_overrule_tolerances(campaign: Campaign) -> None:
+    """Readings stated fifty times too exact: the fit finds their scatter, and errors stay within their tolerances."""
+    rng = np.random.default_rng(SEED)
+    measured = {}
+    for name in campaign.assemblies:
+        true = campaign.assemblies[name].replace(JOINT).natural_frequencies(40e3)[:4]
+        one = campaign.measurements["short"]
+        seen = MeasuredFrequencies(
+            assembly=campaign.assemblies[name], frequency_hz=true * (1.0 + 0.01 * rng.standard_normal(4)),
+            standard_deviation_hz=2e-4 * true, label=name,
+        )  # fmt: skip
+        measured[name] = replace(one, name=name, assembly=name, observation=seen, effects=campaign.effects[name])
+    found = replace(campaign, measurements=measured).identify()
+    assert 15.0 < found.noise_factor < 90.0
+    assert found.rms == pytest.approx(found.noise_factor, rel=0.5)
+    assert max(abs(found.values[name]) for name in found.errors) < 2.5
+    for address, value in JOINT.items():
+        low, high = found.interval(address, 0.999)
+        assert low < value < high
+    assert any("does not explain the data" in text for text in found.advice)
 
 
 @pytest.mark.parametrize("mode", ["propagate", "fit"])
@@ -227,7 +249,7 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     identified = measured.identify()
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
     place = replace(campaign.place_of("long"), assembly=found["long"].observation.assembly)
-    forecast = forecast_of(identified, place, campaign.effects["long"], "long", [])
+    forecast = forecast_of(campaign, identified, place, campaign.effects["long"], "long", [])
     drawn = [one for one in forecast.drawn(3000, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])
     away = logs.real.std(axis=0) < 0.03  # linear there

@@ -140,7 +140,7 @@ def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
 
 def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
     """Peaks of 2000 lines against the complex modes: values and derivatives."""
-    assert abs(identified.fit.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
+    assert abs(identified.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
     for one in predict_catalogue(Catalogue(machine), identified, threads=1):
         addresses = ["collet.k_theta", "collet.c_theta", "front.k_y", "tool.segment[0].length"]
         values, slopes = one.assembly.derivatives(one.frequency_hz, addresses)
@@ -164,7 +164,7 @@ def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     catalogue = Catalogue(machine)
     for one, own in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
-        for assembly in forecast_of(identified, own.place, own.effects, own.row.name, []).drawn(150, SEED):
+        for assembly in forecast_of(machine, identified, own.place, own.effects, own.row.name, []).drawn(150, SEED):
             assert assembly is not None
             modes = damped_modes(assembly, 5200.0, threads=1)
             values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)

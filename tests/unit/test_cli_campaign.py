@@ -369,7 +369,8 @@ def test_every_assembly_from_the_others(monkeypatch: pytest.MonkeyPatch, capsys:
     monkeypatch.setattr(campaign, "load", lambda *_, **__: one_tool)
     assert call(monkeypatch, "transfer", "er32", "--json", "t.json", "--plot", "t.png") == 0
     text = capsys.readouterr().out
-    assert "7 of 7 measured natural frequencies are in their 95 % intervals" in text
+    # Nine errors for four readings hide a part of what the inferred holder lacks.
+    assert "6 of 7 measured natural frequencies are in their 95 % intervals" in text
     found = json.loads(Path("t.json").read_text())
     assert [split["held_out"] for split in found["splits"]] == [["d9_medium"], ["d9_short"], ["d9_long"]]
     assert all("d9" in name for split in found["splits"] for name in split["fitted"])

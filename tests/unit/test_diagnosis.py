@@ -31,11 +31,11 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
+from receptance.diagnosis.report import diagnosis_html
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
-from receptance.report import diagnosis_html
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
@@ -117,8 +117,8 @@ def test_too_few_numbers_judge_nothing() -> None:
     seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
     verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.adequacy.misfit < 1e-3
-    assert "1 degree of freedom is left, expected at least 3" in verdict.summary()
-    assert "The model cannot be judged" in verdict.summary()
+    assert "1 degree of freedom is left, expected at least 3" in verdict.summary(1000)
+    assert "The model cannot be judged" in verdict.summary(1000)
     assert verdict.next_measurement is not None
     # What one degree of freedom is enough to refute is refuted, but no cause is named for it.
     seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
@@ -136,7 +136,7 @@ def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
     found, _ = verdict.predict_natural_frequencies(assembled(0.06), 6000.0)
     np.testing.assert_allclose(found, assembled(0.06).natural_frequencies(6000.0), rtol=2e-3)
     assert json.loads(json.dumps(verdict.to_dict(), allow_nan=False))["verdict"] == "named"
-    assert "calibration_gain" in verdict.summary()
+    assert "calibration_gain" in verdict.summary(1000)
 
 
 def test_causes_of_the_chain_are_of_the_frfs_alone_beside_natural_frequencies() -> None:
@@ -252,8 +252,8 @@ def test_implausible_sizes_are_vetoed_aloud() -> None:
     assert [one.id for one in verdict.vetoed] == ["sensor_mass"]
     said = f"sensor_mass takes the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
     size = f"mass {1e3 * verdict.vetoed[0].parameters['sensor_mass.mass'][0]:.3g} g, where 0 g to 30 g is plausible"
-    assert f"vetoed: {said}" in verdict.summary()
-    assert size in verdict.summary()
+    assert f"vetoed: {said}" in verdict.summary(1000)
+    assert size in verdict.summary(1000)
     (told,) = verdict.to_dict()["vetoed"]
     assert told["vetoed"] == size
     page = html.unescape(diagnosis_html(verdict))
@@ -318,11 +318,11 @@ def test_a_material_beside_something_unknown_is_not_hidden() -> None:
     ]
     verdict = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_material", "tool_modulus"], most=1)
     assert verdict.verdict == "unexplained"
-    text = verdict.summary()
+    text = verdict.summary(1000)
     assert "nearest of the plausible causes: tool_material (cemented carbide): the tool is of cemented carbide" in text
     only = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
-    assert "vetoed: tool_modulus takes the misfit from" in only.summary()
-    assert "where -13.9 % to +16.2 % is plausible" in only.summary()
+    assert "vetoed: tool_modulus takes the misfit from" in only.summary(1000)
+    assert "where -13.9 % to +16.2 % is plausible" in only.summary(1000)
 
 
 def test_what_no_material_has_is_vetoed_and_a_heavier_grade_is_no_other_material() -> None:
@@ -391,8 +391,8 @@ def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what:
     assert (verdict.candidates == ()) == (tried == 0)
     if tried == 3:
         assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["calibration_gain"])
-    text = verdict.summary()
-    assert text.startswith("verdict so far, not final: ")
+    text = verdict.summary(1000)
+    assert "verdict so far, not final: " in text
     assert f"interrupted in step {len(lines)} of about" in text
     assert ("not fitted yet" in text) == (tried == 0)
     written = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))

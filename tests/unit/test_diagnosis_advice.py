@@ -182,7 +182,7 @@ def test_a_verdict_has_it() -> None:
     if verdict.verdict == "ambiguous":
         assert verdict.next_measurement is not None
         assert verdict.next_measurement.cost == 1.0
-        assert "finds every one" in verdict.summary()
+        assert "finds every one" in verdict.summary(1000)
 
 
 def test_every_choice_can_be_simulated(selection: Selection) -> None:

@@ -25,9 +25,9 @@ from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.report import diagnosis_html
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.identification import Tolerance
-from receptance.report import diagnosis_html
 
 LINES = np.linspace(200.0, 5000.0, 400)
 JOINT = [
@@ -92,7 +92,7 @@ def test_a_better_alternative_is_reported() -> None:
     assert "a mass at 30 % of tool" in note
     assert verdict.alternative is verdict.alternatives[0]
     assert verdict.alternative.parameters["mass_somewhere.mass"][0] == pytest.approx(4e-4, rel=0.1)
-    assert "not a known cause: a mass at 30 % of tool\n  size: mass 0.4" in verdict.summary()
+    assert "not a known cause: a mass at 30 % of tool\n    size: mass 0.4" in verdict.summary(1000)
     assert "a mass at 30 % of tool (mass 0.4" in diagnosis_html(verdict)
     assert verdict.to_dict()["alternative"]["id"] == "mass_somewhere"
     assert "no cause is named" in note

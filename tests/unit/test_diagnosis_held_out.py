@@ -179,7 +179,7 @@ def test_bad_metrics() -> None:
     ("value", "width", "shown"), [(1.5e-3, 1e-5, "1.500"), (0.404, 1.4e-2, "404.0"), (1e-3, math.inf, "1")]
 )
 def test_numbers_have_the_digits_that_their_intervals_are_worth(value: float, width: float, shown: str) -> None:
-    from receptance.diagnosis.showing import _rounded
+    from receptance.diagnosis.wording import _rounded
 
     assert float(_rounded(1e3 * value, width, 1e3)) == pytest.approx(1e3 * value, abs=0.3 * 1e3 * width + 1e-9)
     assert len(_rounded(1e3 * value, width, 1e3)) <= len(shown)

@@ -37,7 +37,7 @@ def test_representations():
         "100, 50 to 5000 Hz, 50 Hz apart",
         "theta at &#x27;bar&#x27; 0 m (1:+RZ)",
         "decay rate 20 1/s",
-        "<td>10</td>",
+        ">10</td>",
         "median 0.75, lowest 0.5",
         "98 lines, 150 to 5000 Hz",
     ):

@@ -205,7 +205,7 @@ def test_a_campaign_is_identified_with_them(tmp_path: Path) -> None:
     text = changed(DAMPED) + unknown + "[settings]\nstarts = 2\nprofiles = false\n"
     found = load(tmp_path, text).identify()
     low, high = found.interval("joint.c_y")
-    assert 0.0 < low < found.fit.values["joint.c_y"] < high
+    assert 0.0 < low < found.values["joint.c_y"] < high
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
-from receptance.identification import Law, Power, Tolerance, identify
+from receptance.identification import Law, Power, Profiles, Tolerance, identify
 from receptance.identification.minimise import minimise
 from receptance.identification.statements import Tie, state
 from simulated_campaigns import simulate_campaign
@@ -227,13 +227,11 @@ def test_statements_of_ties():
 
 
 def test_the_figure_shows_every_profile():
-    from receptance.plot.profiles import draw_profiles
-
     found = identify(measured(assembled(k_y=5e10), sd=0.2), STIFFNESSES, tolerances=BLANK, starts=3)
     profiles = found.profiles()
     assert profiles["joint.k_y"].upper_open  # at the bound the rise is just below the threshold
-    figure = draw_profiles(profiles, "a stiff joint")
+    figure = profiles.plot()
     assert [axes.get_title(loc="left").splitlines()[0] for axes in figure.axes] == list(profiles)
     assert figure.axes[0].get_xscale() == "log"
     with pytest.raises(ValueError, match="profiles is empty"):
-        draw_profiles({})
+        Profiles({}).plot()

@@ -290,7 +290,7 @@ def test_lines_in_common_and_the_result_itself():
     assert "joint" in repr(found)
     again = pickle.loads(pickle.dumps(found))
     assert np.array_equal(again.stiffness, found.stiffness)
-    assert set(found.as_dict()["terms"]) == {"k_y", "k_theta"}
+    assert set(found.to_dict()["terms"]) == {"k_y", "k_theta"}
     figure = found.plot()
     assert len(figure.axes) == 5
     with pytest.raises(ValueError, match="read-only"):

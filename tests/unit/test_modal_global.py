@@ -449,7 +449,7 @@ def test_result_pickles_and_speaks():
     np.testing.assert_array_equal(again.residue, fit.residue)
     np.testing.assert_allclose(again.poles, fit.poles)
     assert repr(fit).startswith("ModalFit(1 mode between 160 and 239.5 Hz: ")
-    assert fit.summary().splitlines()[0].split("  ")[0] == "frequency (Hz)"
+    assert "1 mode between 160 and 239.5 Hz." in fit.summary()
 
 
 def test_an_entry_of_zeros_changes_nothing():

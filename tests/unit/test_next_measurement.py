@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, Segment, identify
-from receptance.campaign.plain import plain
 from receptance.identification import (
     Candidate,
     FrequencyTarget,
@@ -290,8 +289,8 @@ def test_the_result_itself(in_the_machine):
     again = pickle.loads(pickle.dumps(found))
     assert [one.shrink for one in again.ranking] == [one.shrink for one in found.ranking]
     assert repr(found).startswith("NextMeasurement(free (")
-    assert found.summary().startswith("1. free: deviations to ")
-    written = json.loads(json.dumps(plain(found.as_dict()), allow_nan=False))
+    assert "best: free; deviations to " in found.summary()
+    written = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert written["ranking"][0]["candidate"] == "free"
     assert len(found.plot().axes) == 2
 

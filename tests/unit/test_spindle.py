@@ -97,7 +97,7 @@ def test_files_keep_a_spindle(tmp_path: Any) -> None:
     part = MeasuredPart.from_frf(read_frf(tmp_path / "spindle.npz"), name="spindle")
     np.testing.assert_allclose(part.matrix, found.part().matrix, rtol=1e-12)
     assert pickle.loads(pickle.dumps(found)).usable.sum() == found.usable.sum() > 120
-    assert found.as_dict()["limit"] == 0.2
+    assert found.to_dict()["limit"] == 0.2
     assert len(found.plot().axes) == 4
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ import pytest
 
 from receptance import FRF
 from receptance.modal import circle_fit
-from receptance.plot.stability import draw_lobes
 from receptance.stability import (
     Milling,
     TipModes,
@@ -139,7 +139,7 @@ def test_bands_from_draws() -> None:
     assert lobes.best(probability=0.9)[1] <= lobes.best()[1]
     with pytest.raises(ValueError, match="200 draws cannot show a probability"):
         lobes.stable_depth(0.999)
-    figure = draw_lobes(lobes, probability=0.9, title="three teeth")
+    figure = replace(lobes, probability=0.9, name="three teeth").plot()
     assert [axes.get_ylabel() for axes in figure.axes] == ["depth of cut (mm)", "chatter (Hz)"]
     # The order of the speeds does not matter.
     turned = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=speeds[::-1])

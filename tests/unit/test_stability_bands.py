@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from scipy import stats
 
 from receptance import FRF
 from receptance.modal import circle_fit
-from receptance.plot.stability import draw_lobes
 from receptance.stability import (
     Milling,
     TipModes,
@@ -92,7 +92,7 @@ def test_recommended_speeds() -> None:
     between = stable[(speeds > first.speed_rpm) & (speeds < second.speed_rpm)].min()
     assert between < 0.85 * min(first.depth, second.depth)
     assert lobes.recommended(probability=None, count=1)[0].depth == lobes.best()[1]
-    figure = draw_lobes(lobes, probability=0.9, title="three teeth")
+    figure = replace(lobes, probability=0.9, name="three teeth").plot()
     assert len([text for text in figure.axes[0].texts if "rpm" in text.get_text()]) == 3
 
 

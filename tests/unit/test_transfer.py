@@ -23,7 +23,6 @@ from receptance import (
 )
 from receptance.identification import Law, Power, Tolerance, transfer
 from receptance.identification.peaks import match_peaks
-from receptance.plot import draw_transfer
 
 TRUE = {"joint.k_y": 3e8, "joint.k_theta": 8e4, "joint.c_y": 300.0, "joint.c_theta": 0.08}
 LENGTHS = (0.05, 0.06, 0.08)
@@ -256,16 +255,16 @@ def test_bad_input_is_refused() -> None:
 
 def test_forms() -> None:
     found = transfer(responses(), [*STIFFNESSES, *DAMPINGS], starts=1, draws=5)
-    form = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    form = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert form["modes"] == len(found.modes)
     assert {split["held_out"][0] for split in form["splits"]} == {"50 mm", "60 mm", "80 mm"}
-    assert "log-spectral distance" in found.summary()
+    assert "log-spectral" in found.summary()
     assert repr(found).startswith("Transfer(3 splits, ")
     assert pickle.loads(pickle.dumps(found)).rms_percent == found.rms_percent
     assert set(found.identified) == set(TRUE)
-    assert len(draw_transfer(found, "three overhangs").axes) == 4
+    assert len(found.plot().axes) == 4
     with pytest.raises(ValueError, match="nothing was predicted"):
-        draw_transfer(replace(found, splits=()))
+        replace(found, splits=()).plot()
 
 
 @pytest.mark.parametrize("stated", [None, 0.01], ids=["no standard deviations", "far too small ones"])

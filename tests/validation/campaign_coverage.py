@@ -119,11 +119,11 @@ def measure(seed: int, draws: int) -> Coverage:
         for address, value in FREE_FREE_JOINT.items():
             low, high = identified.interval(address, LEVEL)
             found.covered[address] += low <= value <= high
-            found.errors_percent[address].append(100.0 * (identified.fit.values[address] / value - 1.0))
-        found.rms.append(identified.fit.rms)
+            found.errors_percent[address].append(100.0 * (identified.values[address] / value - 1.0))
+        found.rms.append(identified.rms)
         held_out = drawn.measurements["long"]
         true = structures["long"].natural_frequencies(7e3)[: len(MODES)]
-        predicted, deviation = identified.fit.predict_natural_frequencies(
+        predicted, deviation = identified.predict_natural_frequencies(
             held_out.observation.assembly, 7e3, configuration="long", tolerances=tolerances_of(held_out.effects)
         )
         inside = np.abs(predicted[: len(MODES)] - true) <= 1.96 * deviation[: len(MODES)]

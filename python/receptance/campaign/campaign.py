@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from receptance._files import write_whole
 from receptance.assembly import Assembly
 from receptance.campaign.building import Built
 from receptance.campaign.conditions import Condition
@@ -15,18 +16,15 @@ from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
 from receptance.identification.places import Place
+from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
+    from receptance.campaign.comparison import Prediction
     from receptance.campaign.cuts import CampaignCut
-    from receptance.campaign.diagnosis import CampaignDiagnosis
-    from receptance.campaign.identification import CampaignIdentification
-    from receptance.campaign.inversion import CampaignInversion
     from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.next_step import CampaignNext
-    from receptance.campaign.prediction import CampaignPrediction
-    from receptance.campaign.stability import CampaignStability
-    from receptance.campaign.transfer import CampaignTransfer
-    from receptance.diagnosis import Cause, Metric
+    from receptance.diagnosis import Cause, Metric, Verdict
+    from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
+    from receptance.stability import Stability
 
 __all__ = ["Campaign"]
 
@@ -74,7 +72,7 @@ class Campaign:
     >>> er32
     Campaign('The ER32 collet holder, published natural frequencies', 13 assemblies, 13 measurements, 8 held out)
     >>> found = er32.identify()
-    >>> round(found.fit.values["joint_d12.k_theta"], -3)
+    >>> round(found.values["joint_d12.k_theta"], -3)
     104000.0
     """
 
@@ -97,6 +95,16 @@ class Campaign:
         """Its title, or the name of its file."""
         return self.table.title or self.file.name
 
+    def provenance(self, *, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Provenance:
+        """Return the provenance of results of this campaign."""
+        return Provenance(
+            title=self.title,
+            description=self.table.description.strip(),
+            file=self.file.name,
+            settings=settings or {},
+            seed=seed,
+        )
+
     @property
     def to_identify(self) -> dict[str, Measurement]:
         """Measurements that the fit sees."""
@@ -118,9 +126,27 @@ class Campaign:
         conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
         return Place(self.assemblies[name], name, "", conditions)
 
-    def identify(
-        self, *, threads: int | None = None, progress: Callable[[str], None] | None = None
-    ) -> CampaignIdentification:
+    def tables(self) -> list[Table]:
+        """Return what was measured; the levels of a series in a table of their own."""
+        groups: dict[str, list[Measurement]] = {}
+        rows = []
+        for name, one in self.measurements.items():
+            if name in self.templates:
+                groups.setdefault(self.templates[name], []).append(one)
+            else:
+                assembly = one.assembly if one.assembly != name else ""
+                rows.append((name, assembly, one.observation.describe(), one.sensor, one.role))
+        tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
+        series = []
+        for template, own in groups.items():
+            contents = dict.fromkeys(one.observation.describe() for one in own)
+            data = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
+            series.append((template, len(own), sum(one.held_out for one in own), data))
+        counts = (Column("levels", form="d"), Column("held out", form="d"))
+        tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
+        return [table for table in tables if table.rows]
+
+    def identify(self, *, threads: int | None = None, progress: Callable[[str], None] | None = None) -> Identification:
         """Identify the unknowns on the measurements that are not held out.
 
         Parameters
@@ -148,7 +174,7 @@ class Campaign:
         limit: float = 0.2,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignInversion:
+    ) -> InverseCouplings:
         """Solve for the stiffness of joints on each line by itself, by inverse coupling.
 
         From the FRFs that are not held out; where there are fewer than unknown terms, for k_theta, then k_y.
@@ -173,17 +199,17 @@ class Campaign:
 
     def next_measurement(
         self,
-        identified: CampaignIdentification | None = None,
+        identified: Identification | None = None,
         *,
         targets: Sequence[str] = (),
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignNext:
+    ) -> NextMeasurement:
         """Rank the candidates by how well unknowns or predictions are expected to be known with them.
 
         Parameters
         ----------
-        identified : CampaignIdentification, optional
+        identified : Identification, optional
             From `identify`, which runs first if it is not given.
         targets : sequence of str, optional
             Unknowns, or assemblies, whose natural frequencies are then meant; by default all unknowns.
@@ -201,16 +227,16 @@ class Campaign:
 
     def predict(
         self,
-        identified: CampaignIdentification | None = None,
+        identified: Identification | None = None,
         *,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignPrediction:
+    ) -> Prediction:
         """Predict what is held out and the assemblies that were not measured.
 
         Parameters
         ----------
-        identified : CampaignIdentification, optional
+        identified : Identification, optional
             From `identify`, which runs first if it is not given and anything is unknown.
         threads, progress
             As in `identify`.
@@ -226,17 +252,17 @@ class Campaign:
 
     def stability(
         self,
-        identified: CampaignIdentification | None = None,
+        identified: Identification | None = None,
         *,
         cuts: Sequence[str] = (),
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignStability:
+    ) -> Stability:
         """Return the depths up to which cuts are stable over spindle speed, with bands, and recommended speeds.
 
         Parameters
         ----------
-        identified : CampaignIdentification, optional
+        identified : Identification, optional
             From `identify`, which runs first if it is not given, anything is unknown and a tip is predicted.
         cuts : sequence of str, optional
             Names of some; by default all.
@@ -259,7 +285,7 @@ class Campaign:
         draws: int = 200,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignTransfer:
+    ) -> Transfer:
         """Predict every measured assembly from the others, whatever the roles of the measurements.
 
         Parameters
@@ -287,7 +313,7 @@ class Campaign:
         metrics: Mapping[str, Metric] | None = None,
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
-    ) -> CampaignDiagnosis:
+    ) -> Verdict:
         """Say whether the model is adequate for what was measured, and what it lacks if not.
 
         All tolerances are fitted, with what is stated as what is known. Improvement is measured on what is held out,
@@ -310,6 +336,36 @@ class Campaign:
         from receptance.campaign.diagnosis import diagnose_campaign
 
         return diagnose_campaign(self, causes=causes, metrics=metrics, threads=threads, progress=progress)
+
+    def extended_text(self, verdict: Verdict, folder: str | FilePath) -> str:
+        """Return the model that a diagnosis has extended as the text of a campaign file.
+
+        `identify` and `predict` take it like any other campaign; the unknowns begin where the diagnosis ended.
+
+        Parameters
+        ----------
+        verdict : Verdict
+            From `diagnose` of this campaign.
+        folder : path-like
+            Folder of the file; data files are named from there.
+
+        Raises
+        ------
+        ValueError
+            There is no extended model, or a campaign file cannot describe it.
+        """
+        from receptance.campaign.extended import extended_text
+
+        return extended_text(self, verdict, FilePath(folder))
+
+    def write_extended(self, verdict: Verdict, path: str | FilePath) -> FilePath:
+        """Write the model that a diagnosis has extended as a campaign file, completely or not at all.
+
+        Parameters and errors are those of `extended_text`; returns the path.
+        """
+        target = FilePath(path)
+        write_whole({target: self.extended_text(verdict, target.parent).encode("utf-8")})
+        return target
 
     def __repr__(self) -> str:
         counts = [

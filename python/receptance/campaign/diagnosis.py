@@ -3,95 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from receptance._files import write_whole
 from receptance.campaign.identification import observed_unknowns
-from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.errors import ReceptanceError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.observations import Measurement
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
 
-__all__ = ["CampaignDiagnosis", "campaign_model", "diagnose_campaign"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CampaignDiagnosis:
-    """What a campaign's simulation gets wrong.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was diagnosed.
-    verdict : Verdict
-        The answer.
-    measurements : tuple of str
-        Names of the measurements that it rests on.
-    notes : tuple of str
-        What a person should know, of the campaign and of the diagnosis.
-    versions : dict of str to str
-        What is needed to do it again.
-    """
-
-    campaign: Campaign
-    verdict: Verdict
-    measurements: tuple[str, ...]
-    notes: tuple[str, ...]
-    versions: dict[str, str]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
-        found: dict[str, Any] = plain(
-            {
-                "campaign": self.campaign.title,
-                "file": self.campaign.file.name,
-                "measurements": self.measurements,
-                **self.verdict.to_dict(),
-                "notes": self.notes,
-                "versions": self.versions,
-            }
-        )
-        return found
-
-    def plot(self) -> Figure:
-        """Draw what was measured and modelled, before and after, and the evidence of the candidates."""
-        from receptance.plot.diagnosis import draw_diagnosis
-
-        return draw_diagnosis(self.verdict, self.campaign.title)
-
-    def extended_text(self, folder: str | Path) -> str:
-        """Return the extended model as the text of a campaign file that is to stand in a folder.
-
-        `identify` and `predict` take it like any other campaign; the unknowns begin where the diagnosis ended. Data
-        files are named from that folder.
-
-        Raises
-        ------
-        ValueError
-            There is no extended model, or it has something that a campaign file cannot say.
-        """
-        from receptance.campaign.extended import extended_text
-
-        return extended_text(self, Path(folder))
-
-    def write_extended(self, path: str | Path) -> Path:
-        """Write the extended model as a campaign file, whole or not at all; see `extended_text`."""
-        target = Path(path)
-        write_whole({target: self.extended_text(target.parent).encode("utf-8")})
-        return target
-
-    def __repr__(self) -> str:
-        return f"CampaignDiagnosis({self.campaign.title!r}, {self.verdict!r})"
+__all__ = ["campaign_model", "diagnose_campaign"]
 
 
 def _as_split(campaign: Campaign) -> list[str]:
@@ -133,13 +59,12 @@ def diagnose_campaign(
     metrics: Mapping[str, Metric] | None = None,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> CampaignDiagnosis:
+) -> Verdict:
     """Diagnose a campaign; see `Campaign.diagnose`."""
     from receptance.diagnosis import diagnose
     from receptance.diagnosis.fitting import observed_numbers
     from receptance.diagnosis.held_out import improvement
     from receptance.diagnosis.thresholds import LEAST_FREEDOM
-    from receptance.studies._provenance import versions
 
     if not campaign.unknowns:
         raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")
@@ -184,11 +109,4 @@ def diagnose_campaign(
         )
         verdict = verdict.with_improvement(found)
     notes += [*left_out, *verdict.notes]
-    verdict = replace(verdict, notes=tuple(dict.fromkeys(notes)))
-    return CampaignDiagnosis(
-        campaign=campaign,
-        verdict=verdict,
-        measurements=tuple(seen),
-        notes=tuple(dict.fromkeys(notes)),
-        versions=versions(),
-    )
+    return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())

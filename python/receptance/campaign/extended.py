@@ -32,7 +32,7 @@ from receptance.identification.unknowns import covered
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.diagnosis import CampaignDiagnosis
+    from receptance.diagnosis import Verdict
     from receptance.identification.laws import Tolerance
 
 __all__ = ["extended_text"]
@@ -63,7 +63,7 @@ class _Extended:
         return [name for name in own if (name in self.beside) == beside]
 
 
-def extended_text(diagnosis: CampaignDiagnosis, folder: Path) -> str:
+def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     """Return the text of a campaign file with the extended model, for a folder.
 
     Raises
@@ -73,28 +73,28 @@ def extended_text(diagnosis: CampaignDiagnosis, folder: Path) -> str:
     """
     import tomli_w
 
-    data = _extended(diagnosis, folder)
-    _check(diagnosis, data, folder)
+    data = _extended(campaign, verdict, folder)
+    _check(verdict, data, folder)
     return tomli_w.dumps(data)
 
 
-def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
-    verdict, campaign = diagnosis.verdict, diagnosis.campaign
+def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
     if verdict.explanation is None or verdict.extended is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
     # A cause may act at one level alone, so that each has tables of its own.
     data = spelled_out(tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig")), Problems({})).data
     measured = {
-        name: _applied(diagnosis, name, one.observation, one.effects) for name, one in campaign.measurements.items()
+        name: _applied(verdict, name, one.observation, one.effects) for name, one in campaign.measurements.items()
     }
-    assemblies = {name: _of_assembly(diagnosis, name) for name in campaign.assemblies}
-    _write_structure(data, campaign, assemblies, {a for u in _unknowns(diagnosis) for a in addresses_of(u)})
-    end = _early_end(diagnosis)
+    assemblies = {name: _of_assembly(campaign, verdict, name) for name in campaign.assemblies}
+    _write_structure(data, campaign, assemblies, {a for u in _unknowns(verdict) for a in addresses_of(u)})
+    end = _early_end(campaign, verdict)
+    seen = {one.label for one in verdict.selection.base.model.observations}
     for name, one in measured.items():
-        _write_measurement(data, name, one, name in diagnosis.measurements)
+        _write_measurement(data, name, one, name in seen)
         if end is not None and isinstance(one.given, MeasuredFRF):
             data["measurements"][name]["ends"] = quantity(end, KINDS["a time"])
-    _write_unknowns(data, diagnosis)
+    _write_unknowns(data, verdict)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "starts": 1}
     data["settings"].pop("strategy", None)
@@ -108,26 +108,24 @@ def _extended(diagnosis: CampaignDiagnosis, folder: Path) -> dict[str, Any]:
     return {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
 
 
-def _unknowns(diagnosis: CampaignDiagnosis) -> tuple[Any, ...]:
-    assert diagnosis.verdict.explanation is not None
-    return diagnosis.verdict.explanation.fit.model.unknowns
+def _unknowns(verdict: Verdict) -> tuple[Any, ...]:
+    assert verdict.explanation is not None
+    return verdict.explanation.fit.model.unknowns
 
 
-def _early_end(diagnosis: CampaignDiagnosis) -> float | None:
+def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
     """Return when records ended while the structure still rang, where a cause says so; they show it together."""
-    assert diagnosis.verdict.explanation is not None
-    given = {name: getattr(one.observation, "ends", None) for name, one in diagnosis.campaign.measurements.items()}
-    found = [one for one in diagnosis.verdict.explanation.fit.model.observations if isinstance(one, MeasuredFRF)]
+    assert verdict.explanation is not None
+    given = {name: getattr(one.observation, "ends", None) for name, one in campaign.measurements.items()}
+    found = [one for one in verdict.explanation.fit.model.observations if isinstance(one, MeasuredFRF)]
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
-def _applied(
-    diagnosis: CampaignDiagnosis, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Any
-) -> _Extended:
+def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Any) -> _Extended:
     """Return an observation as the causes of the best explanation change it, one after the other."""
-    explanation = diagnosis.verdict.explanation
+    explanation = verdict.explanation
     assert explanation is not None
-    base = diagnosis.verdict.selection.base.model
+    base = verdict.selection.base.model
     model = replace(base, observations=(observation,), tolerances=tuple(tolerances_of(effects, name or None)))
     beside: list[str] = []
     for step in explanation.steps:
@@ -138,9 +136,8 @@ def _applied(
     return _Extended(observation, model.observations[0], model.tolerances, tuple(beside))
 
 
-def _of_assembly(diagnosis: CampaignDiagnosis, name: str) -> _Extended:
+def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
     """Return an assembly without what sits on it while it is measured, as the causes change it."""
-    campaign = diagnosis.campaign
     assembly = campaign.assemblies[name]
     own = [one.observation for one in campaign.measurements.values() if one.assembly == name]
     like = next((one for one in own if isinstance(one, MeasuredFRF)), own[0] if own else None)
@@ -151,7 +148,7 @@ def _of_assembly(diagnosis: CampaignDiagnosis, name: str) -> _Extended:
             like = altered(like, response=response, excitation=excitation)
     conditions = {key: one.value for key, one in campaign.conditions.get(name, {}).items()}
     bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=conditions)
-    return _applied(diagnosis, "", bare, campaign.effects.get(name, {}))
+    return _applied(verdict, "", bare, campaign.effects.get(name, {}))
 
 
 def _write_structure(
@@ -279,15 +276,14 @@ def _integrations(given: MeasuredFRF, found: MeasuredFRF) -> int:
     raise ValueError(f"{given!r}: its data are changed by a cause in a way that a campaign cannot say")
 
 
-def _write_unknowns(data: dict[str, Any], diagnosis: CampaignDiagnosis) -> None:
+def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
     """Write the unknowns, which begin where the diagnosis ended."""
-    verdict = diagnosis.verdict
     assert verdict.explanation is not None
     values = verdict.explanation.fit.values
     known = {unknown.name: unknown for unknown in verdict.selection.base.model.unknowns}
     written = dict(data.get("unknowns", {}))
     tables: dict[str, Any] = {}
-    for unknown in _unknowns(diagnosis):
+    for unknown in _unknowns(verdict):
         old = known.pop(unknown.name, None)
         key = unknown.name if isinstance(unknown, Move) else unknown.address
         raw = None if old is None else written.pop(old.name if isinstance(old, Move) else old.address, None)
@@ -343,12 +339,12 @@ def _as_seen(model: Model, diagnosed: Model) -> Model:
     return replace(model, observations=tuple(kept), tolerances=tolerances)
 
 
-def _check(diagnosis: CampaignDiagnosis, data: dict[str, Any], folder: Path) -> None:
+def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
     """Read what was written, and refuse it where it is not the model that was diagnosed."""
     from receptance.campaign.diagnosis import campaign_model
     from receptance.campaign.loading import loaded
 
-    explanation = diagnosis.verdict.explanation
+    explanation = verdict.explanation
     assert explanation is not None
     again = loaded(folder / "extended.toml", copy.deepcopy(data))
     fit = explanation.fit

@@ -3,70 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of_measurements
-from receptance.identification import InverseCoupling, MeasuredFRF, invert_coupling
+from receptance.identification import InverseCoupling, InverseCouplings, MeasuredFRF, invert_coupling
 from receptance.identification.line_solutions import TERMS
 from receptance.joints import PointJoint
 from receptance.modal_parts import ModalPart
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.observations import Measurement
 
-__all__ = ["CampaignInversion", "invert_campaign"]
+__all__ = ["invert_campaign"]
 
 _ORDER = ("k_theta", "k_y", "k_ytheta")
 """Which terms are solved for first where there are fewer FRFs than terms."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CampaignInversion:
-    """The joints of a campaign line by line.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was inverted.
-    joints : dict of str to InverseCoupling
-        By joint; by joint and assembly, `joint @ assembly`, where the unknowns change from assembly to assembly.
-    notes : tuple of str
-        What a person should know.
-    versions : dict of str to str
-        What is needed to do it again.
-    """
-
-    campaign: Campaign
-    joints: dict[str, InverseCoupling]
-    notes: tuple[str, ...]
-    versions: dict[str, str]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
-        result: dict[str, Any] = plain(
-            {
-                "campaign": self.campaign.title,
-                "file": self.campaign.file.name,
-                "joints": {name: found.as_dict() for name, found in self.joints.items()},
-                "notes": self.notes,
-                "versions": self.versions,
-            }
-        )
-        return result
-
-    def plot(self, name: str | None = None) -> Figure:
-        """Draw one of the joints; by default the first."""
-        from receptance.plot.inverse_coupling import draw_inverse_coupling
-
-        name = next(iter(self.joints)) if name is None else name
-        found = self.joints[name]
-        return draw_inverse_coupling(found, f"{name} line by line, from {', '.join(found.labels)}")
 
 
 def invert_campaign(
@@ -76,14 +30,13 @@ def invert_campaign(
     limit: float = 0.2,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> CampaignInversion:
+) -> InverseCouplings:
     """Solve for the joints of a campaign on each line; see `Campaign.invert`."""
-    from receptance.studies._provenance import versions
-
     say = progress or (lambda _: None)
     groups = _groups(campaign, joint)
     found: dict[str, InverseCoupling] = {}
     notes: list[str] = []
+    provenance = campaign.provenance()
     for name, (owner, measured) in groups.items():
         say(f"solving for {name}")
         wanted = [t for t in _ORDER if f"{owner}.{t}" in campaign.table.unknowns]
@@ -96,7 +49,7 @@ def invert_campaign(
             )
         seen = [one.observation for one in measured.values() if isinstance(one.observation, MeasuredFRF)]
         try:
-            found[name] = invert_coupling(
+            one = invert_coupling(
                 seen,
                 joint=owner,
                 terms=[term for term in TERMS if term in terms],
@@ -106,8 +59,9 @@ def invert_campaign(
             )
         except ValueError as error:
             raise CampaignError.about(campaign.file, f"{name}: {error}") from error
-        notes += [f"{name}: {note}" for note in found[name].notes]
-    return CampaignInversion(campaign=campaign, joints=found, notes=tuple(dict.fromkeys(notes)), versions=versions())
+        found[name] = replace(one, name=name, provenance=provenance)
+        notes += [f"{name}: {note}" for note in one.notes]
+    return InverseCouplings(found, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
 
 
 def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[str, Measurement]]]:

@@ -3,101 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from receptance.campaign.identification import identify_campaign
-from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.suggestions import did_you_mean, one_of
 from receptance.campaign.tolerances import tolerances_of
-from receptance.identification import FrequencyTarget, NextMeasurement, next_measurement
+from receptance.identification import FrequencyTarget, Identification, NextMeasurement, next_measurement
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.identification.information import Target
 
-__all__ = ["CampaignNext", "next_of_campaign"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CampaignNext:
-    """Candidates of a campaign, the best first.
-
-    Attributes
-    ----------
-    identified : CampaignIdentification
-        What is known now.
-    found : NextMeasurement
-        The ranking.
-    versions : dict of str to str
-        What is needed to do it again.
-    """
-
-    identified: CampaignIdentification
-    found: NextMeasurement
-    versions: dict[str, str]
-
-    @property
-    def campaign(self) -> Campaign:
-        """What was asked about."""
-        return self.identified.campaign
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds: an infinite number is None."""
-        result: dict[str, Any] = plain(
-            {
-                "campaign": self.campaign.title,
-                "file": self.campaign.file.name,
-                **self.found.as_dict(),
-                "seed": self.identified.fit.seed,
-                "versions": self.versions,
-            }
-        )
-        return result
-
-    def plot(self) -> Figure:
-        """Draw the interval of each target now and with each candidate."""
-        from receptance.plot.next_measurement import draw_next_measurement
-
-        return draw_next_measurement(self.found, f"{self.campaign.title}: which measurement next")
+__all__ = ["next_of_campaign"]
 
 
 def next_of_campaign(
     campaign: Campaign,
-    identified: CampaignIdentification | None,
+    identified: Identification | None,
     *,
     targets: Sequence[str] = (),
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> CampaignNext:
+) -> NextMeasurement:
     """Rank the candidates of a campaign; see `Campaign.next_measurement`."""
-    from receptance.studies._provenance import versions
-
     if not campaign.candidates:
         raise CampaignError.about(campaign.file, "there is nothing to choose from, expected `candidates`")
     known = identified or identify_campaign(campaign, threads=threads, progress=progress)
     wanted = [_target(name, campaign, known) for name in targets]
     try:
         found = next_measurement(
-            known.fit,
+            known,
             list(campaign.candidates.values()),
             targets=wanted or None,
             level=campaign.table.prediction.level,
-            profiles=known.profiles,
+            profiles=known.profiled or {},
             progress=progress,
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    return CampaignNext(identified=known, found=found, versions=versions())
+    return replace(found, provenance=campaign.provenance(seed=known.seed))
 
 
-def _target(name: str, campaign: Campaign, known: CampaignIdentification) -> Target:
+def _target(name: str, campaign: Campaign, known: Identification) -> Target:
     """Return an unknown, or the natural frequencies of an assembly as far up as was measured."""
-    fit = known.fit
+    fit = known
     if name in fit.values:
         return name
     if name not in campaign.assemblies:

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF
-from receptance.campaign.plain import plain
+from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF, Prediction
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
 from receptance.identification.peaks import match_peaks
 from receptance.identification.places import Place
 from receptance.identification.prediction import Forecast
-from receptance.identification.spread import quantile
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.campaign.tolerances import Effects
-    from receptance.identification import MeasuredFrequencies
+    from receptance.identification import Identification, MeasuredFrequencies
 
-__all__ = ["CampaignPrediction", "forecast_of", "predict_campaign", "prediction_lines"]
+__all__ = ["forecast_of", "predict_campaign", "prediction_lines"]
 
 _LINES = 2000
 _MOST_LINES = 1_000_000
@@ -37,96 +32,14 @@ _WIDE = 0.5
 """A standard deviation of the logarithm beyond which a linear band is only a hint."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CampaignPrediction:
-    """Predictions of a campaign with their intervals.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was predicted.
-    identified : CampaignIdentification or None
-        The fit that the predictions rest on; None where nothing is unknown.
-    frequencies : tuple of PredictedFrequencies
-        Natural frequencies, of held-out measurements first.
-    frfs : tuple of PredictedFRF
-        Frequency responses, of held-out measurements first.
-    level : float
-        Level of the intervals.
-    not_predicted : dict of str to str
-        What could not be predicted, by name of the measurement or assembly, and why.
-    notes : tuple of str
-        What a person should know.
-    versions : dict of str to str
-        What is needed to do it again.
-    """
-
-    campaign: Campaign
-    identified: CampaignIdentification | None
-    frequencies: tuple[PredictedFrequencies, ...]
-    frfs: tuple[PredictedFRF, ...]
-    level: float
-    not_predicted: dict[str, str]
-    notes: tuple[str, ...]
-    versions: dict[str, str]
-
-    @property
-    def reach(self) -> float:
-        """How many standard deviations an interval reaches to either side."""
-        return quantile(self.level, None) if self.identified is None else self.identified.fit.reach(self.level)
-
-    @property
-    def errors_percent(self) -> list[float]:
-        """Predicted against measured, of every held-out natural frequency and peak, in percent."""
-        listed = [float(e) for p in self.frequencies if p.measured_hz is not None for e in p.errors_percent]
-        return listed + [peak.error_percent for frf in self.frfs for peak in frf.peaks if peak.matched]
-
-    @property
-    def rms_percent(self) -> float | None:
-        """Root mean square of `errors_percent`; None where nothing is compared."""
-        errors = self.errors_percent
-        return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds: an infinite number is None, a complex one a pair."""
-        found: dict[str, Any] = plain(
-            {
-                "campaign": self.campaign.title,
-                "file": self.campaign.file.name,
-                "level": self.level,
-                "rms_percent": self.rms_percent,
-                "natural_frequencies": [one.as_dict(self.reach) for one in self.frequencies],
-                "frfs": [one.as_dict(self.reach) for one in self.frfs],
-                "not_predicted": self.not_predicted,
-                "identified": None if self.identified is None else self.identified.as_dict(),
-                "notes": self.notes,
-                "versions": self.versions,
-            }
-        )
-        return found
-
-    def plot(self) -> Figure:
-        """Draw predictions with their intervals, over what was measured."""
-        from receptance.plot.campaign import draw_prediction
-
-        return draw_prediction(self)
-
-    def __repr__(self) -> str:
-        counts = f"{len(self.frequencies)} sets of natural frequencies, {len(self.frfs)} FRFs"
-        rms = "" if self.rms_percent is None else f", rms {self.rms_percent:.3g} %"
-        return f"CampaignPrediction({self.campaign.title!r}, {counts}{rms})"
-
-
 def predict_campaign(
     campaign: Campaign,
-    identified: CampaignIdentification | None,
+    identified: Identification | None,
     *,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> CampaignPrediction:
+) -> Prediction:
     """Predict what a campaign holds out or did not measure; see `Campaign.predict`."""
-    from receptance.studies._provenance import versions
-
     say = progress or (lambda _: None)
     held_out, unmeasured = campaign.held_out, campaign.unmeasured
     if not held_out and not unmeasured:
@@ -143,7 +56,7 @@ def predict_campaign(
         seen = measured.observation
         place = Place(seen.assembly, seen.configuration, "", seen.conditions)
         try:
-            forecast = forecast_of(identified, place, measured.effects, name, notes)
+            forecast = forecast_of(campaign, identified, place, measured.effects, name, notes)
         except CampaignError as error:
             lost[name] = error.problems[0].text
             continue
@@ -154,7 +67,9 @@ def predict_campaign(
     for name in unmeasured:
         say(f"predicting {name}")
         try:
-            forecast = forecast_of(identified, campaign.place_of(name), campaign.effects.get(name, {}), name, notes)
+            forecast = forecast_of(
+                campaign, identified, campaign.place_of(name), campaign.effects.get(name, {}), name, notes
+            )
         except CampaignError as error:
             lost[name] = error.problems[0].text
             continue
@@ -170,35 +85,33 @@ def predict_campaign(
             f"the bands of {', '.join(wide)} are wide at peaks: they are linear in the errors, so where a peak may "
             "move by more than its width they are only a hint; the intervals of the natural frequencies hold"
         )
-    return CampaignPrediction(
-        campaign=campaign,
+    return Prediction(
         identified=identified,
         frequencies=tuple(frequencies),
         frfs=tuple(frfs),
         level=campaign.table.prediction.level,
         not_predicted=lost,
         notes=tuple(dict.fromkeys(notes)),
-        versions=versions(),
+        provenance=campaign.provenance(),
     )
 
 
 def forecast_of(
-    identified: CampaignIdentification | None, place: Place, effects: Effects, name: str, notes: list[str]
+    campaign: Campaign, identified: Identification | None, place: Place, effects: Effects, name: str, notes: list[str]
 ) -> Forecast:
     """Return the forecast of an assembly, and add to the notes which identified parameters are missing from it."""
-    fit = None if identified is None else identified.fit
     try:
-        found = Forecast(fit, place, tolerances_of(effects))
+        found = Forecast(identified, place, tolerances_of(effects))
     except ValueError as error:
         if identified is None:
             raise
-        raise CampaignError.about(identified.campaign.file, f"{name} cannot be predicted: {error}") from None
-    if identified is None or fit is None:
+        raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
+    if identified is None:
         return found
-    wanted = {address for unknown in fit.task.parameters.wanted for address in unknown.reached}
+    wanted = {address for unknown in identified.task.parameters.wanted for address in unknown.reached}
     if not any(covered(address, place.assembly) for address in wanted):
         notes.append(f"{name}: none of the identified parameters is in it")
-    asked = [address for unknown in identified.campaign.unknowns for address in unknown.reached]
+    asked = [address for unknown in campaign.unknowns for address in unknown.reached]
     rest = [address for address in asked if address not in wanted and covered(address, place.assembly)]
     if rest:
         notes.append(

@@ -1,34 +1,96 @@
-"""Campaigns over levels: every level fitted by itself first, then parameters over the levels."""
+"""Campaigns over levels: each level is fitted by itself first, then parameters are described over the levels."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.campaign.addresses import kind_of
 from receptance.campaign.conditions import parse_condition
 from receptance.errors import ReceptanceError
 from receptance.identification import identify
 from receptance.identification.laws import Law
 from receptance.identification.unknowns import Unknown, covered
+from receptance.report import Column, Provenance, Results, Table
+from receptance.taper import ForceSeries
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.measurement_models import SettingsTable
     from receptance.campaign.series_models import SeriesTable
     from receptance.identification import Identification
     from receptance.identification.task import Observation
-    from receptance.taper import ForceSeries
+    from receptance.report.table import Cell
 
-__all__ = ["FEWEST", "level_unit", "over_levels", "started_by_level"]
+__all__ = ["FEWEST", "LevelSeries", "level_unit", "over_levels", "started_by_level"]
 
 FEWEST = 6
 """Levels from which on laws are fitted."""
 _WORSE = 1.5
 """A level whose fit from its neighbour's values leaves so many times more than that one is fitted from far as well."""
+
+
+class LevelSeries(Results[ForceSeries]):
+    """Parameters over the levels of a campaign's series, by name.
+
+    Parameters
+    ----------
+    items : mapping of str to ForceSeries
+        The parameters; levels in `unit`.
+    over : str
+        Quantity that has the levels, such as "drawbar force".
+    unit : str
+        Unit of the levels.
+    provenance : Provenance, optional
+        Campaign and versions of the software.
+    """
+
+    heading = "Parameters over levels"
+    key = "parameters"
+
+    def __init__(
+        self, items: Mapping[str, ForceSeries], *, over: str, unit: str, provenance: Provenance | None = None
+    ) -> None:
+        super().__init__(items, provenance=provenance)
+        self.over, self.unit = over, unit
+
+    def tables(self) -> list[Table]:
+        """Return the values at each level, a table for each joint, and the trends."""
+        groups: dict[tuple[str, tuple[float, ...]], list[ForceSeries]] = {}
+        for name, one in self.items():
+            groups.setdefault((name.partition(".")[0], tuple(one.force)), []).append(one)
+        tables = []
+        for (owner, levels), own in groups.items():
+            columns = [Column(self.over, self.unit, "g")]
+            cells: list[list[Cell]] = [list(levels)]
+            for one in own:
+                half = 1.96 * one.standard_errors
+                columns += [Column(one.name.partition(".")[2], kind_of(one.name).unit, ".5g")]
+                columns += [Column("95 % interval", form=".5g")]
+                cells += [one.values.tolist(), list(zip(one.values - half, one.values + half, strict=True))]
+            tables.append(Table(f"{owner} over {self.over}", columns, list(zip(*cells, strict=True))))
+        return [*tables, *super().tables()]
+
+    def data(self) -> dict[str, Any]:
+        """Return the parameters with their laws and trends."""
+        return {
+            "over": self.over,
+            "unit": self.unit,
+            "parameters": {name: one.data() for name, one in self.items()},
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw each parameter over the levels with its law; see `Result.plot`."""
+        from receptance.plot.series import draw_series
+
+        return draw_series(self, ax)
 
 
 def started_by_level(
@@ -111,18 +173,16 @@ def _fitted(
         return None  # what is wrong with it the fit of all levels together says
 
 
-def over_levels(campaign: Campaign, fit: Identification) -> dict[str, ForceSeries]:
-    """Return every free parameter over the levels of the series, where there are enough of them.
+def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
+    """Return every free parameter over the levels of the series, where there are enough; None without a series.
 
     Standard errors are those from the scatter of the data, times what a level leaves where that is more than its
     noise; errors of dimensions and materials are the same at all levels and make no trend.
     """
-    from receptance.taper import ForceSeries
-
     table = campaign.table.series
     if table is None:
-        return {}
-    _, factor = level_unit(table)
+        return None
+    unit, factor = level_unit(table)
     squares: dict[str, list[float]] = {}
     for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
         squares.setdefault(measured.assembly, []).extend(np.square(residual).tolist())
@@ -143,7 +203,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> dict[str, ForceSerie
             found[law.name] = ForceSeries(
                 name=law.name, force=columns[0], values=columns[1], standard_errors=columns[2]
             )
-    return found
+    return LevelSeries(found, over=table.over, unit=unit, provenance=campaign.provenance())
 
 
 def level_unit(table: SeriesTable) -> tuple[str, float]:

@@ -93,22 +93,23 @@ def compared_with(
         measurements=measurements,
         unknowns=unknowns,
     ).identify(progress=progress)
-    fit = found.fit
     placed = []
-    for name, seen, assembly in zip(measurements, observations, fit.assemblies, strict=True):
+    for name, seen, assembly in zip(measurements, observations, found.assemblies, strict=True):
         here = altered(seen, assembly=assembly)
-        if isinstance(seen, MeasuredFRF) and any(unknown.address in FACTORS for unknown in fit.unknowns):
+        if isinstance(seen, MeasuredFRF) and any(unknown.address in FACTORS for unknown in found.unknowns):
             # Candidates are structures: what the measuring chain does to the record is taken out of the record.
-            forecast = Forecast(fit, place_of(seen, 0), tolerances_of(measurements[name].effects))
+            forecast = Forecast(found, place_of(seen, 0), tolerances_of(measurements[name].effects))
             chain = forecast.recorded(seen) / assembly.receptance(
                 seen.frequency_hz, response=seen.response, excitation=seen.excitation
             )
             here = altered(here, receptance=seen.receptance / chain)
         placed.append(here)
     others = {
-        name: value for name, value in fit.values.items() if name.split(" ")[0] not in varied and name not in fit.errors
+        name: value
+        for name, value in found.values.items()
+        if name.split(" ")[0] not in varied and name not in found.errors
     }
-    return Compared(tuple(placed), fit, {**given, **others})
+    return Compared(tuple(placed), found, {**given, **others})
 
 
 def expected_misfit(observations: Sequence[MeasuredFRF | MeasuredFrequencies]) -> tuple[float, float] | None:

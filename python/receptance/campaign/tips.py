@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from receptance.assembly import Assembly
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.cuts import Tip
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.frf import FRF
+    from receptance.identification import Identification
     from receptance.identification.prediction import Forecast
     from receptance.modal import ModeEstimate
 
@@ -33,7 +33,7 @@ class Tips:
     ----------
     campaign : Campaign
         What it belongs to.
-    identified : CampaignIdentification or None
+    identified : Identification or None
         What predictions rest on.
     draws : int
         Number of draws of all that is uncertain in them.
@@ -57,7 +57,7 @@ class Tips:
     def __init__(
         self,
         campaign: Campaign,
-        identified: CampaignIdentification | None,
+        identified: Identification | None,
         draws: int,
         seed: int,
         tips: Sequence[Tip | None],
@@ -130,13 +130,11 @@ class Tips:
         )
 
 
-def _predicted(
-    campaign: Campaign, identified: CampaignIdentification | None, tip: Tip, notes: list[str]
-) -> Forecast | None:
+def _predicted(campaign: Campaign, identified: Identification | None, tip: Tip, notes: list[str]) -> Forecast | None:
     if not tip.assembly:
         return None
     effects = campaign.effects.get(tip.assembly, {})
-    return forecast_of(identified, campaign.place_of(tip.assembly), effects, tip.assembly, notes)
+    return forecast_of(campaign, identified, campaign.place_of(tip.assembly), effects, tip.assembly, notes)
 
 
 class _Predicted:

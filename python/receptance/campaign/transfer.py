@@ -3,65 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
 
 from receptance.campaign.identification import fit_options, weighable_tolerances
-from receptance.campaign.plain import plain
 from receptance.campaign.problems import CampaignError
 from receptance.identification import Transfer, transfer
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from receptance.campaign.campaign import Campaign
 
-__all__ = ["CampaignTransfer", "transfer_campaign"]
+__all__ = ["transfer_campaign"]
 
 Splits = Literal["leave-one-out", "one-for-all"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CampaignTransfer:
-    """Predictions of every assembly of a campaign from the others.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        What was measured.
-    found : Transfer
-        Predictions beside measurements, by split; configurations are the assemblies of the campaign.
-    notes : tuple of str
-        What a person should know.
-    versions : dict of str to str
-        What is needed to do it again.
-    """
-
-    campaign: Campaign
-    found: Transfer
-    notes: tuple[str, ...]
-    versions: dict[str, str]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
-        found: dict[str, Any] = plain(
-            {
-                "campaign": self.campaign.title,
-                "file": self.campaign.file.name,
-                **self.found.as_dict(),
-                "notes": self.notes,
-                "settings": self.campaign.table.settings.model_dump(),
-                "versions": self.versions,
-            }
-        )
-        return found
-
-    def plot(self) -> Figure:
-        """Draw errors of the natural frequencies with their intervals, and receptances with their bands."""
-        return self.found.plot(self.campaign.title)
-
-    def __repr__(self) -> str:
-        return f"CampaignTransfer({self.campaign.title!r}, {self.found!r})"
 
 
 def transfer_campaign(
@@ -71,10 +25,8 @@ def transfer_campaign(
     draws: int = 200,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> CampaignTransfer:
+) -> Transfer:
     """Predict every measured assembly from the others; see `Campaign.transfer`."""
-    from receptance.studies._provenance import versions
-
     if not campaign.unknowns:
         raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")
     if len({one.assembly for one in campaign.measurements.values()}) < 2:
@@ -102,4 +54,5 @@ def transfer_campaign(
         )
     except ValueError as error:
         raise CampaignError.about(campaign.file, str(error)) from error
-    return CampaignTransfer(campaign=campaign, found=found, notes=tuple(dict.fromkeys(notes)), versions=versions())
+    provenance = campaign.provenance(settings=settings.model_dump())
+    return replace(found, campaign_notes=tuple(dict.fromkeys(notes)), provenance=provenance)

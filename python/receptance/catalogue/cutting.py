@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance._files import inert, streamed
-from receptance.campaign.stability import CutLobes, chosen_cuts, spindle_speeds
-from receptance.stability import Milling, stability_lobes
+from receptance.campaign.stability import chosen_cuts, described, spindle_speeds
+from receptance.stability import Lobes, Milling, stability_lobes
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign, CampaignCut
@@ -59,7 +59,7 @@ class ToolCut:
         return self.campaign.cuts[self.name]
 
 
-def tool_lobes(one: ToolPrediction, asked: ToolCut) -> CutLobes:
+def tool_lobes(one: ToolPrediction, asked: ToolCut) -> Lobes:
     """Return the lobes of a tool that was predicted with draws, the same in x and y, by the mean force.
 
     The number of teeth is that of the row, or the cut's where it says none.
@@ -83,7 +83,7 @@ def tool_lobes(one: ToolPrediction, asked: ToolCut) -> CutLobes:
         draws=one.drawn[:, :, None, None] * size,
         cuts=own.drawn(len(one.drawn), settings.seed),
     )
-    return CutLobes(cut=own, lobes=lobes, probability=settings.probability, notes=lobes.notes)
+    return replace(described(lobes, own), probability=settings.probability)
 
 
 def write_depths(path: Path, predictions: Iterable[ToolPrediction], asked: ToolCut) -> Iterator[ToolPrediction]:
@@ -93,12 +93,12 @@ def write_depths(path: Path, predictions: Iterable[ToolPrediction], asked: ToolC
         rows.writerow(_HEADER)
         for one in predictions:
             found = tool_lobes(one, asked)
-            limits = dict(zip(found.lobes.speeds_rpm.tolist(), found.lobes.depth.tolist(), strict=True))
-            teeth = getattr(found.cut.cut, "teeth", "")
-            for rank, best in enumerate(found.recommended):
+            limits = dict(zip(found.speeds_rpm.tolist(), found.depth.tolist(), strict=True))
+            teeth = getattr(found.cut, "teeth", "")
+            for rank, best in enumerate(found.best_cuts):
                 values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
-                ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(found.depth)))
+                ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(found.certain_depth)))
                 cells = [f"{value:.6g}" for value in (*values, *ends)]
-                name, holder, cut_name = map(inert, (one.row.name, one.row.holder, found.cut.name))
+                name, holder, cut_name = map(inert, (one.row.name, one.row.holder, found.name))
                 rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
             yield one

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
-    from receptance.campaign.identification import CampaignIdentification
     from receptance.catalogue.building import Catalogue, Described
     from receptance.catalogue.rows import ToolRow
+    from receptance.identification import Identification
     from receptance.identification.prediction import Forecast
 
 __all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
@@ -104,7 +104,7 @@ class ToolPrediction:
 
 def predict_catalogue(
     catalogue: Catalogue,
-    identified: CampaignIdentification | None = None,
+    identified: Identification | None = None,
     *,
     draws: int = 0,
     seed: int = 0,
@@ -117,7 +117,7 @@ def predict_catalogue(
     ----------
     catalogue : Catalogue
         Tools, holders, machine.
-    identified : CampaignIdentification, optional
+    identified : Identification, optional
         From `Campaign.identify`, which runs first if it is not given and anything is unknown.
     draws : int, optional
         For the band of the receptance; none makes it linear. Modes have linear intervals always.
@@ -166,7 +166,7 @@ class _Work:
     def __init__(
         self,
         catalogue: Catalogue,
-        identified: CampaignIdentification | None,
+        identified: Identification | None,
         draws: int,
         seed: int,
     ) -> None:
@@ -198,7 +198,7 @@ class _Work:
 
     def _predict(self, own: Described) -> ToolPrediction:
         notes = list(self.notes)
-        forecast = forecast_of(self.identified, own.place, own.effects, own.row.name, notes)
+        forecast = forecast_of(self.catalogue.campaign, self.identified, own.place, own.effects, own.row.name, notes)
         addresses = [*forecast.addresses, *self.residuals]
         found, slope = forecast.assembly.derivatives(self.lines, addresses, threads=1)
         count = len(forecast.addresses)

@@ -44,7 +44,7 @@ app.command()(catalogue)
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from receptance.studies._provenance import versions
+        from receptance.provenance import versions
 
         found = versions()
         print(f"receptance {found.pop('receptance')} ({', '.join(f'{name} {value}' for name, value in found.items())})")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from receptance.cli._tables import ends, head, print_sentences, table
-from receptance.cli.series_tables import trends
+from receptance.report import Results
+from receptance.report.terminal import rendered
 from receptance.studies.bt50 import findings
 from receptance.studies.bt50.findings import PROVENANCE, SOURCE
 
@@ -29,7 +30,7 @@ def print_bt50(console: Console, study: BT50Study) -> None:
         ("diagnosis", "What a diagnosis says of the rigid holder", None),
         ("damping", "Axial damping, half-power and circle", _damping(study)),
         ("radial", "Radial", _radial(study)),
-        ("trends", "Over drawbar force", trends(study.series)),
+        ("trends", "Over drawbar force", rendered(Results(study.series).tables()[0])),
         ("use", "What the elastic model is used for", None),
     )
     for about, title, printed in parts:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.text import Text
 
 from receptance.cli.running import (
     InputError,
@@ -24,7 +23,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
-    from receptance.campaign.diagnosis import CampaignDiagnosis
+    from receptance.diagnosis import Verdict
 
 __all__ = ["File", "diagnose", "example", "identify", "load_campaign", "predict", "schema", "transfer"]
 
@@ -84,17 +83,13 @@ def identify(
     """Identify the unknown parameters of a campaign, with intervals."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.campaign_tables import print_identification
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.identify(progress=say))
-    targets.write(found.as_dict(), found.plot, found.plot_profiles if found.profiles else None)
-    console = targets.console()
-    print_identification(console, found)
-    targets.name(console)
-    if strict and (found.fit.advice or not found.fit.converged):
+    targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
+    if strict and (found.advice or not found.converged):
         raise typer.Exit(ANSWER_IS_NO)
 
 
@@ -115,7 +110,6 @@ def predict(
     """Predict what a campaign holds out, compared with it, and the assemblies that were not measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.campaign_tables import print_prediction
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
@@ -123,10 +117,7 @@ def predict(
         if at_most is not None and not read.held_out:
             raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
         found = with_progress(lambda say: read.predict(progress=say))
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_prediction(console, found)
-    targets.name(console)
+    targets.show(found)
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
         missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
@@ -134,7 +125,7 @@ def predict(
         no = worst > at_most or missed > 0 or unknown > 0
         lost = f", {missed} measured peaks have no prediction" if missed else ""
         lost += f", {unknown} measurements could not be predicted" if unknown else ""
-        console.print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
+        targets.console().print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
         if no:
             raise typer.Exit(ANSWER_IS_NO)
 
@@ -150,7 +141,6 @@ def transfer(
     """Predict every measured assembly of a campaign from the others, all splits, compared with what was measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.transfer import print_transfer
 
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
@@ -159,12 +149,9 @@ def transfer(
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.transfer(splits=way, progress=say))
-    if plot is not None and not found.found.modes and not found.found.frfs:
-        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.found.not_predicted)}")
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_transfer(console, found)
-    targets.name(console)
+    if plot is not None and not found.modes and not found.frfs:
+        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
+    targets.show(found)
 
 
 def diagnose(
@@ -204,37 +191,31 @@ def diagnose(
         found = with_progress(lambda say: read.diagnose(causes or None, metrics=wanted, progress=say))
 
     def page() -> str:
-        from receptance.report import diagnosis_html
+        from receptance.diagnosis.report import diagnosis_html
 
-        return diagnosis_html(found.verdict, title=read.title)
+        return diagnosis_html(found, title=read.title)
 
-    final = found.verdict.final
-    text, why_not = _extended(found, extended) if final else (None, "the diagnosis was interrupted" if extended else "")
-    targets.write(found.as_dict(), found.plot, report=page, extended=text)
-    console = targets.console()
-    console.print(Text(f"{read.title}: diagnosed from {len(found.measurements)} measurements\n"))
-    console.print(Text(found.verdict.summary()), soft_wrap=True)
-    said = set(found.verdict.notes)
-    for note in found.notes:
-        if note not in said:
-            console.print(Text(f"note: {note}"), soft_wrap=True)
-    targets.name(console)
+    final = found.final
+    text, why_not = (None, "the diagnosis was interrupted" if extended else "")
+    if final:
+        text, why_not = _extended(read, found, extended)
+    targets.show(found, report=page, extended=text)
     if why_not:
-        console.print(f"{extended} was not written: {why_not}", soft_wrap=True)
+        targets.console().print(f"{extended} was not written: {why_not}", soft_wrap=True)
     if not final:
         raise InterruptedAnswer("interrupted, the answer is not final")
-    if strict and found.verdict.verdict != "adequate":
+    if strict and found.verdict != "adequate":
         raise typer.Exit(ANSWER_IS_NO)
 
 
-def _extended(found: CampaignDiagnosis, target: Path | None) -> tuple[str | None, str]:
+def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[str | None, str]:
     """Return the text of the extended campaign, or why there is none."""
     if target is None:
         return None, ""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return found.extended_text(target.parent), ""
+            return campaign.extended_text(found, target.parent), ""
         except ValueError as error:
             return None, str(error)
 

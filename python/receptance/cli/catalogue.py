@@ -13,11 +13,12 @@ import typer
 from rich.text import Text
 
 from receptance._files import check_target, write_whole
-from receptance.cli._tables import table
 from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.spread import SAYS_NOTHING
+from receptance.report import Column, Table
+from receptance.report.terminal import print_table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign
     from receptance.catalogue import ToolCut, ToolPrediction
     from receptance.catalogue.writing import Reduced
+    from receptance.report.table import Cell
 
 __all__ = ["catalogue"]
 
@@ -147,8 +149,8 @@ def _read(read: Campaign, *given: Path | None) -> list[Path]:
 
 def _document(read: Campaign, found: list[Reduced]) -> dict[str, Any]:
     """Return the most flexible mode of each tool as what JSON holds."""
-    from receptance.campaign.plain import plain
-    from receptance.studies._provenance import versions
+    from receptance.provenance import versions
+    from receptance.report.plain import plain
 
     names = ("frequency_hz", "damping_ratio", "dynamic_stiffness")
     tools = [
@@ -226,33 +228,30 @@ def _print_names(console: Console, found: list[Reduced]) -> None:
         console.print(Text(text), soft_wrap=True)
 
 
-def _interval(ends: NDArray[np.float64], form: str) -> str:
+def _interval(ends: NDArray[np.float64]) -> Cell:
     """Return an interval of a logarithm; one over a factor of ten to either side says nothing."""
     low, high = ends.tolist()
-    return f"{low:{form}} to {high:{form}}" if high < _WIDE * low else SAYS_NOTHING
+    return (low, high) if high < _WIDE * low else SAYS_NOTHING
 
 
 def _print(console: Console, found: list[Reduced], seconds: float) -> None:
-    rows = []
+    rows: list[list[Cell]] = []
     for one in found[:_SHOWN]:
         if one.values is None or one.interval is None:
-            rows.append([one.name, one.holder, "none", "", "", "", "", ""])
+            rows.append([one.name, one.holder, "none", None, None, None, None, None])
             continue
-        ends = one.interval
-        rows.append(
-            [
-                one.name,
-                one.holder,
-                f"{one.values[0]:.0f}",
-                _interval(ends[0], ".0f"),
-                f"{100 * one.values[1]:.2f}",
-                _interval(100.0 * ends[1], ".2f"),
-                f"{1e-6 * one.values[2]:.3g}",
-                _interval(1e-6 * ends[2], ".3g"),
-            ]
-        )
-    columns = ["<tool", "<holder", "Hz", "interval", "damping %", "interval", "N/\u00b5m", "interval"]
-    console.print(table("The most flexible mode of each tool: frequency, damping, dynamic stiffness", columns, rows))
+        cells: list[Cell] = []
+        for value, ends, scale in zip(one.values.tolist(), one.interval, (1.0, 100.0, 1e-6), strict=True):
+            cells += [scale * value, _interval(scale * ends)]
+        rows.append([one.name, one.holder, *cells])
+    columns: list[Column | str] = ["tool", "holder"]
+    for name, unit, form in (
+        ("frequency", "Hz", ".0f"),
+        ("damping", "%", ".2f"),
+        ("dynamic stiffness", "N/\u00b5m", ".3g"),
+    ):
+        columns += [Column(name, unit, form), Column("interval", form=form)]
+    print_table(console, Table("The most flexible mode of each tool", columns, rows))
     if len(found) > _SHOWN:
         console.print(f"and {len(found) - _SHOWN} more", soft_wrap=True)
     for note in dict.fromkeys(note for one in found[:_SHOWN] for note in one.notes):

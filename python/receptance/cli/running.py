@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Lock, Thread
@@ -20,9 +20,12 @@ from rich.segment import Segment
 
 from receptance._files import check_target, write_whole
 from receptance._text import printable
+from receptance.report.terminal import LEAST_WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from receptance.report import Result, Table
 
 __all__ = [
     "InputError",
@@ -37,8 +40,6 @@ __all__ = [
 ]
 
 _PIPE_WIDTH = 132
-_LEAST_WIDTH = 40
-"""Columns that every table fits; a narrower terminal wraps the lines itself."""
 _QUIET = 10.0
 """Seconds without a line after which progress is printed in a pipe."""
 _SOON = 0.05
@@ -170,6 +171,23 @@ class Targets:
         if self.json_to_output:
             output().out(document, end="", highlight=False)
 
+    def show(
+        self,
+        result: Result,
+        measured: Sequence[Table] = (),
+        *,
+        profiles: Callable[[], Figure] | None = None,
+        report: Callable[[], str] | None = None,
+        extended: str | None = None,
+    ) -> None:
+        """Write the files that were asked for, print the result with the tables of its data, and name the files."""
+        from receptance.report.terminal import print_result
+
+        self.write(result.to_dict(), result.plot, profiles, report, extended)
+        console = self.console()
+        print_result(console, result, measured)
+        self.name(console)
+
     def console(self) -> Console:
         """Return where the text for people goes: standard output, unless the JSON goes there."""
         return output(stderr=self.json_to_output)
@@ -245,8 +263,8 @@ def output(*, stderr: bool = False) -> Console:
         asked = os.environ.get("COLUMNS", "")
         width = int(asked) if asked.isdecimal() and int(asked) > 0 else _PIPE_WIDTH
         console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr, width=width, no_color=True)
-    if console.width < _LEAST_WIDTH:
-        console.width = _LEAST_WIDTH
+    # A narrower terminal wraps the lines itself.
+    console.width = max(console.width, LEAST_WIDTH)
     return console
 
 

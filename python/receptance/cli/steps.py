@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, with_progress
+from receptance.cli.running import Json, Plot, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 __all__ = ["invert", "next_step"]
@@ -31,20 +31,12 @@ def invert(
     """Solve for the stiffness of a joint on each line by itself: where do the data speak at all."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.step_tables import print_inversion
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.invert(joint, limit=limit / 100.0, progress=say))
-    if plot is not None and len(found.joints) > 1:
-        named = sorted({one.joint for one in found.joints.values()})
-        hint = f"choose one with --joint: {', '.join(named)}" if len(named) > 1 else "it changes between assemblies"
-        raise InputError(f"--plot draws one joint, and here are {', '.join(found.joints)}; {hint}")
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_inversion(console, found)
-    targets.name(console)
+    targets.show(found)
 
 
 def next_step(
@@ -63,13 +55,9 @@ def next_step(
     """Rank the candidates of a campaign by what they are expected to bring, before any is measured."""
     targets = Targets(json_file, plot)
     from receptance.campaign import CampaignError
-    from receptance.cli.step_tables import print_next
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         read = load_campaign(campaign, targets)
         found = with_progress(lambda say: read.next_measurement(targets=target or (), progress=say))
-    targets.write(found.as_dict(), found.plot)
-    console = targets.console()
-    print_next(console, found)
-    targets.name(console)
+    targets.show(found)

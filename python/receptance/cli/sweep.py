@@ -12,10 +12,11 @@ import numpy as np
 import typer
 from rich.text import Text
 
-from receptance.cli._tables import print_sentences, table
 from receptance.cli.campaigns import File, load_campaign
 from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.report import Column, Table
+from receptance.report.terminal import print_sentences, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -113,9 +114,9 @@ def sweep(
     console.print(Text(f"{read.title}: {found.sizes['candidate']:,} candidates of {', '.join(names)}"), soft_wrap=True)
     if valid < found.sizes["candidate"]:
         console.print(Text(f"note: {found.sizes['candidate'] - valid:,} of them are no model"), soft_wrap=True)
-    columns = [[f"{value:.6g}" for value in chosen["misfit"].values]]
-    columns += [[f"{value:.5g}" for value in chosen[name].values] for name in names]
-    console.print(table("The best, values in SI units", ("misfit", *names), list(zip(*columns, strict=True))))
+    columns = [Column("misfit", form=".6g"), *(Column(name, form=".5g") for name in names)]
+    rows = list(zip(*(chosen[name].values.tolist() for name in ("misfit", *names)), strict=True))
+    print_table(console, Table("The best, values in SI units", columns, rows))
     print_sentences(console, _sentences(read, compared, names, document, given))
     if store is not None:
         console.print(f"Store: {store}", soft_wrap=True)

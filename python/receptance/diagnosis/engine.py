@@ -20,9 +20,9 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.showing import implausible
 from receptance.diagnosis.thresholds import EXPLORING_LINES, LOOK_ALIKE, MARGIN, VETOED_SHOWN
 from receptance.diagnosis.verdict import Candidate, Verdict
+from receptance.diagnosis.wording import implausible
 from receptance.identification.laws import Tolerance
 from receptance.identification.measured import UNUSED_COHERENCE
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
@@ -304,16 +304,9 @@ def _work(selection: Selection) -> dict[str, Any]:
 
 
 def _settings(selection: Selection, seed: int, most: int) -> dict[str, Any]:
-    import platform
-    from importlib.metadata import version
-
     return {
         "seed": seed,
         "most": most,
         **_work(selection),
         "causes": sorted({one.cause.id for one in selection.found} | set(selection.undecidable)),
-        "versions": {
-            **{name: version(name) for name in ("receptance", "numpy", "scipy")},
-            "python": platform.python_version(),
-        },
     }

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from receptance.diagnosis import wording
 from receptance.diagnosis.averaging import Ensemble, Target, extension
 from receptance.identification.observations import MeasuredFrequencies
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
@@ -22,8 +26,12 @@ if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.report.table import Cell
 
 __all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Verdict"]
+
+_SHOWN = 6
+"""Candidates and natural frequencies in the tables; `to_dict` has all of them."""
 
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "unexplained"]
 
@@ -155,7 +163,7 @@ class NextMeasurement:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verdict:
+class Verdict(Result):
     """Whether the model is adequate, and the causes that explain the data if it is not.
 
     Attributes
@@ -200,6 +208,8 @@ class Verdict:
         Notes for the user.
     settings : dict
         Settings that reproduce the run.
+    provenance : Provenance
+        Campaign and versions of the software.
     """
 
     verdict: Answer
@@ -225,6 +235,9 @@ class Verdict:
     held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
     explanation: Explanation | None = field(default=None, repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Diagnosis"
 
     @property
     def gain(self) -> Gain | None:
@@ -343,19 +356,121 @@ class Verdict:
         own = found.residuals[index][: one.frequency_hz.size]
         return [float(x) for x in 100.0 * own * one.standard_deviation_hz / one.frequency_hz]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the verdict as plain values, for JSON."""
-        from receptance.diagnosis.showing import as_dict
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        """Labels of the observations that the verdict rests on."""
+        return tuple(one.label for one in self.selection.base.model.observations)
 
-        return as_dict(self)
+    def tables(self) -> list[Table]:
+        """Return candidates, the natural frequencies with the largest errors, and the improvement on held-out data."""
+        return [table for table in (self._candidate_table(), self._frequency_table(), self._gain_table()) if table.rows]
 
-    def summary(self) -> str:
-        """Return the verdict as a short text."""
-        from receptance.diagnosis.showing import as_text
+    def sentences(self) -> list[str]:
+        """Return the answer, the misfit, each reported cause, and the measurement that would help most."""
+        lines = [f"{'verdict' if self.final else 'verdict so far, not final'}: {self.verdict}", wording.sentence(self)]
+        after = self.adequacy_after
+        left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
+        if self.final or self.selection.base.converged:
+            lines.append(f"misfit: {self.adequacy.misfit:.2f} times what noise and floor explain{left}")
+        else:
+            lines.append("the base model is not fitted yet, so nothing is known of causes")
+        times = wording.wanting(self) if self.final else None
+        if self.verdict == "unexplained" and times is not None:
+            lines.append(f"the model would be adequate if all standard deviations were {times:.2g} times as large")
+        lines += wording.on_causes(self)
+        if self.ambiguous_between:
+            lines.append(f"cannot be told apart: {', '.join(self.ambiguous_between)}")
+        if self.bias is not None:
+            lines.append(f"held out: {self.bias}")
+        if self.next_measurement is not None:
+            lines.append(f"measure next: {self.next_measurement.action}; {self.next_measurement.reason}")
+        return lines
 
-        return as_text(self)
+    def data(self) -> dict[str, Any]:
+        """Return answer, causes, candidates, improvement and residuals by mode."""
+        from receptance.diagnosis.by_mode import residuals_by_mode
+
+        best = self.explanation
+        return {
+            "measurements": self.measurements,
+            "verdict": self.verdict,
+            "final": self.final,
+            "causes": [_as_dict(one) for one in self.causes],
+            "ambiguous_between": self.ambiguous_between,
+            "gain": self.gain,
+            "gains": self.gains,
+            "next_measurement": self.next_measurement,
+            "candidates": [_as_dict(one) for one in self.candidates],
+            "vetoed": [_as_dict(one) for one in self.vetoed],
+            "alternatives": [_as_dict(one) for one in self.alternatives],
+            "alternative": None if self.alternative is None else _as_dict(self.alternative),
+            "threshold": self.threshold,
+            "adequacy": self.adequacy,
+            "adequacy_after": self.adequacy_after,
+            "base": self.base.values,
+            "extended": None if self.extended is None else self.extended.values,
+            "residuals_by_mode": {
+                "before": residuals_by_mode(self.selection.base),
+                "after": None if best is None else residuals_by_mode(best.fit),
+            },
+            "held_out_by_mode": {"before": self.held_out_modes, "after": self.held_out_modes_after},
+            "bias": None if self.bias is None else {**asdict(self.bias), "text": str(self.bias)},
+            "frequency_errors_percent": self.frequency_errors(),
+            "undecidable": self.undecidable,
+            "settings": self.settings,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw measured and modelled data before and after, and the evidence of the candidates; see `Result.plot`."""
+        from receptance.plot.diagnosis import draw_diagnosis
+
+        return draw_diagnosis(self, ax)
+
+    def _candidate_table(self) -> Table:
+        gain = self.gain if any(one.held_out is not None for one in self.candidates) else None
+        rows: list[list[Cell]] = []
+        for one in self.candidates[:_SHOWN]:
+            held_out = None
+            if gain is not None:
+                held_out = (gain.held_out_before, gain.held_out_before if one.held_out is None else one.held_out)
+            doubts = (() if one.converged else ("not converged",)) + (() if one.plausible else ("not plausible",))
+            rows.append([one.id, one.evidence, one.misfit, held_out, ", ".join(doubts)])
+        columns = (
+            "candidate, alone",
+            Column("evidence", form="+.1f"),
+            Column("misfit left", form=".2f"),
+            Column("held out\nif believed", form=".3g"),
+            "but",
+        )
+        return Table("Candidates, each alone", columns, rows).without_empty()
+
+    def _frequency_table(self) -> Table:
+        errors = sorted(self.frequency_errors(), key=lambda row: -abs(row["before"]))[:_SHOWN]
+        after = None if self.extended is None else "after"
+        rows = [(r["label"], r["mode"], r["before"], r[after] if after else None) for r in errors]
+        columns = (
+            "measurement",
+            Column("mode", form="d"),
+            Column("before" if after else "fitted", "%", "+.2f"),
+            Column("after", "%", "+.2f"),
+        )
+        title = "Natural frequencies with the largest errors, calculated less measured"
+        return Table(title, columns, rows).without_empty()
+
+    def _gain_table(self) -> Table:
+        columns = ("metric", Column("before"), Column("after"), "improvement")
+        rows = [(one.metric, one.held_out_before, one.held_out_after, wording.improved(one)) for one in self.gains]
+        return Table("Held out", columns, rows)
 
     def __repr__(self) -> str:
         names = ", ".join(one.id for one in self.causes)
         open_ = "" if self.final else ", not final"
         return f"Verdict({self.verdict}{open_}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"
+
+
+def _as_dict(one: Candidate) -> dict[str, Any]:
+    names = ("value", "lower", "upper")
+    found = {name: dict(zip(names, numbers, strict=True)) for name, numbers in one.parameters.items()}
+    plain = asdict(replace(one, declared={}))
+    del plain["declared"]
+    return {**plain, "parameters": found}

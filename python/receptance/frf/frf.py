@@ -17,11 +17,12 @@ from receptance.frf.forms import Form, converted, unit_of
 from receptance.frf.places import picked
 from receptance.frf.record import Record, set_fields
 from receptance.frf.resampling import resampled
-from receptance.frf.showing import as_dataset, as_html
+from receptance.frf.showing import as_dataset, describing_table
 from receptance.frf.variance import half_width_of, pool_entries, variance_from_coherence
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
@@ -312,11 +313,11 @@ class FRF(Record):
         """
         return as_dataset(self)
 
-    def plot(self) -> Figure:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Return a figure of magnitude, phase and, where it is known, coherence; see `receptance.plot.frf.draw_frf`."""
         from receptance.plot.frf import draw_frf
 
-        return draw_frf(self)
+        return draw_frf(self, ax)
 
     def conjugated(self) -> FRF:
         """Return the complex conjugate, for files written for e^(-i w t), with a note."""
@@ -347,7 +348,9 @@ class FRF(Record):
         return self._replaced(changes, 4)
 
     def _repr_html_(self) -> str:
-        return as_html(self)
+        from receptance.report.html import table_html
+
+        return table_html(describing_table(self))
 
     def __repr__(self) -> str:
         units = sorted({unit for row in self.units for unit in row})

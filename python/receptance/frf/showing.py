@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.frf.places import describe
+from receptance.report import Table
 
 if TYPE_CHECKING:
     import xarray
 
     from receptance.frf.frf import FRF
 
-__all__ = ["as_dataset", "as_html"]
+__all__ = ["as_dataset", "describing_table"]
 
 _DIMENSIONS = ("frequency_hz", "response", "excitation")
 
 
-def as_html(frf: FRF) -> str:
-    """Return a small table: what it is, where, how good, and what is to be known."""
+def describing_table(frf: FRF) -> Table:
+    """Return lines, form, places, averages, quality and notes of an FRF."""
     rows = [
         ("lines", f"{frf.frequency_hz.size}, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz{_spacing(frf)}"),
         ("form", f"{frf.form} in {', '.join(sorted({unit for row in frf.units for unit in row}))}"),
@@ -45,8 +45,7 @@ def as_html(frf: FRF) -> str:
     if frf.source:
         rows.append(("source", frf.source))
     rows += [("note", note) for note in frf.notes]
-    cells = "".join(f"<tr><th style='text-align:left'>{k}</th><td>{escape(v)}</td></tr>" for k, v in rows)
-    return f"<table><caption>FRF {escape(frf.label)}</caption>{cells}</table>"
+    return Table(f"FRF {frf.label}".rstrip(), ("property", "value"), rows)
 
 
 def _spacing(frf: FRF) -> str:

@@ -8,14 +8,16 @@ from receptance.identification.expectations import Expectation, NextMeasurement,
 from receptance.identification.fit import identify
 from receptance.identification.floor import Floor
 from receptance.identification.held import Held, hold
-from receptance.identification.inverse_coupling import InverseCoupling
+from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings
 from receptance.identification.inversion import invert_coupling
 from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.prediction import PredictedReceptance, Scatter
 from receptance.identification.priors import Prior
+from receptance.identification.profiles import Profile, Profiles
 from receptance.identification.result import Identification, Start
+from receptance.identification.sampling import Samples
 from receptance.identification.transfer import transfer
 from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
 from receptance.identification.unknowns import Unknown
@@ -28,6 +30,7 @@ __all__ = [
     "Held",
     "Identification",
     "InverseCoupling",
+    "InverseCouplings",
     "Law",
     "MeasuredFRF",
     "MeasuredFrequencies",
@@ -36,8 +39,11 @@ __all__ = [
     "Power",
     "PredictedReceptance",
     "Prior",
+    "Profile",
+    "Profiles",
     "RankedCandidate",
     "ReceptanceTarget",
+    "Samples",
     "Scatter",
     "Split",
     "Start",

@@ -11,6 +11,7 @@ from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
 from receptance.identification.spread import covariance_of, variance_factor
 from receptance.identification.unknowns import Variables
+from receptance.report import Provenance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["conclude", "noise_factor"]
+__all__ = ["conclude", "contradicts"]
 
 _TIED = 0.99
 """Two parameters whose estimates correlate more than this are said to be tied."""
@@ -28,6 +29,8 @@ _SAME = 0.2
 """Ends that differ by less than this many standard errors are the same."""
 _RARE = 1e-3
 """Chance of residuals so small from which on standard deviations are said to be too large."""
+_CONTRADICTION = 0.01
+"""Chance of a chi-square so large from which on data, tolerances and model are said to contradict each other."""
 _UNEXPLAINED = 2.0
 """Residuals this many times their standard deviation, as rms, are said to be unexplained."""
 
@@ -94,6 +97,7 @@ def conclude(
         evaluations=sum(run.evaluations for run in runs),
         seed=seed,
         task=task,
+        provenance=Provenance(seed=seed),
     )
 
 
@@ -176,22 +180,11 @@ def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], n
     return advice
 
 
-def noise_factor(residuals: Sequence[NDArray[np.float64]], left: float) -> float:
-    """Return the size of residuals over stated standard deviations where these cannot explain it by chance, else 1.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray
-        In the standard deviations that were stated.
-    left : float
-        Number of independent numbers less the number of unknowns without a prior.
-    """
+def contradicts(chi_square: float, left: float) -> bool:
+    """Return whether chi-square is larger than chance makes it in one of a hundred cases."""
     from scipy.special import chdtrc  # the light part of scipy.stats
 
-    chi_square = sum(float(np.sum(part**2)) for part in residuals)
-    if left <= 0.0 or chi_square <= left * _UNEXPLAINED**2 or chdtrc(left, chi_square) > _RARE:
-        return 1.0
-    return float(np.sqrt(chi_square / left))
+    return left > 0.0 and bool(chdtrc(left, chi_square) < _CONTRADICTION)
 
 
 def _on_misfit(
@@ -204,8 +197,9 @@ def _on_misfit(
     rms = float(np.sqrt(chi_square / independent))
     if noise_factor > 1.0:
         return [
-            f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
-            f"standard deviations are too small; the fit and its intervals take them {noise_factor:.3g} times as large"
+            "the model does not explain the data within standard deviations and tolerances: it lacks something or "
+            f"these are too small; the fit and its intervals take the standard deviations {noise_factor:.3g} times as "
+            "large"
         ]
     if rms > _UNEXPLAINED:
         return [

@@ -1,16 +1,20 @@
-"""What further measurements are expected to bring, as a result to read."""
+"""Further measurements, ranked by the intervals that are expected with them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.identification.candidates import Candidate
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from receptance.report.table import Cell, Interval
 
 __all__ = ["Expectation", "NextMeasurement", "RankedCandidate"]
 
@@ -98,7 +102,7 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NextMeasurement:
+class NextMeasurement(Result):
     """Candidates, the best first.
 
     Attributes
@@ -115,7 +119,9 @@ class NextMeasurement:
     profiled : tuple of str
         Parameters so little known that these points are spread along their profiles.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
+    provenance : Provenance
+        Campaign, seed and versions of the software.
     """
 
     ranking: tuple[RankedCandidate, ...]
@@ -124,20 +130,62 @@ class NextMeasurement:
     points: tuple[dict[str, float], ...]
     profiled: tuple[str, ...]
     notes: tuple[str, ...]
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Next measurement"
 
     @property
     def best(self) -> RankedCandidate:
         """The first of the ranking."""
         return self.ranking[0]
 
-    def plot(self) -> Figure:
-        """Draw the interval of each target now and with each candidate."""
-        from receptance.plot.next_measurement import draw_next_measurement
+    def tables(self) -> list[Table]:
+        """Return the ranking, and for each target the interval now and with each candidate."""
+        priced = len({one.candidate.cost for one in self.ranking}) > 1
+        ranking = Table(
+            "Candidates, the best first",
+            (
+                Column("", form="d"),
+                "candidate",
+                "assembly",
+                Column("deviations expected", "% of now", ".3g"),
+                Column("cost", form="g"),
+            ),
+            [
+                (
+                    place,
+                    one.label,
+                    one.candidate.configuration,
+                    100.0 * one.shrink,
+                    one.candidate.cost if priced else None,
+                )
+                for place, one in enumerate(self.ranking, start=1)
+            ],
+        ).without_empty()
+        rows: list[list[Cell]] = []
+        for name in self.targets:
+            first = self.ranking[0].expected[name]
+            rows.append([name, "now", _ends(first, first.now), None, None])
+            for one in self.ranking:
+                e = one.expected[name]
+                half = e.percent if e.value != 0.0 else 100.0 * e.deviation
+                share = 100.0 * e.stays_open if e.stays_open else None
+                rows.append([None, f"with {one.label}", _ends(e, (e.lower, e.upper)), half, share])
+        columns = (
+            "target",
+            "measured",
+            Column(f"{100.0 * self.level:g} % interval, SI units", form=".5g"),
+            Column("half of it", "%", ".2g"),
+            Column("chance that it\nstays open", "%", ".0f"),
+        )
+        return [ranking, Table("Intervals now and as expected, about the value of now", columns, rows).without_empty()]
 
-        return draw_next_measurement(self)
+    def sentences(self) -> list[str]:
+        """Return the best candidate."""
+        return [f"best: {self.best.label}; deviations to {100.0 * self.best.shrink:.3g} % of now."]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as plain values; infinite ends of intervals are as they are."""
+    def data(self) -> dict[str, Any]:
+        """Return the ranking with the intervals that are expected."""
         return {
             "targets": self.targets,
             "level": self.level,
@@ -165,29 +213,20 @@ class NextMeasurement:
                 }
                 for one in self.ranking
             ],
-            "notes": self.notes,
         }
 
-    def summary(self) -> str:
-        """Return the ranking as text."""
-        lines = []
-        for place, one in enumerate(self.ranking, start=1):
-            cost = f", cost {one.candidate.cost:g}" if one.candidate.cost != 1.0 else ""
-            lines.append(f"{place}. {one.label}: deviations to {100.0 * one.shrink:.3g} % of now{cost}")
-            lines += [f"   {name}: {_said(e)}" for name, e in one.expected.items()]
-        return "\n".join([*lines, *(f"note: {text}" for text in self.notes)])
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the interval of each target now and with each candidate; see `Result.plot`."""
+        from receptance.plot.next_measurement import draw_next_measurement
+
+        return draw_next_measurement(self, ax)
 
     def __repr__(self) -> str:
         order = " > ".join(f"{one.label} ({100.0 * one.shrink:.3g} %)" for one in self.ranking)
         return f"NextMeasurement({order})"
 
 
-def _said(e: Expectation) -> str:
-    """Return in words what is expected of a target."""
-    if e.value == 0.0:
-        return f"{100.0 * e.deviation_now:.3g} % now, {100.0 * e.deviation:.3g} % expected"
-    ends = [f"{end:.4g}" if np.isfinite(end) and end != 0.0 else "open" for end in e.now]
-    text = f"{ends[0]} to {ends[1]} now, {e.lower:.4g} to {e.upper:.4g} expected"
-    if e.stays_open > 0.0:
-        text += f"; {100.0 * e.stays_open:.0f} % of what is likely would leave it open"
-    return text
+def _ends(e: Expectation, ends: tuple[float, float]) -> Interval:
+    """Return an interval whose open sides are None."""
+    low, high = ends
+    return (None if np.isinf(low) or (e.scale == "log" and low == 0.0) else low), (None if np.isinf(high) else high)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -11,7 +12,7 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.bands import check_bands
-from receptance.identification.conclusion import conclude, noise_factor
+from receptance.identification.conclusion import conclude, contradicts
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
@@ -33,8 +34,10 @@ _SMOOTHING_PERCENT = 0.1
 """Percentages well above this count by their absolute value, those below by their square."""
 _REWEIGHTINGS = 10
 """Most fits with another size of the noise."""
-_SETTLED = 0.03
-"""Relative change of the size of the noise at which it is found."""
+_SETTLED = 0.05
+"""Chi-square this near its expectation, as a share, ends them."""
+_LEAST_SLOPE = -0.3
+"""Flattest slope of log chi-square over the log of the factor that a step is taken from."""
 
 
 def identify(
@@ -91,9 +94,10 @@ def identify(
     threads : int, optional
         As in `Assembly.receptance`.
     tolerances : sequence of Tolerance, optional
-        Errors of dimensions and materials, fitted as well, each with its prior. Where the residuals are then more than
-        twice what the standard deviations explain, the model or these are wrong; the standard deviations are multiplied
-        by one factor, estimated from the residuals, so that such data do not overrule the tolerances.
+        Errors of dimensions and materials, fitted as well, each with its prior. Where chi-square, priors included, is
+        then larger than chance makes it in one of a hundred cases, the model or the standard deviations are wrong;
+        these are multiplied by one factor that brings it to its expectation, so that such data do not overrule the
+        tolerances.
     strategy : {"direct", "staged"}, optional
         "direct": every start goes straight into the problem.
 
@@ -186,14 +190,31 @@ def identify(
 
     x = variables.draw(starts, seed)
     found = fitted(task, x)
+    if not parameters.errors:
+        return found
+    # Errors that are fitted take up what they can, so chi-square with their priors has as many degrees of freedom as
+    # there are numbers less unknowns without a prior. Data that contradict the model must not overrule tolerances:
+    # one factor of their standard deviations brings chi-square to its expectation (Paule and Mandel 1982).
     left = sum(task.independent_numbers()) - free
-    # Data that contradict the model do not overrule tolerances: their noise is then as large as the residuals.
-    for _ in range(_REWEIGHTINGS if parameters.errors else 0):
-        factor = noise_factor(found.residuals, left)
-        if abs(factor / found.noise_factor - 1.0) < _SETTLED:
+    if not contradicts(_chi_square(found), left):
+        return found
+    factor, slope = 1.0, -2.0
+    for _ in range(_REWEIGHTINGS):
+        ratio = _chi_square(found) / left
+        if abs(ratio - 1.0) < _SETTLED:
             break
+        last = (factor, ratio)
+        factor = max(factor * ratio ** (-1.0 / slope), 1.0)
         found = fitted(task.noisier(factor), x)
+        if factor != last[0]:
+            slope = math.log(max(_chi_square(found) / left, 1e-9) / last[1]) / math.log(factor / last[0])
+            slope = min(max(slope, -2.0), _LEAST_SLOPE)
     return found
+
+
+def _chi_square(found: Identification) -> float:
+    """Return the sum of squares of residuals and priors where the fit ended."""
+    return 2.0 * min(run.cost for run in found.starts)
 
 
 def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:

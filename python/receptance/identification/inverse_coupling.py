@@ -10,19 +10,22 @@ import numpy as np
 from receptance import _checks
 from receptance.identification.line_solutions import TERMS, names_of
 from receptance.identification.unknowns import Unknown
+from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.table import Cell
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-__all__ = ["InverseCoupling"]
+__all__ = ["InverseCoupling", "InverseCouplings"]
 
 _FAINT_LOSS = 1e-3
 """Loss factor at which a dashpot starts that the lines do not show to be above zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class InverseCoupling:
+class InverseCoupling(Result):
     """The complex stiffness of a joint on each line, and how far each line can be believed.
 
     Attributes
@@ -59,7 +62,11 @@ class InverseCoupling:
     typical : dict of str to (float, float)
         Stiffness and dashpot of each term that suit all lines together.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
+    name : str
+        Name in tables: the joint, and the assembly where the joint changes between assemblies.
+    provenance : Provenance
+        Campaign and versions of the software.
     """
 
     frequency_hz: NDArray[Any]
@@ -76,6 +83,10 @@ class InverseCoupling:
     typical: dict[str, tuple[float, float]]
     rms: float
     notes: tuple[str, ...] = field(default=())
+    name: str = ""
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Joints line by line"
 
     def term(self, name: str) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
         """Return values, standard deviations and mask of one term, `(n,)` each.
@@ -149,14 +160,39 @@ class InverseCoupling:
         k = self.stiffness
         return float(np.median(np.sqrt(np.abs(k[:, 0, 0] * k[:, 1, 1]))))
 
-    def plot(self) -> Figure:
-        """Draw real and imaginary part of each term, where the data speak, and the condition number."""
-        from receptance.plot.inverse_coupling import draw_inverse_coupling
+    def tables(self) -> list[Table]:
+        """Return for each term its usable lines, and the stiffness and dashpot that suit all lines."""
+        columns = (
+            "term",
+            "usable lines",
+            Column("from, to", "Hz", "g"),
+            Column("condition\nnumber", form=".2g"),
+            Column("k", form=".4g"),
+            Column("c", form=".3g"),
+            Column("rms left", form=".3g"),
+        )
+        lines = np.asarray(self.frequency_hz).real
+        rows: list[list[Cell]] = []
+        for term in self.terms:
+            usable = self.term(term)[2]
+            chosen = lines[usable]
+            k, c = self.typical.get(term, (np.nan, np.nan))
+            rows.append(
+                [
+                    (self.name or self.joint).replace(self.joint, f"{self.joint}.{term}", 1),
+                    f"{chosen.size} of {lines.size}",
+                    (float(chosen[0]), float(chosen[-1])) if chosen.size else "none",
+                    float(np.median(self.condition[usable])) if chosen.size else None,
+                    k if np.isfinite(k) else "unknown",
+                    c if np.isfinite(c) else "unknown",
+                    self.rms if np.isfinite(self.rms) else None,
+                ]
+            )
+        title = f"Standard deviation below {100.0 * self.limit:g} %; k and c that suit all lines, SI units"
+        return [Table(title, columns, rows)]
 
-        return draw_inverse_coupling(self)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
+    def data(self) -> dict[str, Any]:
+        """Return each term on each line with its deviations, and the start for a fit."""
         terms = {}
         for name in self.terms:
             value, deviation, usable = self.term(name)
@@ -177,9 +213,25 @@ class InverseCoupling:
             "limit": self.limit,
             "start": self.start(),
             "rms": self.rms,
-            "notes": self.notes,
         }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw real and imaginary part of each term, and the condition number; see `Result.plot`."""
+        return InverseCouplings({self.name or self.joint: self}).plot(ax)
 
     def __repr__(self) -> str:
         spoken = ", ".join(f"{name} on {int(self.term(name)[2].sum())}" for name in self.terms)
         return f"InverseCoupling({self.joint!r}, {len(self.frequency_hz)} lines; the data speak of {spoken})"
+
+
+class InverseCouplings(Results[InverseCoupling]):
+    """Joints line by line, by name of the joint."""
+
+    heading = "Joints line by line"
+    key = "joints"
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw real and imaginary part of each term of each joint, and condition numbers; see `Result.plot`."""
+        from receptance.plot.inverse_coupling import draw_inverse_coupling
+
+        return draw_inverse_coupling(self, ax)

@@ -278,6 +278,11 @@ class MeasuredFRF:
         fields = observe(frf, response, excitation, low_hz, high_hz, floor, label)
         return cls(assembly=assembly, **fields, configuration=configuration, conditions=conditions, force=force)
 
+    def describe(self) -> str:
+        """Return kind and number of the data in words."""
+        low, high = self.frequency_hz[[0, -1]].real
+        return f"FRF, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
+
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real
         return f"MeasuredFRF({self.label!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
@@ -392,6 +397,12 @@ class MeasuredFrequencies:
         """Which of the modes have a damping ratio, by their place in the list."""
         none = self.damping_ratio is None
         return np.empty(0, dtype=np.intp) if none else np.flatnonzero(~np.isnan(np.asarray(self.damping_ratio)))
+
+    def describe(self) -> str:
+        """Return kind and number of the data in words."""
+        one = len(self.modes) == 1
+        modes = ", ".join(map(str, self.modes))
+        return f"natural frequenc{'y' if one else 'ies'} of mode{'' if one else 's'} {modes}"
 
     def __repr__(self) -> str:
         found = ", ".join(f"mode {n}: {f:g} Hz" for n, f in zip(self.modes, self.frequency_hz, strict=True))

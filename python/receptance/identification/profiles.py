@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,14 +18,17 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.minimise import Found, minimise
 from receptance.identification.spread import quantile
 from receptance.identification.statements import Tie, state
+from receptance.report import Column, Provenance, Result, Results, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.identification.problem import Problem
     from receptance.identification.result import Identification
 
-__all__ = ["Profile", "profile_likelihoods"]
+__all__ = ["Profile", "Profiles", "profile_likelihoods"]
 
 _CLOSE = 0.01
 """Share of the quantile to which the end of an interval is found."""
@@ -41,8 +44,8 @@ _ACCURACY = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Profile:
-    """What the data say about one parameter.
+class Profile(Result):
+    """Profile likelihood of one parameter, and its interval.
 
     Attributes
     ----------
@@ -68,6 +71,10 @@ class Profile:
         What that means, in words.
     evaluations : int
         Evaluations of the model.
+    notes : tuple of str
+        Notes for the user.
+    provenance : Provenance
+        Versions of the software.
     """
 
     name: str
@@ -83,6 +90,10 @@ class Profile:
     threshold: float
     statement: str
     evaluations: int
+    notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Profile likelihood"
 
     @property
     def bounded(self) -> bool:
@@ -107,8 +118,42 @@ class Profile:
             return float(ndtr(z[0] + (scale(value) - x[0]) * (z[1] - z[0]) / (x[1] - x[0])))
         return float(ndtr(np.interp(scale(value), scale(self.values), root)))
 
+    def tables(self) -> list[Table]:
+        """Return the interval and its meaning."""
+        columns = ("parameter", Column("value"), Column(f"{100.0 * self.level:g} % interval"), "meaning")
+        ends = (None if self.lower_open else self.lower, None if self.upper_open else self.upper)
+        return [Table("Profile likelihoods, SI units", columns, [(self.name, self.value, ends, self.statement)])]
+
+    def data(self) -> dict[str, Any]:
+        """Return interval, meaning and points."""
+        return {
+            "statement": self.statement,
+            "level": self.level,
+            "interval": (self.lower, self.upper),
+            "open": (self.lower_open, self.upper_open),
+            "values": self.values,
+            "rise": self.rise,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the rise of -2 log L over the parameter, and the threshold of the interval; see `Result.plot`."""
+        return Profiles({self.name: self}).plot(ax)
+
     def __repr__(self) -> str:
         return f"Profile({self.name}: {self.statement})"
+
+
+class Profiles(Results[Profile]):
+    """Profile likelihoods by name of the parameter."""
+
+    heading = "Profile likelihoods"
+    key = "profiles"
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the rise of -2 log L over each parameter, and the threshold of its interval; see `Result.plot`."""
+        from receptance.plot.profiles import draw_profiles
+
+        return draw_profiles(self, ax)
 
 
 def profile_likelihoods(
@@ -117,7 +162,7 @@ def profile_likelihoods(
     *,
     level: float = 0.95,
     progress: Callable[[str], None] | None = None,
-) -> dict[str, Profile]:
+) -> Profiles:
     """Profile parameters of a fit; see `Identification.profiles`."""
     wanted = (names,) if isinstance(names, str) else names
     chosen = [n for n in found.addresses if n not in found.errors] if wanted is None else list(wanted)
@@ -130,7 +175,7 @@ def profile_likelihoods(
     for _ in range(_RESTARTS):
         run = _Run(found, level, start)
         try:
-            return {name: _told(run, name, progress) for name in chosen}
+            return Profiles({name: _told(run, name, progress) for name in chosen}, provenance=found.provenance)
         except BetterOptimumError as error:
             start = error.better.x
             text = "a better optimum than that of the fit was found while profiling: identify with more starts"

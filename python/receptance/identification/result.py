@@ -4,28 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.identification import showing
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.places import Place
 from receptance.identification.prediction import Forecast, PredictedReceptance, Scatter
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
+from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.table import Cell, number
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.assembly import Assembly
     from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
-    from receptance.identification.profiles import Profile
+    from receptance.identification.profiles import Profiles
     from receptance.identification.sampling import Samples
     from receptance.identification.task import Task
 
 __all__ = ["Identification", "Start"]
+
+_CORRELATED = 0.9
+"""Correlations beyond this are named in the summary."""
+_NO_RESIDUAL = 1e-3
+"""Root mean squares below this are printed as that: they are rounding errors."""
+_NOT_DETERMINED = 1e3
+"""A standard error of more times the value is printed as "not determined"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +68,7 @@ class Start:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identification:
+class Identification(Result):
     """Identified parameters, their uncertainty, and what is left unexplained.
 
     Attributes
@@ -86,8 +96,8 @@ class Identification:
     known_scatter : bool
         Whether standard deviations were given. If not, the scatter is estimated from the residuals.
     noise_factor : float
-        By how much the fit takes the stated standard deviations larger: above 1 where tolerances are fitted and the
-        residuals are more than twice what the standard deviations explain. `residuals` and `rms` count the stated ones.
+        How many times as large as stated the fit takes the standard deviations: above 1 where tolerances are fitted and
+        the model does not explain the data within both, see `identify`. `residuals` and `rms` count the stated ones.
     converged : bool
         Whether the best start converged.
     advice : list of str
@@ -106,6 +116,14 @@ class Identification:
         Seed of the starts that were drawn.
     task : Task
         What was fitted to what, for what is asked of the fit afterwards.
+    profiled : Profiles or None
+        Profile likelihoods, where they were computed together with the fit.
+    series : Results or None
+        Parameters over the levels of a series by name, where the campaign has one.
+    groups : dict of str to str
+        Group of a measurement by label; the measurements of a group share a row in the table of residuals.
+    provenance : Provenance
+        Campaign, seed and versions of the software.
 
     What is found by address here is found by name where an unknown has one: exponents of laws, parts of single
     configurations, and errors of tolerances, which are counted in their standard deviations.
@@ -145,6 +163,12 @@ class Identification:
     evaluations: int
     seed: int
     task: Task = field(repr=False)
+    profiled: Profiles | None = None
+    series: Results[Any] | None = None
+    groups: Mapping[str, str] = field(default_factory=dict, repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Identified parameters"
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -221,12 +245,12 @@ class Identification:
         >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
         >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
         >>> modes = MeasuredFrequencies(
-        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:2], standard_deviation_hz=1.0
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:1], standard_deviation_hz=1.0
         ... )
         >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), tolerances=length)
-        >>> bool(found.scatter().shares["length"][0] > 0.9)
-        True
+        >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
+        '79% of the variance goes with the length'
         """
         places = [(name, self._index(name)) for name in self.errors]
         return Scatter.of(np.eye(len(self.unknowns)), self.covariance, places)
@@ -237,7 +261,7 @@ class Identification:
         *,
         level: float = 0.95,
         progress: Callable[[str], None] | None = None,
-    ) -> dict[str, Profile]:
+    ) -> Profiles:
         """Profile likelihoods: intervals that know bounds and open sides, and what they mean in words.
 
         Each parameter is held at other values and everything else fitted again, tolerances included.
@@ -249,12 +273,12 @@ class Identification:
         level : float, optional
             Level of the intervals.
         progress : callable, optional
-            Is told what is being done.
+            Called with a progress message.
 
         Returns
         -------
-        dict of str to Profile
-            By name.
+        Profiles
+            Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
 
         Raises
         ------
@@ -271,7 +295,7 @@ class Identification:
         ... )
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
         >>> found.profiles()
-        {'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)}
+        Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
         """
         from receptance.identification.profiles import profile_likelihoods
 
@@ -414,15 +438,162 @@ class Identification:
         forecast = self._forecast(assembly, configuration, conditions, tolerances)
         return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed, threads=threads)
 
-    def summary(self) -> str:
-        """Return the result as text: values with intervals, fit, starts, advice and notes."""
-        return showing.text(self)
+    def determined(self, address: str) -> bool:
+        """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
+        unknown = self.unknowns[self._index(address)]
+        low, high = self.interval(address)
+        return low > unknown.lower or high < unknown.upper
+
+    def tables(self) -> list[Table]:
+        """Return parameters, profile intervals, errors of tolerances and residuals."""
+        tables = [self._parameter_table(), self._error_table(), *self._residual_tables()]
+        if self.profiled is not None:
+            tables[1:1] = self.profiled.tables()
+        if self.series is not None:
+            tables[1:1] = self.series.tables()
+        return [table for table in tables if table.rows]
+
+    def sentences(self) -> list[str]:
+        """Return how the fit ended, and which parameters are correlated."""
+        return [f"{self._headline()}.", *self._correlations(), *(self.series.sentences() if self.series else ())]
+
+    def warnings(self) -> list[str]:
+        """Return the advice."""
+        return self.advice
+
+    def data(self) -> dict[str, Any]:
+        """Return parameters, errors, correlations, residuals and starts."""
+        of_data, shares = self.data_errors, self.scatter().shares
+        return {
+            "converged": self.converged,
+            "parameters": {
+                name: {
+                    "value": value,
+                    "standard_error": self.standard_errors[name],
+                    "standard_error_of_data": of_data[name],
+                    "interval_95": self.interval(name),
+                    "shares_of_variance": {error: own[index] for error, own in shares.items()},
+                    "determined": self.determined(name),
+                }
+                for index, (name, value) in enumerate(self.values.items())
+                if name not in self.errors
+            },
+            "errors": {
+                name: {"value": self.values[name], "standard_error": self.standard_errors[name]} for name in self.errors
+            },
+            "profiles": {} if self.profiled is None else {name: one.data() for name, one in self.profiled.items()},
+            **({} if self.series is None else {"series": self.series.data()}),
+            "correlation": {"parameters": self.addresses, "matrix": self.correlation},
+            "covariance_of_fitted_variables": self.covariance,
+            "scales": {unknown.address: unknown.scale for unknown in self.unknowns},
+            "measurements": [
+                {
+                    "name": label,
+                    "assembly": observed.configuration,
+                    "unit": unit,
+                    "count": residual.size,
+                    "rms": _rms(residual),
+                    "residuals": residual,
+                }
+                for label, observed, unit, residual in zip(
+                    self.labels, self.task.observed, self.units, self.residuals, strict=True
+                )
+            ],
+            "rms": self.rms,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "known_scatter": self.known_scatter,
+            "starts": len(self.starts),
+            "starts_agreeing": self.agreeing,
+            "evaluations": self.evaluations,
+            "advice": self.advice,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw measurements, fitted model and intervals, of a series the parameters over levels; see `Result.plot`."""
+        if self.series:
+            return self.series.plot(ax)
+        from receptance.plot.campaign import draw_identification
+
+        return draw_identification(self, ax)
 
     def __repr__(self) -> str:
-        return showing.line(self)
+        errors = self.standard_errors
+        found = ", ".join(f"{name}={value:.4g} +- {errors[name]:.1g}" for name, value in self.values.items())
+        return f"Identification({found}; {self._headline()})"
 
-    def _repr_html_(self) -> str:
-        return showing.page(self)
+    def _parameter_table(self) -> Table:
+        errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]
+        names = ["standard error", "of it from\nthe data"][: len(errors)]
+        numbers = (Column("value", form=".5g"), *(Column(name, form=".2g") for name in names), Column("95 % interval"))
+        rows: list[list[Cell]] = []
+        for name, value in self.values.items():
+            if name in self.errors or self._at_a_level(name):
+                continue
+            unknown = self.unknowns[self._index(name)]
+            low, high = self.interval(name)
+            # An end beyond the bounds is open: the fit did not look there.
+            ends = (low if low > unknown.lower else None, high if high < unknown.upper else None)
+            shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
+            rows.append([name, value, *shown, ends if self.determined(name) else "not determined"])
+        return Table("Identified parameters, SI units", ("parameter", *numbers), rows)
+
+    def _error_table(self) -> Table:
+        columns = ("error", Column("value", form="+.2f"), Column("standard error", form=".2f"))
+        rows = [(name, self.values[name], self.standard_errors[name]) for name in self.errors]
+        return Table("Errors of dimensions and materials, in their standard deviations", columns, rows)
+
+    def _residual_tables(self) -> list[Table]:
+        common = len(set(self.units)) == 1
+        alone: list[list[Cell]] = []
+        groups: dict[tuple[str, str | None], list[tuple[float, str]]] = {}
+        for label, observed, of_one, residual in zip(
+            self.labels, self.task.observed, self.units, self.residuals, strict=True
+        ):
+            rms, unit = _rms(residual), None if common else of_one
+            if label in self.groups:
+                groups.setdefault((self.groups[label], unit), []).append((rms, label))
+                continue
+            shown = rms if rms >= _NO_RESIDUAL else f"below {_NO_RESIDUAL:g}"
+            alone.append([label, observed.describe(), residual.size, shown, unit])
+        together: list[list[Cell]] = []
+        for (group, unit), own in groups.items():
+            sizes = [rms for rms, _ in own]
+            together.append([group, len(own), min(sizes), float(np.median(sizes)), max(sizes), max(own)[1], unit])
+        title = f"Residuals, in {self.units[0]}" if common else "Residuals"
+        numbers = (Column("residuals", form="d"), Column("rms", form=".3g"))
+        spread = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
+        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *spread, "of", "unit")
+        return [
+            Table(title, ("measurement", "data", *numbers, "unit"), alone).without_empty(),
+            Table(f"{title}, by group", by_group, together).without_empty(),
+        ]
+
+    def _correlations(self) -> list[str]:
+        """Name strong correlations; those of two parameters at several levels together."""
+        pairs: dict[str, list[float]] = {}
+        for i, second in enumerate(self.addresses):
+            for j, first in enumerate(self.addresses[:i]):
+                if abs(self.correlation[i, j]) > _CORRELATED:
+                    if self._at_a_level(second):
+                        first, second = (name.split(" @ ")[0] for name in (first, second))
+                    pairs.setdefault(f"{first} and {second}", []).append(float(self.correlation[i, j]))
+        texts = [
+            f"{names}: {own[0]:+.3f}"
+            if len(own) == 1
+            else f"{names} at {len(own)} levels: {min(own):+.3f} to {max(own):+.3f}"
+            for names, own in pairs.items()
+        ]
+        return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}."] if texts else []
+
+    def _at_a_level(self, name: str) -> bool:
+        """Return whether a parameter is one of a series, which has tables of its own."""
+        return self.series is not None and name.split(" @ ")[0] in self.series
+
+    def _headline(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        count = len(self.starts)
+        starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
+        return f"{state}, {starts}, {self.evaluations} evaluations, rms {number(self.rms, '.3g')}"
 
     def _forecast(
         self,
@@ -440,3 +611,7 @@ class Identification:
         if address not in self.values:
             raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
         return self.addresses.index(address)
+
+
+def _rms(residual: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(residual**2)))

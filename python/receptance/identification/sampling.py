@@ -7,14 +7,17 @@ variables are scaled or correlated. It works on the fitted variables: flat withi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.errors import ReceptanceError
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.identification.problem import Problem
@@ -35,7 +38,7 @@ _RANGE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Samples:
+class Samples(Result):
     """Draws from the posterior of all fitted parameters.
 
     Attributes
@@ -57,7 +60,9 @@ class Samples:
     seed : int
         Of everything that was drawn.
     notes : tuple of str
-        What a person should know before using them; empty where there is nothing.
+        Notes for the user; empty where there are none.
+    provenance : Provenance
+        Seed and versions of the software.
     """
 
     names: tuple[str, ...]
@@ -71,6 +76,9 @@ class Samples:
     burnt: int
     seed: int
     notes: tuple[str, ...]
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Draws from the posterior"
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the draws of one parameter, `(n,)`.
@@ -91,11 +99,54 @@ class Samples:
         low, high = np.quantile(self.of(name), [0.5 - 0.5 * level, 0.5 + 0.5 * level])
         return float(low), float(high)
 
+    def tables(self) -> list[Table]:
+        """Return median, standard deviation and interval of each parameter."""
+        columns = (
+            "parameter",
+            Column("median", form=".5g"),
+            Column("standard deviation", form=".2g"),
+            Column("95 % interval", form=".5g"),
+            Column("autocorrelation", "steps", ".3g"),
+        )
+        rows = [
+            (name, float(np.median(own)), float(np.std(own)), self.interval(name), float(steps))
+            for name, own, steps in zip(self.names, self.values.T, self.autocorrelation, strict=True)
+        ]
+        return [Table("Parameters, SI units", columns, rows)]
+
+    def sentences(self) -> list[str]:
+        """Return number of draws and acceptance."""
+        return [f"{self._headline()}."]
+
+    def data(self) -> dict[str, Any]:
+        """Return quantiles of each parameter, and the settings of the sampler."""
+        quantiles = np.quantile(self.values, [0.025, 0.5, 0.975], axis=0).T
+        return {
+            "parameters": {
+                name: {"quantiles_025_500_975": own, "autocorrelation_steps": steps}
+                for name, own, steps in zip(self.names, quantiles, self.autocorrelation, strict=True)
+            },
+            "draws": len(self.values),
+            "effective": self.effective,
+            "acceptance": self.acceptance,
+            "walkers": self.walkers,
+            "steps": self.steps,
+            "burnt": self.burnt,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw a histogram of each parameter with its 95 % interval; see `Result.plot`."""
+        from receptance.plot.samples import draw_samples
+
+        return draw_samples(self, ax)
+
     def __repr__(self) -> str:
-        said = f"; {'; '.join(self.notes)}" if self.notes else ""
+        return f"Samples({'; '.join([self._headline(), *self.notes])})"
+
+    def _headline(self) -> str:
         return (
-            f"Samples({len(self.values)} draws of {len(self.names)} parameters, worth {self.effective:.0f} independent "
-            f"ones, {100 * self.acceptance:.0f} % accepted{said})"
+            f"{len(self.values)} draws of {len(self.names)} parameters, worth {self.effective:.0f} independent "
+            f"ones, {100 * self.acceptance:.0f} % accepted"
         )
 
 
@@ -212,4 +263,5 @@ def _told(found: Identification, sampler: Any, done: int, seed: int) -> Samples:
         burnt=burnt,
         seed=seed,
         notes=tuple(notes),
+        provenance=Provenance(seed=seed),
     )

@@ -1,4 +1,4 @@
-"""What a transfer found: predictions beside measurements, by split, as a table and as plain values."""
+"""The result of a transfer: predictions beside measurements, by split."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.identification.spread import SAYS_NOTHING, says_nothing
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.identification.prediction import PredictedReceptance
     from receptance.identification.result import Identification
+    from receptance.report.table import Cell
 
 __all__ = ["Split", "Transfer", "TransferredFRF", "TransferredMode"]
 
 _DECIBEL = 20.0 / np.log(10.0)
 _MISFIT = 1.5
 """Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
-_COLUMNS = ("held out", "mode", "measured Hz", "predicted Hz", "error %", "interval Hz", "inside")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +157,7 @@ class Split:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Transfer:
+class Transfer(Result):
     """Predictions of configurations that were not fitted, beside their measurements.
 
     Attributes
@@ -166,11 +168,19 @@ class Transfer:
         Level of the intervals.
     seed : int
         Of starts and draws.
+    campaign_notes : tuple of str
+        Notes of the campaign.
+    provenance : Provenance
+        Campaign and versions of the software.
     """
 
     splits: tuple[Split, ...]
     level: float
     seed: int
+    campaign_notes: tuple[str, ...] = field(default=(), repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Transfer"
 
     @property
     def modes(self) -> tuple[TransferredMode, ...]:
@@ -227,14 +237,14 @@ class Transfer:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know of the intervals."""
-        own = tuple(dict.fromkeys(note for split in self.splits for note in split.notes))
+        """Notes of the campaign, of the splits and on the intervals."""
+        own = tuple(dict.fromkeys([*self.campaign_notes, *(note for split in self.splits for note in split.notes)]))
         factors = [split.identified.noise_factor for split in self.splits if split.identified is not None]
         raised = [factor for factor in factors if factor > 1.0]
         if raised:
             own += (
-                f"in {len(raised)} of {len(self.splits)} splits the residuals contradict the standard deviations, "
-                f"which the fit then takes up to {max(raised):.2g} times as large",
+                f"in {len(raised)} of {len(self.splits)} splits the model does not explain the data within standard "
+                f"deviations and tolerances; the fit takes the former up to {max(raised):.2g} times as large",
             )
         if not self.narrow:
             return own
@@ -253,27 +263,21 @@ class Transfer:
         names = dict.fromkeys(name for fit in fits if fit for name in fit.values if name not in fit.errors)
         return {name: [None if fit is None else fit.values.get(name) for fit in fits] for name in names}
 
-    def summary(self) -> str:
-        """Return the result as text."""
-        rows = [_COLUMNS, *(_row(mode) for mode in self.modes)]
-        widths = [max(len(row[column]) for row in rows) for column in range(len(_COLUMNS))]
-        lines = [self._headline(), ""]
-        if self.modes:
-            lines += ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-        for frf in self.frfs:
-            lines.append(
-                f"{frf.label or frf.configuration}: log-spectral distance {frf.distance_decibel:.2f} dB, "
-                f"{100.0 * frf.share_inside:.0f} % of the lines in the {100.0 * self.level:g} % band"
-            )
-        for name, values in self.identified.items():
-            known = [value for value in values if value is not None]
-            lines.append(f"{name}: {min(known):.4g} to {max(known):.4g} over the splits")
-        lines += [f"not predicted: {reason}" for reason in self.not_predicted]
-        lines += [f"note: {text}" for text in self.notes]
-        return "\n".join(lines)
+    def tables(self) -> list[Table]:
+        """Return natural frequencies and receptances beside measured ones, and identified values over the splits."""
+        tables = [self._mode_table(), self._frf_table(), self._value_table()]
+        return [table for table in tables if table.rows]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
+    def sentences(self) -> list[str]:
+        """Return errors, the share of intervals that hold the measured values, and what could not be predicted."""
+        return [f"{self._headline()}.", *(f"not predicted: {reason}." for reason in self.not_predicted)]
+
+    def warnings(self) -> list[str]:
+        """Return the advice of the fits, with the number of splits."""
+        return [f"{text} (in {count} of {len(self.splits)} splits)" for text, count in self.advice.items()]
+
+    def data(self) -> dict[str, Any]:
+        """Return all predictions beside their measurements, by split."""
         return {
             "level": self.level,
             "seed": self.seed,
@@ -285,11 +289,49 @@ class Transfer:
             "splits": [_split_as_dict(split, self.level) for split in self.splits],
         }
 
-    def plot(self, title: str = "") -> Figure:
-        """Draw errors of the natural frequencies with their intervals, and receptances with their bands."""
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw errors of natural frequencies with their intervals, and receptances with bands; see `Result.plot`."""
         from receptance.plot.transfer import draw_transfer
 
-        return draw_transfer(self, title)
+        return draw_transfer(self, ax)
+
+    def _mode_table(self) -> Table:
+        columns = (
+            "held out",
+            Column("mode", form="d"),
+            Column("measured", "Hz", ".1f"),
+            Column("predicted", "Hz", ".1f"),
+            Column("error", "%", "+.2f"),
+            Column("interval", "Hz", ".1f"),
+            Column("inside"),
+        )
+        rows: list[list[Cell]] = [
+            [
+                mode.label or mode.configuration,
+                "-" if mode.mode is None else mode.mode,
+                mode.measured_hz,
+                "none" if mode.predicted_hz is None else mode.predicted_hz,
+                mode.error_percent,
+                SAYS_NOTHING if mode.says_nothing else mode.interval_hz,
+                mode.inside,
+            ]
+            for mode in self.modes
+        ]
+        return Table(f"Natural frequencies held out, {100.0 * self.level:g} % intervals", columns, rows)
+
+    def _frf_table(self) -> Table:
+        columns = ("held out", Column("log-spectral\ndistance", "dB", ".2f"), Column("lines in\nthe band", "%", ".0f"))
+        rows = [(frf.label or frf.configuration, frf.distance_decibel, 100.0 * frf.share_inside) for frf in self.frfs]
+        return Table("Frequency responses held out", columns, rows)
+
+    def _value_table(self) -> Table:
+        rows: list[list[Cell]] = []
+        for name, values in self.identified.items():
+            known = sorted(value for value in values if value is not None)
+            apart = 100.0 * (known[-1] / known[0] - 1.0) if known[0] > 0.0 else None
+            rows.append([name, len(known), known[0], known[-1], apart])
+        spread = (Column("least"), Column("most"), Column("apart", "%", ".2g"))
+        return Table("Identified over the splits, SI units", ("parameter", Column("splits", form="d"), *spread), rows)
 
     def __repr__(self) -> str:
         return f"Transfer({self._headline()})"
@@ -299,40 +341,27 @@ class Transfer:
         if self.rms_percent is not None:
             hits, count = self.inside
             parts.append(f"{len(self.modes)} modes predicted to {self.rms_percent:.3g} % rms")
+            parts.append(f"{self.bias_percent:+.2f} % on average")
             parts.append(f"{hits} of {count} in their {100.0 * self.level:g} % intervals")
+            if len(self.modes) > count:
+                parts.append(f"{len(self.modes) - count} without an interval or with one that is {SAYS_NOTHING}")
         if self.frfs:
             worst = max(frf.distance_decibel for frf in self.frfs)
             parts.append(f"{len(self.frfs)} FRFs at most {worst:.3g} dB off")
         return ", ".join(parts)
 
 
-def _row(mode: TransferredMode) -> tuple[str, ...]:
-    ends = mode.interval_hz
-    return (
-        mode.configuration,
-        "-" if mode.mode is None else str(mode.mode),
-        f"{mode.measured_hz:.1f}",
-        "none" if mode.predicted_hz is None else f"{mode.predicted_hz:.1f}",
-        "" if mode.error_percent is None else f"{mode.error_percent:+.2f}",
-        "" if ends is None else SAYS_NOTHING if mode.says_nothing else f"{ends[0]:.1f} to {ends[1]:.1f}",
-        {True: "yes", False: "no", None: ""}[mode.inside],
-    )
-
-
 def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
     fit = split.identified
     return {
-        "held_out": list(split.held_out),
-        "fitted": list(split.fitted),
+        "held_out": split.held_out,
+        "fitted": split.fitted,
         "identified": None
         if fit is None
-        else {
-            name: {"value": value, "interval": [_finite(end) for end in fit.interval(name, level)]}
-            for name, value in fit.values.items()
-        },
+        else {name: {"value": value, "interval": fit.interval(name, level)} for name, value in fit.values.items()},
         "converged": None if fit is None else fit.converged,
-        "rms": None if fit is None else _finite(fit.rms),
-        "advice": [] if fit is None else list(fit.advice),
+        "rms": None if fit is None else fit.rms,
+        "advice": [] if fit is None else fit.advice,
         "modes": [
             {
                 "configuration": mode.configuration,
@@ -340,16 +369,16 @@ def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
                 "mode": mode.mode,
                 "measured_hz": mode.measured_hz,
                 "predicted_hz": mode.predicted_hz,
-                "standard_error_hz": _finite(mode.deviation_hz),
-                "reading_deviation_hz": _finite(mode.reading_hz),
-                "interval_hz": None if mode.interval_hz is None else [_finite(end) for end in mode.interval_hz],
+                "standard_error_hz": mode.deviation_hz,
+                "reading_deviation_hz": mode.reading_hz,
+                "interval_hz": mode.interval_hz,
                 "error_percent": mode.error_percent,
                 "inside": mode.inside,
             }
             for mode in split.modes
         ],
         "frfs": [_frf_as_dict(frf) for frf in split.frfs],
-        "not_predicted": list(split.not_predicted),
+        "not_predicted": split.not_predicted,
     }
 
 
@@ -360,12 +389,8 @@ def _frf_as_dict(frf: TransferredFRF) -> dict[str, Any]:
         "label": frf.label,
         "log_spectral_distance_db": frf.distance_decibel,
         "share_inside": frf.share_inside,
-        "frequency_hz": frf.predicted.frequency_hz.real.tolist(),
-        "measured_magnitude": np.abs(frf.measured).tolist(),
-        "predicted_magnitude": np.abs(frf.predicted.receptance).tolist(),
-        "interval": [[_finite(end) for end in side.tolist()] for side in (low, high)],
+        "frequency_hz": frf.predicted.frequency_hz.real,
+        "measured_magnitude": np.abs(frf.measured),
+        "predicted_magnitude": np.abs(frf.predicted.receptance),
+        "interval": (low, high),
     }
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(value)

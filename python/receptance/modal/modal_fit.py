@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks
 from receptance.frf.forms import conversion
 from receptance.modal.estimate import ModeEstimate, quantile
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
@@ -21,7 +23,7 @@ __all__ = ["ModalFit"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ModalFit:
+class ModalFit(Result):
     """Modes common to all entries of an FRF, in ascending frequency.
 
     H(s) = sum over modes of A_r / (s - p_r) + A_r* / (s - p_r*), and background, s = i w on real lines; for a mode
@@ -66,7 +68,9 @@ class ModalFit:
         For each order of the polynomials, its candidates as complex frequencies in Hz, damped natural frequency plus
         i times decay rate over 2 pi, that of the window taken off.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
+    provenance : Provenance
+        Versions of the software.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -89,6 +93,9 @@ class ModalFit:
     converged: bool
     stabilisation: tuple[NDArray[np.complex128], ...]
     notes: tuple[str, ...]
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Modes"
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -150,33 +157,59 @@ class ModalFit:
         reach = quantile(level, self.degrees_of_freedom) * self.damping_standard_error
         return np.stack([self.damping_ratio - reach, self.damping_ratio + reach], axis=1)
 
-    def plot(self, response: int = 0, excitation: int = 0) -> Figure:
-        """Draw measured and synthesised values of one entry, what is left, and the poles."""
-        from receptance.plot.modal import draw_modal_fit
-
-        return draw_modal_fit(self, response=response, excitation=excitation)
-
-    def summary(self) -> str:
-        """Return a table of the modes and the notes as text."""
-        rows = [("frequency (Hz)", "standard error", "damping (%)", "standard error", "lines in half-power band")]
-        for f, of_f, z, of_z, n in zip(
+    def tables(self) -> list[Table]:
+        """Return the modes with standard errors."""
+        columns = (
+            Column("frequency", "Hz", ".4f"),
+            Column("standard error", "Hz", ".2g"),
+            Column("damping", "%", ".4f"),
+            Column("standard error", "%", ".2g"),
+            Column("lines in half-power band", form=".1f"),
+        )
+        cells = (
             self.frequency_hz,
             self.frequency_standard_error_hz,
-            self.damping_ratio,
-            self.damping_standard_error,
+            100.0 * self.damping_ratio,
+            100.0 * self.damping_standard_error,
             self.lines_in_band,
-            strict=True,
-        ):
-            rows.append((f"{f:.4f}", f"{of_f:.2g}", f"{100.0 * z:.4f}", f"{100.0 * of_z:.2g}", f"{n:.1f}"))
-        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-        table = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-        return "\n".join([*table, *(f"note: {text}" for text in self.notes)])
+        )
+        return [Table("Modes", columns, np.stack(cells, axis=1).tolist())]
+
+    def sentences(self) -> list[str]:
+        """Return number of modes and band."""
+        return [f"{self._headline()}{'' if self.converged else '; the fit has not converged'}."]
+
+    def data(self) -> dict[str, Any]:
+        """Return modes, modal constants and their standard errors."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "frequency_standard_error_hz": self.frequency_standard_error_hz,
+            "damping_ratio": self.damping_ratio,
+            "damping_standard_error": self.damping_standard_error,
+            "covariance": self.covariance,
+            "modal_constant": self.modal_constant,
+            "modal_constant_standard_error": self.modal_constant_standard_error,
+            "lines_in_band": self.lines_in_band,
+            "scatter": self.scatter,
+            "known_scatter": self.known_scatter,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "converged": self.converged,
+        }
+
+    def plot(self, ax: Axes | None = None, *, response: int = 0, excitation: int = 0) -> Figure:
+        """Draw measured and synthesised values of one entry, residuals and poles; see `Result.plot`."""
+        from receptance.plot.modal import draw_modal_fit
+
+        return draw_modal_fit(self, response=response, excitation=excitation, ax=ax)
+
+    def _headline(self) -> str:
+        low, high = self.frf.frequency_hz[0], self.frf.frequency_hz[-1]
+        count = f"{len(self.frequency_hz)} mode{'' if len(self.frequency_hz) == 1 else 's'}"
+        return f"{count} between {low:g} and {high:g} Hz"
 
     def __repr__(self) -> str:
         found = ", ".join(
             f"{f:.6g} Hz {100.0 * z:.3g} %" for f, z in zip(self.frequency_hz, self.damping_ratio, strict=True)
         )
-        low, high = self.frf.frequency_hz[0], self.frf.frequency_hz[-1]
         state = "" if self.converged else ", not converged"
-        count = f"{len(self.frequency_hz)} mode{'' if len(self.frequency_hz) == 1 else 's'}"
-        return f"ModalFit({count} between {low:g} and {high:g} Hz: {found}{state})"
+        return f"ModalFit({self._headline()}: {found}{state})"

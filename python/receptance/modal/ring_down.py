@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.modal._decay import PER_BLOCK, Block, Demodulated, blocks_of, demodulated, fit_block
 from receptance.modal.estimate import quantile
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
@@ -27,7 +29,7 @@ _CLEAN = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class RingDown:
+class RingDown(Result):
     """Natural frequency and damping of one mode while its amplitude falls, one value per block of time.
 
     Attributes
@@ -49,7 +51,9 @@ class RingDown:
     band_hz : (float, float)
         Where the filter passes half of the amplitude.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
+    provenance : Provenance
+        Versions of the software.
     """
 
     time_s: NDArray[np.float64]
@@ -64,6 +68,9 @@ class RingDown:
     degrees_of_freedom: NDArray[np.float64]
     band_hz: tuple[float, float]
     notes: tuple[str, ...]
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Ring-down"
 
     def at(self, amplitude: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Natural frequency in Hz and damping ratio at some amplitudes, linear in the logarithm between blocks.
@@ -97,11 +104,36 @@ class RingDown:
         reach = error * np.array([quantile(level, freedom) for freedom in self.degrees_of_freedom])
         return np.stack([value - reach, value + reach], axis=1)
 
-    def plot(self) -> Figure:
-        """Draw natural frequency and damping against amplitude."""
+    def tables(self) -> list[Table]:
+        """Return frequency and damping of each block."""
+        columns = (
+            Column("time", "s", ".4g"),
+            Column("amplitude", form=".4g"),
+            Column("frequency", "Hz", ".4f"),
+            Column("standard error", "Hz", ".2g"),
+            Column("damping", "%", ".4f"),
+            Column("standard error", "%", ".2g"),
+        )
+        cells = (
+            self.time_s,
+            self.amplitude,
+            self.frequency_hz,
+            self.frequency_standard_error_hz,
+            100.0 * self.damping_ratio,
+            100.0 * self.damping_standard_error,
+        )
+        return [Table("Blocks of the decay", columns, np.stack(cells, axis=1).tolist())]
+
+    def data(self) -> dict[str, Any]:
+        """Return all values of the blocks."""
+        names = [one.name for one in fields(self) if one.name not in ("notes", "provenance")]
+        return {name: getattr(self, name) for name in names}
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw natural frequency and damping against amplitude; see `Result.plot`."""
         from receptance.plot.modal import draw_ring_down
 
-        return draw_ring_down(self)
+        return draw_ring_down(self, ax)
 
     def __repr__(self) -> str:
         return (
@@ -192,8 +224,11 @@ def ring_down(
         )
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
         notes.append(text)
+    columns: dict[str, Any] = {
+        one.name: np.array([getattr(block, one.name) for block in found]) for one in fields(Block)
+    }
     return RingDown(
-        **{field.name: np.array([getattr(block, field.name) for block in found]) for field in fields(Block)},
+        **columns,
         band_hz=(low, high),
         notes=tuple(notes),
     )

@@ -10,15 +10,30 @@ from receptance._text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
-__all__ = ["BAD", "COLOURS", "INK", "PALE", "as_image", "image_formats", "keep_clear", "new_figure", "set_up"]
+__all__ = [
+    "BAD",
+    "COLOURS",
+    "INK",
+    "PALE",
+    "as_image",
+    "finished",
+    "image_formats",
+    "keep_clear",
+    "new_figure",
+    "set_up",
+    "surface",
+    "title_left",
+]
 
 # Okabe and Ito's colours, which most people with a colour deficiency can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 INK = "#222222"
 PALE = "#9A9A9A"
 BAD = "#B2182B"
+_POWER = "$\\mathdefault{"
+"""Beginning of the labels that matplotlib writes at logarithmic axes."""
 
 
 def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
@@ -33,6 +48,55 @@ def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
     return kind(figsize=(width, height), layout="constrained", facecolor="white")
 
 
+def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
+    """Return an empty figure, or the place of axes in their figure, for one panel or several.
+
+    Parameters
+    ----------
+    ax : Axes or None
+        Axes that were created with `subplots` or `add_subplot`; they are replaced. None for a new figure.
+    width, height : float
+        Size of a new figure in inches.
+
+    Raises
+    ------
+    ValueError
+        Axes that have no place in a grid.
+    """
+    if ax is None:
+        return new_figure(width, height)
+    place = ax.get_subplotspec()
+    if place is None:
+        raise ValueError("plot: ax has no place in a grid; create it with `figure.subplots()` or `plt.subplots()`")
+    parent = ax.figure
+    ax.remove()
+    found = parent.add_subfigure(place)
+    found.set_facecolor("none")
+    return found
+
+
+def finished(figure: Figure | SubFigure) -> Figure:
+    """Return the whole figure; texts with dollar signs in a part of somebody's figure are no formulas."""
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+    if isinstance(figure, Figure):
+        return figure
+    for artist in figure.findobj(Text):
+        assert isinstance(artist, Text)
+        text = artist.get_text()
+        if "$" in text and not text.startswith(_POWER):
+            artist.set_parse_math(False)
+    whole = figure.figure
+    assert isinstance(whole, Figure)
+    return whole
+
+
+def title_left(figure: Figure | SubFigure, text: str, size: float = 13.0) -> None:
+    """Give a figure or a part of one a title, for which room is made."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=size, color=INK)
+
+
 @functools.cache
 def _literal_figure() -> type[Figure]:
     from matplotlib.figure import Figure
@@ -44,7 +108,7 @@ def _literal_figure() -> type[Figure]:
         def draw(self, renderer: Any) -> None:
             for artist in self.findobj(Text):
                 text = artist.get_text()
-                if not text.startswith("$\\mathdefault{"):
+                if not text.startswith(_POWER):
                     shown = printable(text)
                     if shown != text:
                         artist.set_text(shown)

@@ -10,14 +10,15 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification import MeasuredFRF
-from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-    from receptance.campaign import CampaignIdentification, CampaignPrediction, PredictedFrequencies, PredictedFRF
+    from receptance.campaign import PredictedFrequencies, PredictedFRF, Prediction
+    from receptance.identification import Identification
 
 __all__ = ["draw_identification", "draw_prediction"]
 
@@ -33,33 +34,32 @@ _BAND = "#BBD9EC"
 _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N", ("theta", "theta"): "rad/(N m)"}
 
 
-def draw_identification(found: CampaignIdentification) -> Figure:
+def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
     """Draw the measurements against the fitted model, what is left, and how well the parameters are determined.
 
     Parameters
     ----------
-    found : CampaignIdentification
-        From `Campaign.identify`.
+    found : Identification
+        From `identify` or `Campaign.identify`.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
     """
-    pairs = list(zip(found.campaign.to_identify.values(), found.fit.assemblies, strict=True))
-    frfs = [(m, a) for m, a in pairs if isinstance(m.observation, MeasuredFRF)][:_MOST_FRFS]
-    lists = [(m, a) for m, a in pairs if not isinstance(m.observation, MeasuredFRF)]
-    figure, cells = _grid(
-        len(frfs) + bool(lists) + 1, found.campaign.title, f"identified{_left_out(pairs, frfs, lists)}"
-    )
-    for (measured, assembly), cell in zip(frfs, cells, strict=False):
-        seen = measured.observation
-        assert isinstance(seen, MeasuredFRF)
+    everything = list(zip(found.labels, found.task.observed, found.assemblies, strict=True))
+    frfs = [(label, one, assembly) for label, one, assembly in everything if isinstance(one, MeasuredFRF)]
+    shown = frfs[:_MOST_FRFS]
+    lists = [(label, one, assembly) for label, one, assembly in everything if not isinstance(one, MeasuredFRF)]
+    figure, cells = _grid(ax, len(shown) + bool(lists) + 1, f"{found.title}{_left_out(frfs, shown)}")
+    for (label, seen, assembly), cell in zip(shown, cells, strict=False):
         model = assembly.receptance(
             seen.frequency_hz, response=seen.response, excitation=seen.excitation, force=seen.force
         )
         top, below = _pair(cell)
-        _magnitude(top, measured.name, _FORMS[seen.response.direction, seen.excitation.direction])
+        _magnitude(top, label, _FORMS[seen.response.direction, seen.excitation.direction])
         lines = seen.frequency_hz.real
         top.plot(lines, np.abs(seen.receptance), ".", color=PALE, markersize=2.5, label="measured")
         top.plot(lines, np.abs(model), color=COLOURS[0], linewidth=1.3, label="fitted")
@@ -69,35 +69,35 @@ def draw_identification(found: CampaignIdentification) -> Figure:
         ratio = np.log(np.abs(seen.receptance / model))
         _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, seen.standard_deviation)
     if lists:
-        axes = cells[len(frfs)].subplots()
+        axes = cells[len(shown)].subplots()
         rows = []
-        for measured, assembly in lists:
-            seen = measured.observation
-            assert not isinstance(seen, MeasuredFRF)
-            fitted = _modes(assembly, seen.modes, float(seen.frequency_hz[-1]))
-            spread = seen.standard_deviation_hz
-            rows.append((measured.name, seen.modes, seen.frequency_hz, fitted, None, spread))
+        for label, listed, assembly in lists:
+            fitted = _modes(assembly, listed.modes, float(listed.frequency_hz[-1]))
+            rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation_hz))
         _frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
-    _parameters(cells[len(frfs) + bool(lists)].subplots(), found)
-    return figure
+    _parameters(cells[len(shown) + bool(lists)].subplots(), found)
+    return finished(figure)
 
 
-def draw_prediction(found: CampaignPrediction) -> Figure:
+def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
     """Draw predictions with their intervals over what was measured.
 
     Parameters
     ----------
-    found : CampaignPrediction
+    found : Prediction
         From `Campaign.predict`.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
     """
     frfs = found.frfs[:_MOST_FRFS]
     compared = [one for one in found.frequencies if one.measured_hz is not None]
-    figure, cells = _grid(len(frfs) + bool(compared), found.campaign.title, f"predicted{_left_out(found.frfs, frfs)}")
+    title = f"{found.title}{_left_out(found.frfs, frfs)}"
+    figure, cells = _grid(ax, len(frfs) + bool(compared), title)
     for frf, cell in zip(frfs, cells, strict=False):
         _predicted_frf(cell, frf, found)
     if compared:
@@ -107,21 +107,18 @@ def draw_prediction(found: CampaignPrediction) -> Figure:
         ]
         title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
         _frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
-    return figure
+    return finished(figure)
 
 
-def _grid(count: int, title: str, what: str) -> tuple[Figure, list[SubFigure]]:
+def _grid(ax: Axes | None, count: int, title: str) -> tuple[Figure | SubFigure, list[SubFigure]]:
     columns = min(count, 3 if count > 4 or count == 3 else 2)
     rows = -(-count // columns)
-    height = _ROW * rows + 0.6
-    figure = new_figure(5.6 * columns + (2.0 if columns == 1 else 0.0), height)
-    cells = np.atleast_1d(figure.subfigures(rows, columns, squeeze=False)).ravel()
-    keep_clear(figure, 1.0 - 0.5 / height)
+    figure = surface(ax, 5.6 * columns + (2.0 if columns == 1 else 0.0), _ROW * rows + 0.6)
+    cells = list(np.ravel(figure.subfigures(rows, columns, squeeze=False)))
     most = 64 * columns + 24
     text = title if len(title) < most else title[: most - 3] + "..."
-    size = 14 if len(text) < 32 * columns + 12 else 12
-    figure.text(0.5, 1.0 - 0.26 / height, f"{text}: {what}", ha="center", va="center", fontsize=size, color=INK)
-    return figure, list(cells)
+    title_left(figure, text, 14.0 if len(text) < 32 * columns + 12 else 12.0)
+    return figure, cells
 
 
 def _left_out(all_of_them: Sequence[Any], *drawn: Sequence[Any]) -> str:
@@ -172,7 +169,7 @@ def _legend(axes: Axes, noise: NDArray[np.float64] | None) -> None:
     axes.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
 
 
-def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: CampaignPrediction) -> None:
+def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> None:
     lines = frf.frequency_hz.real
     measured = frf.measured is not None
     top, below = _pair(cell)
@@ -248,19 +245,18 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
     axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
 
 
-def _parameters(axes: Axes, found: CampaignIdentification) -> None:
+def _parameters(axes: Axes, found: Identification) -> None:
     """Draw the 95 % interval of every parameter as a factor of its value."""
     set_up(axes, "How well the parameters are determined, 95 %", "factor of the value", "")
-    fit = found.fit
-    styles = [(_BAND, 12.0, "with tolerances")] if fit.errors else []
+    styles = [(_BAND, 12.0, "with tolerances")] if found.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
-    for index, address in enumerate(name for name in fit.values if name not in fit.errors):
-        value = fit.values[address]
-        intervals = [fit.interval(address)] if fit.errors else []
-        for ends, (colour, width, _) in zip([*intervals, fit.interval(address, exact=True)], styles, strict=True):
+    for index, address in enumerate(name for name in found.values if name not in found.errors):
+        value = found.values[address]
+        intervals = [found.interval(address)] if found.errors else []
+        for ends, (colour, width, _) in zip([*intervals, found.interval(address, exact=True)], styles, strict=True):
             low, high = sorted(end / value if value else float("inf") for end in ends)
             if np.isfinite(high) and low > 0.0:
                 axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")

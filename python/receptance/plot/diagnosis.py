@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import COLOURS, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,27 +25,25 @@ _RECEPTANCES = 5
 _COLUMNS = 3
 
 
-def draw_diagnosis(verdict: Verdict, title: str = "") -> Figure:
+def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     """Draw receptances and natural frequencies, measured and modelled, and the evidence of the candidates.
 
     Parameters
     ----------
     verdict : Verdict
         From `receptance.diagnosis.diagnose`.
-    title : str, optional
-        Over the figure, before the verdict.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Of the receptances the first five; the model as given, and extended by the explanation where there is one. It
-        belongs to no window; save it with `savefig`.
+        Of the receptances the first five; the model as given, and extended by the explanation where there is one.
 
     Examples
     --------
     >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
     >>> from receptance.diagnosis import diagnose
-    >>> from receptance.plot.diagnosis import draw_diagnosis
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
     >>> modes = MeasuredFrequencies(
@@ -53,7 +51,7 @@ def draw_diagnosis(verdict: Verdict, title: str = "") -> Figure:
     ... )
     >>> unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7)
     >>> verdict = diagnose([modes], [unknown], causes=["shear_neglected"])
-    >>> len(draw_diagnosis(verdict).axes)
+    >>> len(verdict.plot().axes)
     2
     """
     from receptance.diagnosis.by_mode import curves
@@ -66,12 +64,8 @@ def draw_diagnosis(verdict: Verdict, title: str = "") -> Figure:
     panels = len(receptances[:_RECEPTANCES]) + bool(frequencies) + bool(candidates)
     columns = min(panels, _COLUMNS)
     rows = -(-panels // columns)
-    height = 3.6 * rows + 0.7
-    figure = new_figure(0.8 + 4.6 * columns, height)
-    keep_clear(figure, 1.0 - 0.5 / height)
-    text = f"{title}: {verdict.verdict}" if title else verdict.verdict
-    # A title is text, whatever signs it has.
-    figure.text(0.01, 1.0 - 0.25 / height, text, va="center", fontsize=13, color=INK, parse_math=False)
+    figure = surface(ax, 0.8 + 4.6 * columns, 3.6 * rows + 0.7)
+    title_left(figure, f"{verdict.title}: {verdict.verdict}")
     axes = np.ravel(figure.subplots(rows, columns, squeeze=False))
     used = iter(axes)
     for i in receptances[:_RECEPTANCES]:
@@ -82,12 +76,11 @@ def draw_diagnosis(verdict: Verdict, title: str = "") -> Figure:
         _draw_evidence(next(used), verdict)
     for empty in used:
         empty.set_visible(False)
-    return figure
+    return finished(figure)
 
 
 def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
     set_up(axes, before.label or before.configuration, "frequency [Hz]", "receptance [m/N]")
-    axes.title.set_parse_math(False)
     axes.plot(before.frequency_hz, np.abs(before.measured), color=PALE, lw=3.0, label="measured")
     axes.plot(before.frequency_hz, np.abs(before.modelled), color=COLOURS[1], lw=1.0, ls="--", label="model as given")
     if after is not None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.frf.places import Unplaced, describe
-from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
     from receptance.frf import FRF
@@ -26,7 +26,7 @@ _PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
 """Where the full turn that is shown begins, in degrees: in the middle of what a drive point does not reach."""
 
 
-def draw_frf(frf: FRF) -> Figure:
+def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
     """Draw magnitude, phase and, where it is known, coherence of all entries of an FRF.
 
     The usable band is white and the rest shaded; where the variance is known a pale band around the magnitude holds
@@ -36,14 +36,16 @@ def draw_frf(frf: FRF) -> Figure:
     ----------
     frf : FRF
         With one entry or several.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
     """
     rows = 3 if frf.coherence is not None else 2
-    figure = new_figure(9.0, 5.4 + 1.4 * (rows - 2))
+    figure = surface(ax, 9.0, 5.4 + 1.4 * (rows - 2))
     heights = [3.0, 1.4, 1.0][:rows]
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     units = {unit for row in frf.units for unit in row}
@@ -63,7 +65,7 @@ def draw_frf(frf: FRF) -> Figure:
     for axes in panels:
         _shade(axes, frf)
     _title(figure, panels[0], frf)
-    return figure
+    return finished(figure)
 
 
 def _draw_entry(panels: NDArray[np.object_], frf: FRF, entry: tuple[int, ...], colour: str, named: bool) -> None:
@@ -115,22 +117,20 @@ def _shade(axes: Axes, frf: FRF) -> None:
         axes.axvspan(float(edges[begin]), float(edges[end]), color=PALE, alpha=0.25, linewidth=0, zorder=0)
 
 
-def _title(figure: Figure, axes: Axes, frf: FRF) -> None:
+def _title(figure: Figure | SubFigure, axes: Axes, frf: FRF) -> None:
     _, n_out, n_in = frf.shape
     title = frf.label or frf.form.capitalize()
-    figure.text(0.012, 0.985, title, ha="left", va="top", fontsize=12, fontweight="bold", color=INK)
-    said = []
+    about = []
     if n_out * n_in > _MOST_NAMED:
-        said.append(f"{n_out} responses x {n_in} excitations")
+        about.append(f"{n_out} responses x {n_in} excitations")
     if frf.averages is not None:
-        said.append(f"{frf.averages} averages")
+        about.append(f"{frf.averages} averages")
     if frf.decay_rate:
-        said.append(f"exponential window {frf.decay_rate:g}/s")
+        about.append(f"exponential window {frf.decay_rate:g}/s")
     if frf.log_variance is not None:
-        said.append("pale: 95 % interval")
+        about.append("pale: 95 % interval")
     if frf.usable is not None and not frf.usable.all():
-        said.append("grey: outside the usable band")
-    figure.text(0.988, 0.985, "  ·  ".join(said), ha="right", va="top", fontsize=9, color="#6A6A6A")
+        about.append("grey: outside the usable band")
+    title_left(figure, "  ·  ".join([title, *about]), 11.0)
     if any(_name(frf, i, j) for i, j in np.ndindex(n_out, n_in)):
         axes.legend(fontsize=8.5, frameon=False, loc="best")
-    keep_clear(figure, 0.955)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import BAD, COLOURS, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-    from receptance.identification.inverse_coupling import InverseCoupling
+    from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings
 
 __all__ = ["draw_inverse_coupling"]
 
@@ -22,61 +22,65 @@ _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 _REACH = 1.96
 
 
-def draw_inverse_coupling(found: InverseCoupling, title: str = "") -> Figure:
-    """Draw real and imaginary part of each term with 95 % intervals, where the data speak, and the condition number.
+def draw_inverse_coupling(found: InverseCouplings, ax: Axes | None = None) -> Figure:
+    """Draw real and imaginary part of each term with 95 % intervals where lines are usable, and the condition number.
 
-    Lines on which the data do not speak are pale. The lines across are the stiffness and the dashpot that suit all
-    lines.
+    Lines that are not usable are pale. The orange lines are the stiffness and the dashpot that suit all lines.
 
     Parameters
     ----------
-    found : InverseCoupling
-        From `invert_coupling`.
-    title : str, optional
-        Over the figure; by default what was measured.
+    found : InverseCouplings
+        From `Campaign.invert`, or of one joint from `invert_coupling`.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
 
     Examples
     --------
     >>> import numpy as np
     >>> from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment
     >>> from receptance.identification import invert_coupling
-    >>> from receptance.plot.inverse_coupling import draw_inverse_coupling
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
     >>> lines = np.linspace(100.0, 4000.0, 40)
     >>> tip = MeasuredFRF(
     ...     assembly=pair, frequency_hz=lines, receptance=pair.receptance(lines), standard_deviation=0.01
     ... )
-    >>> len(draw_inverse_coupling(invert_coupling(tip)).axes)
+    >>> len(invert_coupling(tip).plot().axes)
     3
     """
-    rows = len(found.terms)
-    height = 2.6 * rows + 2.6
-    figure = new_figure(11.0, height)
-    keep_clear(figure, 1.0 - 0.75 / height)
-    text = title or f"Stiffness of {found.joint} line by line, from {', '.join(found.labels)}"
-    figure.text(0.01, 1.0 - 0.25 / height, text, va="center", fontsize=13, color=INK)
-    said = (
-        f"blue, with 95 % intervals: lines that speak, standard deviation below {100.0 * found.limit:g} %;  grey: the "
-        "others;  orange: the k + i w c that suits all"
+    heights = [2.6 * len(one.terms) + 2.6 for one in found.values()]
+    figure = surface(ax, 11.0, sum(heights))
+    cells = np.ravel(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights))
+    for cell, (name, one) in zip(cells, found.items(), strict=True):
+        _draw_joint(cell, name, one)
+    return finished(figure)
+
+
+def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
+    title_left(
+        figure,
+        f"{name} line by line, from {', '.join(found.labels)}\n"
+        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: the "
+        "others;  orange: the k + i w c that suits all",
+        10.5,
     )
-    figure.text(0.01, 1.0 - 0.55 / height, said, va="center", fontsize=9.5, color=INK)
+    rows = len(found.terms)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.0] * rows + [0.8])
     lines = np.asarray(found.frequency_hz).real
-    for row, name in enumerate(found.terms):
-        value, noise, usable = found.term(name)
-        model = found.model_deviation[:, *((0, 0) if name == "k_y" else (1, 1) if name == "k_theta" else (0, 1))]
+    for row, term in enumerate(found.terms):
+        value, noise, usable = found.term(term)
+        model = found.model_deviation[:, *((0, 0) if term == "k_y" else (1, 1) if term == "k_theta" else (0, 1))]
         deviation = np.hypot(noise, model)
-        typical = found.typical.get(name)
+        typical = found.typical.get(term)
         for column, part in enumerate((value.real, value.imag)):
             axes = figure.add_subplot(grid[row, column])
-            symbol = f"{'Re' if column == 0 else 'Im'} {_SYMBOLS[name]}"
-            set_up(axes, f"{symbol} [{_UNITS[name]}]", "", "")
+            symbol = f"{'Re' if column == 0 else 'Im'} {_SYMBOLS[term]}"
+            set_up(axes, f"{symbol} [{_UNITS[term]}]", "frequency [Hz]" if row == rows - 1 else "", "")
             across = None
             if typical is not None:
                 across = np.full(lines.size, typical[0]) if column == 0 else 2.0 * np.pi * lines * typical[1]
@@ -87,9 +91,6 @@ def draw_inverse_coupling(found: InverseCoupling, title: str = "") -> Figure:
     axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
     axes.axhline(1.0, color=PALE, linewidth=0.8)
     axes.set_xlim(lines[0], lines[-1])
-    for below in figure.axes[-3:-1]:
-        below.set_xlabel("frequency [Hz]", color=INK)
-    return figure
 
 
 def _draw_part(
@@ -110,7 +111,7 @@ def _draw_part(
         axes.fill_between(lines, part - reach, part + reach, color=COLOURS[0], alpha=0.2, linewidth=0)
         axes.plot(lines[chosen], part[chosen], ".", color=COLOURS[0], markersize=2.5)
     else:
-        axes.text(0.5, 0.5, "no line speaks", transform=axes.transAxes, ha="center", color=BAD)
+        axes.text(0.5, 0.5, "no line is usable", transform=axes.transAxes, ha="center", color=BAD)
     if across is not None:
         axes.plot(lines, across, color=COLOURS[1], linewidth=1.4)
 

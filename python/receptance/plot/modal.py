@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ _NAMED = 8
 """Most modes that are named in the figure."""
 
 
-def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0) -> Figure:
+def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax: Axes | None = None) -> Figure:
     """Draw measured and synthesised values of one entry, what is left of it, and the poles among their candidates.
 
     Parameters
@@ -30,9 +30,10 @@ def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0) -> 
         The fit; it holds the lines that were fitted.
     response, excitation : int, optional
         Which entry.
+    ax : Axes, optional
+        As in `Result.plot`.
     """
-    figure = new_figure(11.0, 7.4)
-    keep_clear(figure, 0.94)
+    figure = surface(ax, 11.0, 7.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0), width_ratios=(1.45, 1.0))
     magnitude = figure.add_subplot(grid[0, 0])
     phase = figure.add_subplot(grid[1, 0], sharex=magnitude)
@@ -45,15 +46,13 @@ def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0) -> 
     name = f"{fit.frf.label}: " if fit.frf.label else ""
     low, high = fit.frf.frequency_hz[[0, -1]]
     count = fit.frequency_hz.size
-    figure.suptitle(
-        f"{name}{count} mode{'' if count == 1 else 's'} between {low:g} and {high:g} Hz", fontsize=13, color=INK
-    )
-    return figure
+    title_left(figure, f"{name}{count} mode{'' if count == 1 else 's'} between {low:g} and {high:g} Hz")
+    return finished(figure)
 
 
-def draw_ring_down(decay: RingDown) -> Figure:
-    """Draw natural frequency and damping of a mode against its amplitude, with intervals of 95 %."""
-    figure = new_figure(10.0, 4.4)
+def draw_ring_down(decay: RingDown, ax: Axes | None = None) -> Figure:
+    """Draw natural frequency and damping of a mode against its amplitude, with 95 % intervals."""
+    figure = surface(ax, 10.0, 4.4)
     left, right = figure.subplots(1, 2)
     set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
     set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
@@ -66,7 +65,7 @@ def draw_ring_down(decay: RingDown) -> Figure:
         axes.errorbar(decay.amplitude, scale * values, reach, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
         axes.set_xscale("log")
         axes.ticklabel_format(axis="y", useOffset=False)
-    return figure
+    return finished(figure)
 
 
 def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance._text import printable
-from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,26 +22,25 @@ _WIDEST = 1e4
 _COLUMNS = 3
 
 
-def draw_next_measurement(found: NextMeasurement, title: str = "") -> Figure:
+def draw_next_measurement(found: NextMeasurement, ax: Axes | None = None) -> Figure:
     """Draw the interval of each target now and as expected with each candidate, the best candidate on top.
 
     Parameters
     ----------
     found : NextMeasurement
         From `next_measurement`.
-    title : str, optional
-        Over the figure.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
 
     Examples
     --------
     >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
     >>> from receptance.identification import Candidate, next_measurement
-    >>> from receptance.plot.next_measurement import draw_next_measurement
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
     >>> modes = MeasuredFrequencies(
@@ -49,7 +48,7 @@ def draw_next_measurement(found: NextMeasurement, title: str = "") -> Figure:
     ... )
     >>> fit = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
     >>> again = Candidate(label="mode 1 again", assembly=pair, modes=(1,), standard_deviation_hz=5.0)
-    >>> len(draw_next_measurement(next_measurement(fit, again)).axes)
+    >>> len(next_measurement(fit, again).plot().axes)
     1
     """
     # Four look better in a square.
@@ -57,16 +56,14 @@ def draw_next_measurement(found: NextMeasurement, title: str = "") -> Figure:
     rows = -(-len(found.targets) // columns)
     names = ["now", *(one.label for one in found.ranking)]
     height = rows * (0.9 + 0.36 * len(names)) + 0.7
-    figure = new_figure(2.2 + 3.6 * columns, height)
-    keep_clear(figure, 1.0 - 0.5 / height)
-    text = title or "Which measurement next: intervals now and as expected"
-    figure.text(0.01, 1.0 - 0.25 / height, text, va="center", fontsize=13, color=INK)
+    figure = surface(ax, 2.2 + 3.6 * columns, height)
+    title_left(figure, f"{found.title}: intervals now and as expected")
     panels = np.ravel(figure.subplots(rows, columns, squeeze=False, sharey=True))
     for axes, name in zip(panels, found.targets, strict=False):
         _draw_target(axes, name, [one.expected[name] for one in found.ranking], names)
     for axes in panels[len(found.targets) :]:
         axes.set_visible(False)
-    return figure
+    return finished(figure)
 
 
 def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list[str]) -> None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import BAD, COLOURS, INK, keep_clear, new_figure, set_up
+from receptance.plot._style import BAD, COLOURS, INK, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.identification.profiles import Profile
+    from receptance.identification.profiles import Profile, Profiles
 
 __all__ = ["draw_profiles"]
 
@@ -23,15 +23,15 @@ _TOP = 3.0
 """How many times the threshold the axis reaches."""
 
 
-def draw_profiles(profiles: Mapping[str, Profile], title: str = "") -> Figure:
+def draw_profiles(profiles: Profiles, ax: Axes | None = None) -> Figure:
     """Draw the rise of -2 log L over each parameter, the threshold of the interval, and what it means.
 
     Parameters
     ----------
-    profiles : mapping of str to Profile
+    profiles : Profiles
         From `Identification.profiles`.
-    title : str, optional
-        Over the figure.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
@@ -60,11 +60,10 @@ def draw_profiles(profiles: Mapping[str, Profile], title: str = "") -> Figure:
         raise ValueError("profiles is empty, expected at least one")
     columns = min(len(profiles), 3)
     rows = -(-len(profiles) // columns)
-    height = 3.6 * rows + (0.6 if title else 0.1)
-    figure = new_figure(5.0 * columns, height)
+    title = profiles.provenance.title
+    figure = surface(ax, 5.0 * columns, 3.6 * rows + (0.6 if title else 0.1))
     if title:
-        keep_clear(figure, 1.0 - 0.5 / height)
-        figure.text(0.5, 1.0 - 0.26 / height, title, ha="center", va="center", fontsize=14, color=INK)
+        title_left(figure, title)
     for axes, profile in zip(np.ravel(figure.subplots(rows, columns, squeeze=False)), profiles.values(), strict=False):
         set_up(axes, profile.name, "value, SI units", "rise of \u22122 log L")
         axes.set_title(f"{profile.name}\n{profile.statement}", fontsize=10, loc="left", color=INK)
@@ -92,7 +91,7 @@ def draw_profiles(profiles: Mapping[str, Profile], title: str = "") -> Figure:
             axes.locator_params(axis="x", nbins=5)
     for axes in figure.axes[len(profiles) :]:
         axes.set_visible(False)
-    return figure
+    return finished(figure)
 
 
 def _curve(profile: Profile, wide: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -8,57 +8,65 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.campaign.addresses import kind_of
-from receptance.campaign.series import level_unit
-from receptance.plot._style import COLOURS, INK, keep_clear, new_figure, set_up
+from receptance.plot._style import COLOURS, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.campaign import CampaignIdentification
+    from receptance.campaign.series import LevelSeries
     from receptance.taper import ForceSeries
 
-__all__ = ["draw_over_levels", "draw_series"]
+__all__ = ["draw_force_series", "draw_over_levels", "draw_series"]
 
 _NORMAL = 1.96
 _RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 _LAWS = {"constant": "constant", "linear": "K\u2080 + a F", "power": "K\u2080 + a F\u207f"}
 
 
-def draw_series(found: CampaignIdentification) -> Figure:
+def draw_series(found: LevelSeries, ax: Axes | None = None) -> Figure:
     """Draw each parameter over the levels, with 95 % whiskers and its law, as the paper's figures 10 to 13.
 
     Parameters
     ----------
-    found : CampaignIdentification
+    found : LevelSeries
         Of a campaign with a series of six levels or more.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
     """
-    table = found.campaign.table.series
-    assert table is not None
-    unit = level_unit(table)[0]
-    over = f"{table.over} ({unit})" if unit else table.over
-    count = len(found.series)
+    over = f"{found.over} ({found.unit})" if found.unit else found.over
+    count = len(found)
     columns = min(count, 3 if count > 4 else 2)
     rows = -(-count // columns)
-    height = 4.2 * rows + 0.7
-    figure = new_figure(5.6 * columns + (1.5 if columns == 1 else 0.0), height)
-    panels = list(np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel())
-    for axes, (name, series) in zip(panels, found.series.items(), strict=False):
-        factor, label = _unit(name, series)
-        set_up(axes, name, over, label)
-        draw_over_levels(axes, series, factor, COLOURS[0] if ".k_" in name else COLOURS[1], "identified, 95 %")
-        _legend(axes, series)
+    figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
+    panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
+    for axes, (name, series) in zip(panels, found.items(), strict=False):
+        factor, label = _unit(kind_of(name).unit, series)
+        _draw_with_law(axes, series, factor, over, label)
     for axes in panels[count:]:
         axes.set_visible(False)
-    keep_clear(figure, 1.0 - 0.55 / height)
-    title = found.campaign.title
-    figure.text(0.5, 1.0 - 0.28 / height, title, ha="center", va="center", fontsize=14, color=INK)
-    return figure
+    if found.provenance.title:
+        title_left(figure, found.provenance.title)
+    return finished(figure)
+
+
+def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:
+    """Draw one parameter over force with 95 % whiskers and its law; units as they are."""
+    figure = surface(ax, 7.1, 4.9)
+    factor, label = _unit("", series)
+    _draw_with_law(figure.subplots(), series, factor, "force", label)
+    return finished(figure)
+
+
+def _draw_with_law(axes: Axes, series: ForceSeries, factor: float, over: str, label: str) -> None:
+    set_up(axes, series.name, over, label)
+    draw_over_levels(axes, series, factor, COLOURS[0] if ".k_" in series.name else COLOURS[1], "identified, 95 %")
+    _legend(axes, series)
 
 
 def draw_over_levels(
@@ -81,9 +89,8 @@ def draw_over_levels(
     )
 
 
-def _unit(name: str, series: ForceSeries) -> tuple[float, str]:
-    """Return by what the values are multiplied, and what stands at the axis."""
-    unit = kind_of(name).unit
+def _unit(unit: str, series: ForceSeries) -> tuple[float, str]:
+    """Return the factor by which values are multiplied, and the label of the axis."""
     power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
     if -3 < power <= 3:
         return 1.0, unit

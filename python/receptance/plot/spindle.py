@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import COLOURS, PALE, finished, set_up, surface, title_left
 from receptance.terminals import ENTRIES
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from receptance.modal_parts import ModalPart
@@ -21,7 +22,7 @@ _TITLES = ("y/F [m/N]", "θ/M [rad/(N m)]", "y/M [m/(N m)]")
 _REACH = 1.96
 
 
-def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, title: str = "") -> Figure:
+def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: Axes | None = None) -> Figure:
     """Draw the magnitudes of the three terms with 95 % bands, and the condition number.
 
     Parameters
@@ -30,21 +31,21 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, title
         From `identify_spindle`. Lines that are not usable are pale.
     modes : ModalPart, optional
         Modes that were fitted, drawn over the lines.
-    title : str, optional
-        Over the figure; by default what was measured.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
     """
-    figure = new_figure(11.0, 8.5)
-    keep_clear(figure, 0.91)
-    text = title or f"Spindle line by line, from {', '.join(found.labels)}"
-    figure.text(0.01, 0.972, text, va="center", fontsize=13, color=INK)
-    said = f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: others"
+    figure = surface(ax, 11.0, 8.5)
+    text = f"Spindle line by line, from {', '.join(found.labels)}"
+    legend = (
+        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: others"
+    )
     more = ";  orange: modes" if modes else ""
-    figure.text(0.01, 0.938, said + more, va="center", fontsize=9.5, color=INK)
+    title_left(figure, f"{text}\n{legend}{more}", 10.5)
     grid = figure.add_gridspec(2, 2)
     lines = np.asarray(found.frequency_hz).real
     curve = None if modes is None else modes.receptance(found.frequency_hz)
@@ -66,4 +67,4 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, title
     set_up(axes, "Condition number: by how much a relative error grows", "frequency [Hz]", "")
     axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
     axes.set_xlim(lines[0], lines[-1])
-    return figure
+    return finished(figure)

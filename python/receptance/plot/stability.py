@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, PALE, new_figure, set_up
+from receptance.plot._style import COLOURS, INK, PALE, finished, set_up, surface
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,67 +15,67 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.stability import Lobes, StableCut
+    from receptance.stability import Lobes, Stability, StableCut
 
 __all__ = ["draw_lobes", "draw_lobes_on", "draw_several_lobes"]
 
 _MOST = 8
+_LEVEL = 0.95
+"""Probability of the depths that are drawn of lobes with draws that state none."""
 
 _LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
 _HIGHEST = 15.0
 """Times the lowest limit: a few high lobes at high speed would press all others onto the axis."""
 
 
-def draw_lobes(lobes: Lobes, *, probability: float = 0.95, title: str = "", recommended: int = 3) -> Figure:
+def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) -> Figure:
     """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency.
 
     Parameters
     ----------
     lobes : Lobes
-        What to draw.
-    probability : float, optional
-        Of the depth that is drawn beside the limit, and of the recommended speeds, where draws were given.
-    title : str, optional
-        Above the figure.
+        The lobes.
+    ax : Axes, optional
+        As in `Result.plot`.
     recommended : int, optional
         How many recommended speeds are marked.
 
     Returns
     -------
     matplotlib.figure.Figure
+        The figure.
     """
     shown = bool(np.isfinite(lobes.chatter_hz).any())
-    figure = new_figure(9.0, 5.8 if shown else 4.6)
+    figure = surface(ax, 9.0, 5.8 if shown else 4.6)
     rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if shown else [figure.subplots()]
-    draw_lobes_on(rows[0], lobes, probability=probability, recommended=recommended)
+    draw_lobes_on(rows[0], lobes, recommended=recommended)
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    set_up(rows[0], title, "" if shown else "spindle speed (1000 rpm)", "depth of cut (mm)")
+    set_up(rows[0], lobes.title_of_cut(), "" if shown else "spindle speed (1000 rpm)", "depth of cut (mm)")
     if shown:
         rows[1].plot(1e-3 * lobes.speeds_rpm, lobes.chatter_hz, ".", color=_LIMIT, ms=1.5)
         set_up(rows[1], "", "spindle speed (1000 rpm)", "chatter (Hz)")
     rows[0].set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
-    return figure
+    return finished(figure)
 
 
-def draw_several_lobes(
-    several: Sequence[Lobes], titles: Sequence[str], *, probability: float = 0.95, recommended: int = 3
-) -> Figure:
+def draw_several_lobes(several: Stability, ax: Axes | None = None, *, recommended: int = 3) -> Figure:
     """Draw several lobes below each other, the first eight at most; one alone as `draw_lobes`."""
-    if len(several) == 1:
-        return draw_lobes(several[0], probability=probability, title=titles[0], recommended=recommended)
-    shown = list(zip(several, titles, strict=True))[:_MOST]
-    figure = new_figure(9.0, 0.6 + 3.1 * len(shown))
-    for axes, (lobes, title) in zip(figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True):
-        draw_lobes_on(axes, lobes, probability=probability, recommended=recommended)
-        set_up(axes, title, "spindle speed (1000 rpm)", "depth of cut (mm)")
+    shown = list(several.values())[:_MOST]
+    if len(shown) == 1:
+        return draw_lobes(shown[0], ax, recommended=recommended)
+    figure = surface(ax, 9.0, 0.6 + 3.1 * len(shown))
+    for axes, lobes in zip(figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True):
+        draw_lobes_on(axes, lobes, recommended=recommended)
+        set_up(axes, lobes.title_of_cut(), "spindle speed (1000 rpm)", "depth of cut (mm)")
         axes.set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
     handles = {text: line for axes in figure.axes for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    return figure
+    return finished(figure)
 
 
-def draw_lobes_on(axes: Axes, lobes: Lobes, *, probability: float = 0.95, recommended: int = 3) -> None:
+def draw_lobes_on(axes: Axes, lobes: Lobes, *, recommended: int = 3) -> None:
     """Draw limit, band, the depth that is stable with a probability, and recommended speeds, into axes."""
+    probability = lobes.probability or _LEVEL
     order = np.argsort(lobes.speeds_rpm, kind="stable")
     speed = 1e-3 * lobes.speeds_rpm[order]
     depth = lobes.depth[order]

@@ -8,7 +8,7 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification.spread import SAYS_NOTHING
-from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot._style import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,20 +27,20 @@ _OPEN = 1e3
 """A band over more than this factor says nothing and is drawn no wider."""
 
 
-def draw_transfer(found: Transfer, title: str = "") -> Figure:
+def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
     """Draw errors of predicted natural frequencies with their intervals, and predicted receptances with their bands.
 
     Parameters
     ----------
     found : Transfer
         From `receptance.identification.transfer`.
-    title : str, optional
-        Over the figure.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure.
 
     Raises
     ------
@@ -51,7 +51,6 @@ def draw_transfer(found: Transfer, title: str = "") -> Figure:
     --------
     >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
     >>> from receptance.identification import transfer
-    >>> from receptance.plot.transfer import draw_transfer
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar])])
     >>> measured = [
@@ -63,7 +62,7 @@ def draw_transfer(found: Transfer, title: str = "") -> Figure:
     ...     )
     ...     for name, length in (("short", 0.08), ("long", 0.12))
     ... ]
-    >>> len(draw_transfer(transfer(measured, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))).axes)
+    >>> len(transfer(measured, Unknown(address="joint.k_theta", lower=1e3, upper=1e7)).plot().axes)
     1
     """
     frfs = found.frfs[:_MOST]
@@ -73,20 +72,16 @@ def draw_transfer(found: Transfer, title: str = "") -> Figure:
     rows = max(len(frfs), 1)
     tall = 1.6 + _ROW * len(found.modes)
     height = max(tall, 2.9 * rows) + 0.6
-    figure = new_figure(7.2 + 6.2 * (columns - 1), height)
-    keep_clear(figure, 1.0 - 0.6 / height)
+    figure = surface(ax, 7.2 + 6.2 * (columns - 1), height)
     hits, count = found.inside
-    title = title or "Transfer"
     text = f"{hits} of {count} natural frequencies in their {100 * found.level:g} % intervals"
-    size = 13 if len(title) < 50 * columns else 10
-    figure.text(0.5, 1.0 - 0.2 / height, title, ha="center", va="center", fontsize=size, color=INK)
-    figure.text(0.5, 1.0 - 0.45 / height, text, ha="center", va="center", fontsize=10, color=INK)
+    title_left(figure, f"{found.title}\n{text}", 12.0 if len(found.title) < 50 * columns else 10.0)
     cells = figure.subfigures(1, columns, squeeze=False, width_ratios=[7.2, 6.2][:columns])[0]
     _draw_modes(cells[0].subplots(), found)
     if frfs:
         for axes, frf in zip(np.ravel(cells[1].subplots(len(frfs), 1, squeeze=False)), frfs, strict=True):
             _draw_frf(axes, frf)
-    return figure
+    return finished(figure)
 
 
 def _draw_modes(axes: Axes, found: Transfer) -> None:

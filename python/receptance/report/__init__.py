@@ -1,5 +1,6 @@
-"""Reports as one file that needs no network."""
+"""The protocol of results, and their one renderer: terminal, text, HTML and JSON."""
 
-from receptance.report.diagnosis import diagnosis_html, write_diagnosis
+from receptance.report.result import Provenance, Result, Results
+from receptance.report.table import Column, Table
 
-__all__ = ["diagnosis_html", "write_diagnosis"]
+__all__ = ["Column", "Provenance", "Result", "Results", "Table"]

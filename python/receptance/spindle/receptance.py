@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
+from receptance.report import Column, Provenance, Result, Table
 from receptance.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
@@ -18,7 +20,7 @@ __all__ = ["SpindleReceptance"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SpindleReceptance:
+class SpindleReceptance(Result):
     """The receptances of a spindle at its connection plane, as `identify_spindle` finds them.
 
     Attributes
@@ -43,7 +45,9 @@ class SpindleReceptance:
     labels : tuple of str
         What was measured.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
+    provenance : Provenance
+        Versions of the software.
     """
 
     frequency_hz: NDArray[Any]
@@ -56,6 +60,9 @@ class SpindleReceptance:
     rms: float
     labels: tuple[str, ...]
     notes: tuple[str, ...] = field(default=())
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Spindle receptances line by line"
 
     @property
     def standard_deviation(self) -> NDArray[np.float64]:
@@ -117,14 +124,33 @@ class SpindleReceptance:
             )
         return rows
 
-    def plot(self) -> Figure:
-        """Draw the three terms with their bands, what is not usable in grey, and the condition number."""
-        from receptance.plot.spindle import draw_spindle
+    def tables(self) -> list[Table]:
+        """Return for each term its size and its standard deviation on the usable lines."""
+        columns = (
+            "term",
+            Column("usable lines", form="d"),
+            Column("from, to", "Hz", "g"),
+            Column("least magnitude", form=".3g"),
+            Column("most", form=".3g"),
+            Column("median standard\ndeviation", "%", ".2g"),
+        )
+        lines = np.asarray(self.frequency_hz).real[self.usable]
+        if not lines.size:
+            return []
+        rows = []
+        for name, (i, j) in zip(("y/F", "theta/M", "y/M"), ENTRIES, strict=True):
+            size = np.abs(self.matrix[self.usable, i, j])
+            share = 100.0 * float(np.median(self.standard_deviation[self.usable, i, j] / size))
+            ends = (float(lines[0]), float(lines[-1]))
+            rows.append((name, lines.size, ends, float(size.min()), float(size.max()), share))
+        return [Table("Receptances at the connection plane, SI units", columns, rows)]
 
-        return draw_spindle(self)
+    def sentences(self) -> list[str]:
+        """Return how many lines are usable."""
+        return [f"{int(self.usable.sum())} of {self.usable.size} lines are usable, measured: {', '.join(self.labels)}."]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as what JSON holds."""
+    def data(self) -> dict[str, Any]:
+        """Return each term on each line with its standard deviation."""
         names = ("y_over_force", "theta_over_moment", "y_over_moment")
         terms = {}
         for name, (i, j) in zip(names, ENTRIES, strict=True):
@@ -140,8 +166,13 @@ class SpindleReceptance:
             "usable": self.usable,
             "limit": self.limit,
             "rms": self.rms,
-            "notes": self.notes,
         }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the three terms with bands, and the condition number; see `Result.plot`."""
+        from receptance.plot.spindle import draw_spindle
+
+        return draw_spindle(self, ax=ax)
 
     def __repr__(self) -> str:
         lines = np.asarray(self.frequency_hz).real

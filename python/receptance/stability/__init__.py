@@ -1,7 +1,7 @@
 """Stability of cutting: lobes from receptances, by the mean force and by semi-discretisation."""
 
 from receptance.stability.cutting import Milling, Turning
-from receptance.stability.lobes import Lobes, StableCut, stability_lobes
+from receptance.stability.lobes import Lobes, Stability, StableCut, stability_lobes
 from receptance.stability.modal_lobes import semi_discretised_lobes
 from receptance.stability.modal_model import TipModes
 from receptance.stability.receptances import receptance_draws, receptance_matrix
@@ -11,6 +11,7 @@ from receptance.stability.zeroth_order import critical_depths
 __all__ = [
     "Lobes",
     "Milling",
+    "Stability",
     "StableCut",
     "TipModes",
     "Turning",

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from receptance import _checks
+from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.zeroth_order import critical_depths, limit_over_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Lobes", "StableCut", "ensemble", "stability_lobes", "with_draws"]
+__all__ = ["Lobes", "Stability", "StableCut", "ensemble", "stability_lobes", "with_draws"]
 
 _Cut = TypeVar("_Cut", Milling, Turning, Milling | Turning)
 _Tip = TypeVar("_Tip")
@@ -25,6 +28,8 @@ _FEWEST_DRAWS = 20
 _LEVEL = 0.95
 
 
+_RECOMMENDED = 5
+"""Recommended speeds of each cut in results."""
 _SHOULDER = 0.9
 """Share of a recommended depth that speeds around it must allow as well."""
 _PROMINENCE = 0.2
@@ -58,7 +63,7 @@ class StableCut:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lobes:
+class Lobes(Result):
     """Limit of depth over spindle speed.
 
     Attributes
@@ -75,8 +80,18 @@ class Lobes:
         Limits of each draw `(m, n)`.
     cut : Milling or Turning
         The cut.
+    name : str
+        Name of the cut.
+    tips : dict of str to str
+        By direction, "x" and "y", the source of the receptance of the tip; None where the tip is rigid.
+    spread : dict of str to float
+        Standard deviations of the logarithms of the cutting coefficients.
+    probability : float or None
+        With which recommended depths are stable; None where they are the limits.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
+    provenance : Provenance
+        Campaign and versions of the software.
     """
 
     speeds_rpm: NDArray[np.float64]
@@ -86,7 +101,26 @@ class Lobes:
     lower: NDArray[np.float64] | None = None
     upper: NDArray[np.float64] | None = None
     draws: NDArray[np.float64] | None = field(default=None, repr=False)
+    name: str = ""
+    tips: Mapping[str, str | None] = field(default_factory=dict)
+    spread: Mapping[str, float] = field(default_factory=dict)
+    probability: float | None = None
     notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Stability"
+
+    @property
+    def certain_depth(self) -> NDArray[np.float64]:
+        """Depths `(n,)` in m that are stable with `probability`, or the limits where it is None."""
+        return self.depth if self.probability is None else self.stable_depth(self.probability)
+
+    @property
+    def best_cuts(self) -> tuple[StableCut, ...]:
+        """Speeds that allow the deepest cuts with `probability`, the deepest first; none where no speed has a limit."""
+        if not np.isfinite(self.certain_depth).any():
+            return ()
+        return self.recommended(probability=self.probability, count=_RECOMMENDED)
 
     def stable_depth(self, probability: float = 0.95) -> NDArray[np.float64]:
         """Depth that is stable with a probability, at each speed `(n,)` in m.
@@ -184,6 +218,79 @@ class Lobes:
             found.append(cut)
         return tuple(found)
 
+    def tables(self) -> list[Table]:
+        """Return the recommended speeds."""
+        limits = dict(zip(self.speeds_rpm.tolist(), self.depth.tolist(), strict=True))
+        sure = "depth" if self.probability is None else f"stable with {100.0 * self.probability:g} %"
+        columns = (
+            "cut",
+            Column("speed", "rpm", ".0f"),
+            Column(sure, "mm", ".3g"),
+            Column("limit", "mm", ".3g"),
+            Column("nine tenths of it", "rpm", ".0f"),
+            Column("would chatter", "Hz", ".0f"),
+        )
+        rows = [
+            (
+                self.name,
+                best.speed_rpm,
+                1e3 * best.depth,
+                1e3 * limits[best.speed_rpm],
+                (best.lowest_rpm, best.highest_rpm),
+                best.chatter_hz,
+            )
+            for best in self.best_cuts
+        ]
+        return [Table("Recommended speeds", columns, rows).without_empty()] if rows else []
+
+    def sentences(self) -> list[str]:
+        """Return the cut, and the depth that is stable at every speed."""
+        low, high = self.speeds_rpm.min(), self.speeds_rpm.max()
+        sure = "" if self.probability is None else f" with {100.0 * self.probability:g} %"
+        if np.isfinite(self.certain_depth).any():
+            least = 1e3 * self.certain_depth.min()
+            found = f"stable{sure} at every speed from {low:.0f} to {high:.0f} rpm: {least:.3g} mm"
+        else:
+            found = f"no calculated depth is unstable from {low:.0f} to {high:.0f} rpm"
+        return [f"{self.title_of_cut()}: {found}."]
+
+    def title_of_cut(self) -> str:
+        """Return name, kind and tips of the cut in words."""
+        across = self.tips.get("y") or "rigid"
+        tips = f"; x: {self.tips['x']}, y: {across}" if self.tips else ""
+        if isinstance(self.cut, Milling):
+            how = "slot" if self.cut.immersion == 1.0 else f"{self.cut.feed}-milling, immersion {self.cut.immersion:g}"
+            words = f"{self.cut.teeth} teeth, {how}{tips}"
+        else:
+            words = f"turning{tips.partition(', y')[0]}"
+        return f"{self.name}: {words}" if self.name else words
+
+    def data(self) -> dict[str, Any]:
+        """Return limits, bands and recommended speeds; depths in m."""
+        return {
+            "name": self.name,
+            "kind": "milling" if isinstance(self.cut, Milling) else "turning",
+            "cut": vars(self.cut),
+            "spread": self.spread,
+            "tips": self.tips,
+            "probability": self.probability,
+            "draws": 0 if self.draws is None else len(self.draws),
+            "always_stable": float(np.min(self.certain_depth)),
+            "recommended": self.best_cuts,
+            "speeds_rpm": self.speeds_rpm,
+            "limit": self.depth,
+            "lower": self.lower,
+            "upper": self.upper,
+            "stable_depth": self.certain_depth,
+            "chatter_hz": self.chatter_hz,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw limit, band, recommended speeds and chatter frequency; see `Result.plot`."""
+        from receptance.plot.stability import draw_lobes
+
+        return draw_lobes(self, ax)
+
     def _known_draws(self) -> NDArray[np.float64]:
         if self.draws is None:
             raise ValueError("Lobes: no draws of the receptance were given, so nothing is known of probabilities")
@@ -195,6 +302,47 @@ class Lobes:
         if not finite.any():
             raise ValueError("Lobes: no speed has a finite limit of depth")
         return depth, finite
+
+
+class Stability(Results[Lobes]):
+    """Stability of several cuts, by name.
+
+    Parameters
+    ----------
+    items : mapping of str to Lobes
+        The cuts.
+    identified : Result, optional
+        Fit that the predicted tips rest on.
+    provenance, notes : optional
+        As in `Results`.
+    """
+
+    heading = "Stability"
+    key = "cuts"
+
+    def __init__(
+        self,
+        items: Mapping[str, Lobes],
+        *,
+        identified: Result | None = None,
+        provenance: Provenance | None = None,
+        notes: Sequence[str] = (),
+    ) -> None:
+        super().__init__(items, provenance=provenance, notes=notes)
+        self.identified = identified
+
+    def data(self) -> dict[str, Any]:
+        """Return the cuts, and the fit that predicted tips rest on."""
+        return {
+            "cuts": [{**one.data(), "notes": one.notes} for one in self.values()],
+            "identified": None if self.identified is None else self.identified.to_dict(),
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the lobes of each cut with their bands; see `Result.plot`."""
+        from receptance.plot.stability import draw_several_lobes
+
+        return draw_several_lobes(self, ax)
 
 
 def _around(true: NDArray[np.bool_], index: int) -> tuple[int, int]:

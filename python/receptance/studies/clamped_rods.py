@@ -19,8 +19,8 @@ from receptance.beams import Part, Segment
 from receptance.identification import MeasuredFrequencies, Unknown, identify
 from receptance.joints import GroundSpring
 from receptance.materials import Material
+from receptance.provenance import versions
 from receptance.studies._data import number, read_table, read_toml
-from receptance.studies._provenance import versions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

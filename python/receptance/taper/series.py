@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from receptance import _checks
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
+
+    from receptance.report.table import Cell
 
 __all__ = ["ForceLaw", "ForceSeries", "Trend", "fit_laws"]
 
@@ -82,7 +87,7 @@ class Trend:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceSeries:
+class ForceSeries(Result):
     """A parameter over drawbar force.
 
     Parameters
@@ -93,6 +98,10 @@ class ForceSeries:
         `(n,)` ascending forces, zero allowed.
     values, standard_errors : array_like
         `(n,)` the parameter and its standard error at each force.
+    notes : tuple of str, optional
+        Notes for the user.
+    provenance : Provenance, optional
+        Versions of the software.
 
     Raises
     ------
@@ -117,6 +126,10 @@ class ForceSeries:
     force: NDArray[np.float64]
     values: NDArray[np.float64]
     standard_errors: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Parameter over force"
 
     def __post_init__(self) -> None:
         owner = f"ForceSeries {self.name!r}"
@@ -202,21 +215,58 @@ class ForceSeries:
             direction = "rises" if change > 0.0 else "falls"
         return Trend(direction=direction, change=change, interval=(change - half, change + half), p_value=p)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return values, trends with their evidence and laws as plain values, for JSON."""
-        low, high = self.exponent_interval
+    def tables(self) -> list[Table]:
+        """Return trend, trend of the slope, best law and exponent."""
+        columns = (
+            "parameter",
+            "trend",
+            Column("p", form=".1g"),
+            "its slope",
+            Column("p", form=".1g"),
+            "best law",
+            Column("n in K0 + a F^n", form=".2f"),
+            Column("95 % interval", form=".2f"),
+            Column("scatter", form=".1f"),
+        )
+        whole, slope = self.trend(), self.slope_trend()
+        row: tuple[Cell, ...] = (
+            self.name,
+            whole.direction,
+            whole.p_value,
+            slope.direction,
+            slope.p_value,
+            self.law.name,
+            self.laws[2].exponent,
+            self.exponent_interval,
+            self.scatter,
+        )
+        note = "scatter: about the law, over that which the standard errors explain"
+        return [Table("Trends with force", columns, [row], note)]
+
+    def sentences(self) -> list[str]:
+        """Return trend and law in words."""
+        return [f"{self.sentence()}."]
+
+    def data(self) -> dict[str, Any]:
+        """Return values, trends with their evidence, and laws."""
         return {
             "statement": self.sentence(),
-            "force": self.force.tolist(),
-            "values": self.values.tolist(),
-            "standard_errors": self.standard_errors.tolist(),
-            "trend": asdict(self.trend()),
-            "slope_trend": asdict(self.slope_trend()),
-            "law": asdict(self.law),
-            "laws": [asdict(law) for law in self.laws],
-            "exponent_interval": [low, high],
+            "force": self.force,
+            "values": self.values,
+            "standard_errors": self.standard_errors,
+            "trend": self.trend(),
+            "slope_trend": self.slope_trend(),
+            "law": self.law,
+            "laws": self.laws,
+            "exponent_interval": self.exponent_interval,
             "scatter": self.scatter,
         }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw values with 95 % intervals, and the best law; see `Result.plot`."""
+        from receptance.plot.series import draw_force_series
+
+        return draw_force_series(self, ax)
 
     def sentence(self) -> str:
         """What the series says, in words."""

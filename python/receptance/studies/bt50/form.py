@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
+from receptance.report.plain import plain
 from receptance.studies.bt50.findings import PROVENANCE, SOURCE, damping_errors, findings
 from receptance.studies.bt50.rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ
 
@@ -36,7 +37,7 @@ def as_dict(study: BT50Study) -> dict[str, Any]:
             "holder": {**dataclasses.asdict(study.holder.body), "z1": study.holder.z1, "z2": study.holder.z2},
             "axial": [_axial(level) for level in study.axial],
             "radial": [_radial(level) for level in study.radial],
-            "trends": {name: series.as_dict() for name, series in study.series.items()},
+            "trends": plain({name: series.data() for name, series in study.series.items()}),
             "damping_errors": damping_errors(study),
             "bonded_hz": {name: list(values) for name, values in study.bonded_hz.items()},
             "left_out": [

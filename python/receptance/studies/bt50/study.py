@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.provenance import versions
 from receptance.studies._data import read_toml
-from receptance.studies._provenance import versions
 from receptance.studies.bt50.diagnosed import Diagnosed, diagnosed
 from receptance.studies.bt50.levels import (
     RADIAL_CONTACT,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from receptance.studies._provenance import versions
+from receptance.provenance import versions
 from receptance.studies.clamping.claims import CLAIMS, Claim
 from receptance.studies.clamping.damping import DampingStudy, study_damping
 from receptance.studies.clamping.insertion import InsertionStudy, study_insertion

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from receptance import _checks
-from receptance.studies._provenance import versions
+from receptance.provenance import versions
 from receptance.studies.er32.bias import ChanceModel, LongToolBias, find_bias, propagate
 from receptance.studies.er32.chance import Cause, Simulation, rank_causes, simulate_chance
 from receptance.studies.er32.determination import (

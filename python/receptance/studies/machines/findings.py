@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.plain import plain
+from receptance.report.plain import plain
 
 if TYPE_CHECKING:
     from receptance.studies.machines.study import MachineCase, MachinesStudy
@@ -128,7 +128,7 @@ def _whole(study: MachinesStudy) -> dict[str, Any]:
         "virtual": [
             {
                 "machine": case.machine.name,
-                "spindle": case.found.as_dict(),
+                "spindle": case.found.to_dict(),
                 "modes": [dataclasses.asdict(mode) for mode in case.modes.part.modes],
                 "median_error": case.error,
                 "median_error_of_modes": case.error_of_modes,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from receptance.diagnosis import Verdict
+from receptance.provenance import versions
 from receptance.spindle import SpindleModes, SpindleReceptance, fit_spindle, identify_spindle
-from receptance.studies._provenance import versions
 from receptance.studies.machines.close import Displaced, displaced, named
 from receptance.studies.machines.machine import MACHINES, VirtualMachine, tools
 from receptance.studies.machines.short import Reach, ShortTool, reach_of, short_tools

@@ -9,7 +9,7 @@ import numpy as np
 
 from receptance.identification import Identification, MeasuredFRF
 from receptance.identification.profiles import Profile
-from receptance.studies._provenance import versions
+from receptance.provenance import versions
 from receptance.studies.table3.candidates import Candidate, Expected, expect, fit_all, half_width_percent
 from receptance.studies.table3.machine import Measuring, VirtualMachine
 from receptance.studies.table3.sets import SetVerdict, judge_sets
@@ -157,16 +157,16 @@ def run(settings: Table3Settings | None = None, *, progress: Callable[[str], Non
         errors=errors,
         measured=measured,
         alone=alone,
-        profiles=profiles,
+        profiles=dict(profiles),
         sets=sets,
         expected=expected,
         chosen=free,
         free=free_measured,
         both=both,
-        both_profiles=both_profiles,
+        both_profiles=dict(both_profiles),
         free_sets=judge_sets(machine, free_measured, both),
         best=best,
-        best_profiles=best_profiles,
+        best_profiles=dict(best_profiles),
         versions=versions(),
     )
 

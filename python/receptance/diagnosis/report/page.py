@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from receptance import _files
 from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
+from receptance.diagnosis.report import figures
+from receptance.diagnosis.report.story import story
 from receptance.diagnosis.screening import look_alike
-from receptance.diagnosis.showing import improved, sentence, sizes
+from receptance.diagnosis.wording import improved, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
-from receptance.report import figures
-from receptance.report.story import story
 
 if TYPE_CHECKING:
     import os
@@ -46,7 +46,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
     from plotly.offline import get_plotlyjs
 
     environment = Environment(
-        loader=PackageLoader("receptance.report", "templates"),
+        loader=PackageLoader("receptance.diagnosis.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -54,6 +54,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
     )
     base, explanation = verdict.selection.base, verdict.explanation
     rate = round(verdict.selection.evaluations_per_second)
+    settings = {**verdict.settings, "model_evaluations_per_second": rate}
     before, after = residuals_by_mode(base), residuals_by_mode(explanation.fit) if explanation is not None else ()
     rows = {(one.label, one.mode): one for one in after}
     return environment.get_template("diagnosis.html").render(
@@ -72,7 +73,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
         alike=_alike(verdict),
         interval=improved,
-        settings=_rows({**verdict.settings, "model_evaluations_per_second": rate}),
+        settings=_rows({**settings, "versions": dict(verdict.provenance.versions)}),
         library=get_plotlyjs(),
     )
 

@@ -1,4 +1,4 @@
-"""What a result needs to be made again."""
+"""Versions of the software that a result was computed with."""
 
 from __future__ import annotations
 
@@ -11,7 +11,19 @@ __all__ = ["versions"]
 
 
 def versions() -> dict[str, str]:
-    """Versions of the package and of what its numbers come from."""
+    """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core.
+
+    Returns
+    -------
+    dict of str to str
+        "receptance", "python", "numpy", "scipy" and "instruction_set".
+
+    Examples
+    --------
+    >>> from receptance.provenance import versions
+    >>> sorted(versions())
+    ['instruction_set', 'numpy', 'python', 'receptance', 'scipy']
+    """
     from receptance import _core
 
     return {

@@ -1,9 +1,10 @@
-"""Results as what JSON holds."""
+"""Results as values that JSON can hold."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,14 @@ __all__ = ["plain"]
 
 
 def plain(value: Any) -> Any:
-    """Return dictionaries, lists, text, numbers and None; what is not finite is None, complex numbers are pairs.
+    """Return dictionaries, lists, text, numbers and None.
+
+    A number that is not finite is None, a complex number a pair, a dataclass a dictionary of its fields.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance.campaign.plain import plain
+    >>> from receptance.report.plain import plain
     >>> plain({"a": np.array([1.0, np.inf]), "b": (1 + 2j,)})
     {'a': [1.0, None], 'b': [[1.0, 2.0]]}
     """
@@ -33,4 +36,6 @@ def plain(value: Any) -> Any:
         return [plain(value.real), plain(value.imag)]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if is_dataclass(value):
+        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
     return value

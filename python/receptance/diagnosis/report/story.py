@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.showing import gained, sizes, vetoes, wanting
+from receptance.diagnosis.wording import gained, sizes, vetoes, wanting
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _nearest(verdict: Verdict) -> list[str]:
         sentences.append(f"{sentence}.")
     times = wanting(verdict)
     if times is not None:
-        sentences.append(f"The model would do if all standard deviations were {times:.2g} times as large as stated.")
+        sentences.append(f"The model would be adequate if all standard deviations were {times:.2g} times as large.")
     return sentences
 
 

@@ -1,0 +1,53 @@
+"""Results as HTML, for notebooks."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+from receptance._text import printable
+from receptance.report.notes import grouped
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from receptance.report.result import Result
+    from receptance.report.table import Table
+
+__all__ = ["as_html", "table_html"]
+
+
+def as_html(result: Result) -> str:
+    """Return a result as a piece of an HTML page."""
+    texts = [*filter(None, [result.provenance.description]), *result.sentences()]
+    parts = [f"<p><b>{_shown(result.title)}</b></p>", *(f"<p>{_shown(text)}</p>" for text in texts)]
+    parts += [table_html(table) for table in result.tables()]
+    parts += _list("Advice", result.warnings())
+    parts += _list("Notes", grouped(result.notes))
+    if result.provenance.file:
+        parts.append(f"<p><small>{_shown(result.provenance.sentence())}</small></p>")
+    return "\n".join(parts)
+
+
+def table_html(table: Table) -> str:
+    """Return a table as HTML: columns of text to the left, numbers to the right."""
+    sides = ["left" if isinstance(column, str) else "right" for column in table.columns]
+    head = "".join(_cell("th", text, side) for text, side in zip(table.headings, sides, strict=True))
+    rows = ("".join(_cell("td", text, side) for text, side in zip(row, sides, strict=True)) for row in table.texts())
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    note = f"<p>{_shown(table.note)}</p>" if table.note else ""
+    caption = f"<caption>{_shown(table.title)}</caption>" if table.title else ""
+    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{note}"
+
+
+def _cell(tag: str, text: str, side: str) -> str:
+    return f'<{tag} style="text-align: {side}">{_shown(text)}</{tag}>'
+
+
+def _list(title: str, texts: Iterable[str]) -> list[str]:
+    items = "".join(f"<li>{_shown(text)}</li>" for text in texts)
+    return [f"<p>{title}</p><ul>{items}</ul>"] if items else []
+
+
+def _shown(text: str) -> str:
+    return escape(printable(text)).replace("\n", "<br>")

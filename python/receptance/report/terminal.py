@@ -1,0 +1,184 @@
+"""Results on a terminal and as plain text.
+
+A table never cuts a number. Where it is wider than the terminal, headings and columns of text are wrapped; where that
+is not enough it is printed in parts, each with the columns that name the rows.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import rich.table
+from rich import box
+from rich.cells import cell_len
+from rich.console import Console, Group
+from rich.padding import Padding
+from rich.text import Text
+
+from receptance._text import printable
+from receptance.report.notes import grouped
+
+if TYPE_CHECKING:
+    from rich.console import ConsoleOptions, RenderableType, RenderResult
+
+    from receptance.report.result import Result
+    from receptance.report.table import Table
+
+__all__ = ["LEAST_WIDTH", "as_text", "print_result", "print_sentences", "print_table", "print_title", "rendered"]
+
+LEAST_WIDTH = 40
+"""Characters on a line that every interval and its name fit."""
+_LEAST_TEXT = 8
+"""Characters that a text column keeps where its words have to be broken."""
+
+
+def as_text(result: Result, width: int = 100) -> str:
+    """Return a result as plain text, no table of which is wider than a number of characters."""
+    buffer = io.StringIO()
+    console = Console(file=buffer, width=max(width, LEAST_WIDTH), color_system=None, highlight=False, markup=False)
+    print_result(console, result)
+    return "\n".join(printable(line).rstrip() for line in buffer.getvalue().split("\n")).rstrip()
+
+
+def print_result(console: Console, result: Result, measured: Sequence[Table] = ()) -> None:
+    """Print a result: findings, tables, warnings and notes; of a campaign's also data, seed and versions."""
+    print_title(console, result.title)
+    if result.provenance.description:
+        print_sentences(console, [result.provenance.description])
+    for table in measured:
+        print_table(console, table)
+    print_sentences(console, result.sentences())
+    for table in result.tables():
+        print_table(console, table)
+    if result.warnings():
+        console.print(Text("Advice", style="bold"))
+        print_sentences(console, result.warnings())
+    if result.notes:
+        console.print(Text("Notes", style="bold"))
+        print_sentences(console, grouped(result.notes))
+    if result.provenance.file:
+        console.print(Text(result.provenance.sentence()))
+
+
+def print_title(console: Console, text: str) -> None:
+    """Print a heading."""
+    if cell_len(text) + 4 > console.width:
+        console.print(Text(text, style="bold"))  # a rule would cut it
+    else:
+        console.rule(Text(text, style="bold"), align="left")
+
+
+def print_sentences(console: Console, sentences: Iterable[str]) -> None:
+    """Print sentences, a paragraph each; those that begin with spaces are indented by as many more."""
+    printed = False
+    for sentence in sentences:
+        indent = len(sentence) - len(sentence.lstrip(" "))
+        console.print(Padding(Text(sentence.lstrip(" ")), (0, 0, 0, 2 + indent), expand=False))
+        printed = True
+    if printed:
+        console.print()
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table with its title and its note."""
+    console.print(rendered(table))
+
+
+def rendered(table: Table) -> Group:
+    """Return a table with its title and its note, which `rich` prints."""
+    shown: list[RenderableType] = [Text(table.title, style="bold"), _Columns(table)]
+    if table.note:
+        shown.append(Padding(Text(table.note), (0, 0, 1, 2), expand=False))
+    return Group(*shown)
+
+
+class _Columns:
+    """A table that fits the width of the console without cutting a cell."""
+
+    def __init__(self, table: Table) -> None:
+        self._text = [isinstance(column, str) for column in table.columns]
+        self._heads = table.headings
+        self._rows = rows = table.texts()
+        cells = [[row[i] for row in rows] for i in range(len(self._heads))]
+        self._natural = [_widest([head, *own]) for head, own in zip(self._heads, cells, strict=True)]
+        # A heading may wrap between words, and so may text. A number may not, and an interval stays on one line.
+        self._least = [
+            max(_longest_word([head, *own]) if text else max(_longest_word([head]), _widest(own)), 1)
+            for head, own, text in zip(self._heads, cells, self._text, strict=True)
+        ]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for chosen in self._parts(options.max_width):
+            yield self._part(chosen, options.max_width)
+
+    def _parts(self, width: int) -> list[list[int]]:
+        """Return the columns of each part."""
+        everything = list(range(len(self._heads)))
+        if self._needed(everything) <= width:
+            return [everything]
+        named_by = everything[: self._naming()]
+        while len(named_by) > 1 and any(
+            self._needed([*named_by, i], fold=True) > width for i in everything[len(named_by) :]
+        ):
+            named_by.pop()
+        parts: list[list[int]] = []
+        for i in everything[len(named_by) :]:
+            if parts and self._needed([*parts[-1], i]) <= width:
+                parts[-1].append(i)
+            else:
+                parts.append([*named_by, i])
+        return parts
+
+    def _naming(self) -> int:
+        """Return how many of the first columns tell the rows apart; an empty first cell repeats the one above it."""
+        seen: list[tuple[str, ...]] = []
+        first = ""
+        for row in self._rows:
+            first = row[0] or first
+            seen.append((first, *row[1:]))
+        count = 1
+        while count < len(self._heads) - 1 and len({row[:count] for row in seen}) < len(seen):
+            count += 1
+        return count if len({row[:count] for row in seen}) == len(seen) else 1
+
+    def _needed(self, chosen: Sequence[int], *, fold: bool = False) -> int:
+        """Return the least width of a table of some columns, with words of text columns broken or not."""
+        least = [min(self._least[i], _LEAST_TEXT) if fold and self._text[i] else self._least[i] for i in chosen]
+        return sum(least) + _beside(len(chosen))
+
+    def _part(self, chosen: Sequence[int], width: int) -> rich.table.Table:
+        room = width - _beside(len(chosen))
+        widths = {i: self._natural[i] for i in chosen}
+        # The widest column gives way first; words are broken only where nothing else is left.
+        for least in (
+            self._least,
+            [min(n, _LEAST_TEXT) if t else n for n, t in zip(self._least, self._text, strict=True)],
+        ):
+            while sum(widths.values()) > room and (wider := [i for i in chosen if widths[i] > least[i]]):
+                widths[max(wider, key=lambda i: widths[i])] -= 1
+        found = rich.table.Table(box=box.SIMPLE_HEAD, pad_edge=False)
+        for i in chosen:
+            found.add_column(
+                Text(self._heads[i]),
+                justify="left" if self._text[i] else "right",
+                overflow="fold",
+                width=widths[i],
+            )
+        for row in self._rows:
+            found.add_row(*(Text(row[i]) for i in chosen))
+        return found
+
+
+def _beside(count: int) -> int:
+    """Return how many characters a table of some columns has besides their widths: edges, padding, separators."""
+    return 3 * count - 1
+
+
+def _widest(texts: Iterable[str]) -> int:
+    return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
+
+
+def _longest_word(texts: Iterable[str]) -> int:
+    return max((cell_len(word) for text in texts for word in text.split()), default=0)

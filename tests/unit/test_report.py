@@ -1,0 +1,194 @@
+"""The protocol of results: tables, numbers, the renderers, and that every class keeps to it."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import pkgutil
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import receptance
+from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+from receptance.identification import Identification
+from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.notes import grouped
+from receptance.report.plain import plain
+from receptance.report.table import interval, joined, number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found(Result):
+    values: tuple[float, ...] = (4.16234e8, 1.6e-12, float("inf"))
+    name: str = "joint.k_y"
+    notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance)
+
+    heading = "Found things"
+
+    def tables(self) -> list[Table]:
+        columns = ("parameter", Column("value", "N/m", ".5g"), Column("95 % interval", form=".4g"))
+        return [Table("Values", columns, [(self.name, one, (0.9 * one, 1.1 * one)) for one in self.values])]
+
+    def sentences(self) -> list[str]:
+        return ["all is well", "  in detail"]
+
+    def data(self) -> dict[str, Any]:
+        return {"values": np.array(self.values), "pair": 1 + 2j}
+
+
+@pytest.fixture(scope="module")
+def fit() -> Identification:
+    bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    modes = MeasuredFrequencies(
+        assembly=pair,
+        frequency_hz=pair.natural_frequencies(2e4)[:3] + np.array([3.0, -4.0, 2.0]),
+        standard_deviation_hz=2.0,
+        label="pay $5 <b>",
+    )
+    return identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), starts=2)
+
+
+def test_numbers_and_intervals() -> None:
+    assert number(float("nan")) == ""
+    assert number(float("inf")) == "not determined"
+    assert number(-0.5, "+.1f") == "-0.5"
+    assert interval((-np.inf, 3.0)) == "below 3"
+    assert interval((1e9, np.inf), ".1e") == "above 1.0e+09"
+    column = Column("count", form="d")
+    assert [column.text(one) for one in (7, None, "none", True, False)] == ["7", "", "none", "yes", "no"]
+    assert Column("k", "N/m").heading == "k\n[N/m]"
+
+
+def test_tables_say_what_does_not_fit() -> None:
+    with pytest.raises(ValueError, match="table 'T': 2 columns, and a row of 1 cells"):
+        Table("T", ("a", "b"), [("x",)])
+    table = Table("T", ("a", "b", Column("c")), [("x", "", 1.0), ("y", None, 2.0)])
+    assert table.without_empty().headings == ["a", "c"]
+    first, other = joined([table, Table("U", ("a",), [("z",)]), table])
+    assert (len(first.rows), len(other.rows)) == (4, 1)
+
+
+@pytest.mark.parametrize("width", [10, 40, 60, 80, 200])
+def test_text_keeps_every_number_at_any_width(width: int) -> None:
+    name = "a parameter with a name that is much longer than a line of a terminal " * 2
+    text = Found(name=name).summary(width)
+    for shown in ("4.1623e+08", "3.746e+08 to 4.579e+08", "1.6e-12", "1.44e-12 to 1.76e-12", "not determined"):
+        assert shown in text
+    lines = [line for line in text.splitlines() if "\u2500" in line]
+    assert max(map(len, lines)) <= max(width, 40)
+    assert not any(line.endswith(" ") for line in text.splitlines())
+
+
+def test_text_and_html_show_findings_notes_and_where_a_campaign_comes_from() -> None:
+    provenance = Provenance(title="Tests & more", file="c.toml", description="made up", seed=3)
+    found = Found(notes=("a: first", "a: second", "alone: here", "<script>"), provenance=provenance)
+    text = found.summary(80)
+    assert text.startswith("Tests & more: found things ")
+    for words in (
+        "  made up",
+        "  all is well\n    in detail",
+        "  a:\n    first\n    second",
+        "  alone: here",
+        "seed 3;",
+    ):
+        assert words in text, words
+    assert "seed 3; receptance " in text
+    page = found._repr_html_()
+    for words in ("Tests &amp; more: found things", "&lt;script&gt;", "<th", "value<br>[N/m]", ">4.1623e+08</td>"):
+        assert words in page, words
+    assert "<script>" not in page
+    assert "seed" not in Found().summary()
+    assert "\x1b" not in Found(name="tip\x1b[2J").summary()
+    assert "\x1b" not in Found(name="tip\x1b[2J")._repr_html_()
+
+
+def test_notes_of_many_sources_are_counted() -> None:
+    notes = [f"measurements.m{i}: {text}" for i in range(6) for text in ("simulated", "few lines")]
+    shown = list(grouped(["before", *notes, "other: alone"]))
+    assert shown[:4] == ["before", "measurements.m0:", "  simulated", "  few lines"]
+    assert shown[-2:] == ["other: alone", "notes of 3 more are in the JSON"]
+    assert len(shown) == 1 + 3 * 3 + 2
+
+
+def test_dictionaries_are_what_json_holds() -> None:
+    found = Found(provenance=Provenance(title="T", file="c.toml", seed=1, settings={"starts": 8})).to_dict()
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    assert list(found) == ["campaign", "file", "values", "pair", "notes", "settings", "seed", "versions"]
+    assert found["values"][2] is None
+    assert found["pair"] == [1.0, 2.0]
+    assert "campaign" not in Found().to_dict()
+    assert plain({"a": Column("k")}) == {"a": {"name": "k", "unit": "", "form": ".4g"}}
+
+
+def test_results_of_one_kind_are_a_mapping_and_a_result() -> None:
+    both = Results({"one": Found(), "two": Found(name="joint.k_theta")}, notes=["of both"])
+    assert list(both) == ["one", "two"]
+    assert both["two"].name == "joint.k_theta"
+    (table,) = both.tables()
+    assert len(table.rows) == 6
+    assert both.to_dict()["results"]["two"]["values"][0] == pytest.approx(4.16234e8)
+    assert "of both" in both.summary()
+
+
+def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
+    profiles = fit.profiles()
+    for result, panels in ((profiles, 1), (profiles["joint.k_theta"], 1), (fit, 2)):
+        own = Figure(layout="constrained")
+        left, right = own.subplots(1, 2)
+        left.plot([1.0, 2.0])
+        assert result.plot(right) is own
+        assert len(own.axes) == 1 + panels
+        assert right not in own.axes
+        own.canvas.draw()  # a dollar sign in a label is no formula
+        assert len(result.plot().axes) == panels
+    with pytest.raises(ValueError, match="ax has no place in a grid"):
+        profiles.plot(Figure().add_axes((0.1, 0.1, 0.8, 0.8)))
+
+
+def test_numbers_of_a_fit_are_in_all_forms(fit: Identification) -> None:
+    low, high = fit.interval("joint.k_theta")
+    shown = f"{low:.4g} to {high:.4g}"
+    assert shown in fit.summary(60)
+    assert shown in fit._repr_html_()
+    assert fit.to_dict()["parameters"]["joint.k_theta"]["interval_95"] == [low, high]
+    assert "pay $5 &lt;b&gt;" in fit._repr_html_()
+
+
+def _classes() -> list[type]:
+    found: dict[str, type] = {}
+    for module in pkgutil.walk_packages(receptance.__path__, "receptance."):
+        if module.name.endswith("__main__") or "._core" in module.name:
+            continue
+        for one in vars(importlib.import_module(module.name)).values():
+            if inspect.isclass(one) and one.__module__.startswith("receptance."):
+                found[f"{one.__module__}.{one.__qualname__}"] = one
+    return list(found.values())
+
+
+def test_every_result_keeps_to_the_protocol() -> None:
+    """A class declares tables, sentences and data; only `Result` renders."""
+    classes = _classes()
+    results = [one for one in classes if issubclass(one, Result) and one not in (Result, Results)]
+    assert len(results) > 10
+    for one in results:
+        assert one.data is not Result.data, one
+        assert one.plot is not Result.plot, one
+        assert next(iter(list(inspect.signature(one.plot).parameters)[1:])) == "ax", one
+        assert one.heading != Result.heading, one
+        for name in ("to_dict", "summary", "_repr_html_"):
+            assert getattr(one, name) is getattr(Result, name), (one, name)
+    others = [one for one in classes if not issubclass(one, Result)]
+    for name in ("as_dict", "to_dict", "summary", "as_text", "as_html"):
+        assert not [one for one in others if name in vars(one)], name
+
+
+def test_text_needs_no_terminal_and_no_colour() -> None:
+    assert not re.search(r"\x1b\[", Found().summary())
