@@ -16,7 +16,7 @@ import pytest
 from campaign_text import TEXT, write
 from command_line import call
 from receptance import FRF, campaign, io
-from receptance.frf.forms import Form
+from receptance.units import Form
 
 LINES = np.linspace(300.0, 6000.0, 300)
 HEAD = TEXT.partition("[measurements.short]")[0]

@@ -17,7 +17,6 @@ from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
 from receptance.identification.conclusion import conclude
 from receptance.identification.fit import identify
-from receptance.identification.minimise import minimise
 from receptance.identification.observations import MeasuredFRF, on_lines
 from receptance.identification.result import Identification, Start
 from receptance.identification.task import place_of
@@ -110,8 +109,8 @@ class Fit:
     def by_configuration(self) -> dict[str, float]:
         """Sum of squares of the lines of each configuration, priors left out."""
         sums = dict.fromkeys(self.model.configurations, 0.0)
-        parts = np.split(self.residual, np.cumsum([part.size for part in self.problem.residuals])[:-1])
-        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=False)):
+        parts = self.problem.parts(self.residual)
+        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=True)):
             sums[place_of(one, index).configuration] += float(part @ part)
         return sums
 
@@ -172,7 +171,7 @@ class Fit:
             converged=self.converged,
             message="no step promises anything more" if self.converged else "the evaluations were used up",
         )
-        return conclude(self.task, self.problem, self.problem, [start], loss=None, seed=seed, notes=list(notes))
+        return conclude(self.task, self.problem, [start], loss=None, seed=seed, notes=list(notes))
 
 
 def telling_lines(model: Model, lines: int = EXPLORING) -> list[NDArray[np.intp] | None]:
@@ -211,20 +210,15 @@ def thinned(model: Model, lines: int = EXPLORING) -> Model:
 
 
 def problem_of(model: Model, threads: int | None) -> tuple[Task, Problem]:
-    """Return a model as a task, and its residuals, in the core where it knows all that is in them."""
+    """Return a model as a task, and its residuals."""
     task = model.task(threads)
-    problem = task.problem()
-    return task, task.modelled(problem) or problem
+    return task, task.problem()
 
 
 def _few(model: Model, threads: int | None) -> tuple[Task, Problem]:
     """Return the same on the lines that tell most."""
     task = model.task(threads)
-    problem = task.modelled(task.problem(), telling_lines(model))
-    if problem is not None:
-        return task, problem
-    task = thinned(model).task(threads)
-    return task, task.problem()
+    return task, task.problem(telling_lines(model))
 
 
 def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
@@ -280,11 +274,11 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
     """Return where starts lead on few lines: names and values; what they do not name is as given."""
     task, problem = _few(model, threads)
     found: list[tuple[float, NDArray[np.float64]]] = []
-    begun = [minimise(problem, _vector(task, values), most=_BEGUN, least=_CLOSE) for values in starts]
+    begun = problem.fit(np.array([_vector(task, values) for values in starts]), _BEGUN, least=_CLOSE) if starts else []
     ranked = sorted((end for end in begun if np.isfinite(end.cost)), key=lambda end: end.cost)
     for end in ranked[:_CONTINUED]:
         if not end.converged:
-            end = minimise(problem, end.x, most=_EXPLORING_MOST, least=_CLOSE)
+            end = problem.fit_one(end.x, _EXPLORING_MOST, least=_CLOSE)
         found.append((2.0 * end.cost, end.x))
     found.sort(key=lambda pair: pair[0])
     different: list[tuple[float, NDArray[np.float64]]] = []
@@ -298,7 +292,7 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
 def on_few_lines(fit: Fit, threads: int | None = None) -> float:
     """Return chi-square of a fit on the few lines, at its best point there."""
     _, problem = _few(fit.model, threads)
-    return 2.0 * minimise(problem, fit.x, most=_BEGUN, least=_CLOSE).cost
+    return 2.0 * problem.fit_one(fit.x, _BEGUN, least=_CLOSE).cost
 
 
 def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:
@@ -313,9 +307,9 @@ def _elsewhere(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -
 
 def _finish(model: Model, values: Mapping[str, float], threads: int | None, before: int) -> Fit:
     task, problem = problem_of(model, threads)
-    end = minimise(problem, _vector(task, values), most=_MOST, least=_CLOSE)
+    end = problem.fit_one(_vector(task, values), _MOST, least=_CLOSE)
     if not np.isfinite(end.cost):
-        raise ReceptanceError(f"the model has no value at its best point: {problem.reason}")
+        raise ReceptanceError(f"the model has no value at its best point: {problem.reason(end.x)}")
     regained = 2.0 * (end.first - end.cost)
     return Fit(model, task, problem, end.x, 2.0 * end.cost, end.converged, before + end.evaluations, regained)
 

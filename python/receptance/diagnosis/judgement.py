@@ -14,6 +14,8 @@ __all__ = ["Judgement", "conclude"]
 
 _LONELY = 0.97
 """Share of the improvement from which one configuration has it alone."""
+_TIE = 0.01
+"""Difference of evidence that is no difference: fits end within less than this of their optimum."""
 _HARDLY = 1e-2
 """Chance of strained tolerances below which a cause is not named: a wrong one leaves them to take up the rest."""
 
@@ -108,9 +110,9 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     base, name = selection.base, _called(one)
     if one.evidence <= limit + MARGIN:
         yield f"{name} gains little more than chance could, so it is suspected and not named"
-    rival = next((other for other in selection.rivals if other.evidence >= one.evidence), None)
+    rival = next((other for other in selection.rivals if other.evidence > one.evidence + _TIE), None)
     if rival is not None:
-        yield f"{_described(rival)} does as well as {name}, so it is a suspicion"
+        yield f"{_described(rival)} does better than {name}, so it is a suspicion"
     if one.fit.left < FEWEST:
         yield f"{name}: {_few(one.fit)} to judge it, so it is a suspicion"
     strain = one.adequacy.strain

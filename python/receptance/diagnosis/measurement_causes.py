@@ -13,11 +13,11 @@ from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.records import visible_end
-from receptance.frf.forms import FORMS
 from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
 from receptance.joints import GroundSpring, PointMass
+from receptance.units import FORMS
 
 __all__ = ["MEASUREMENT_CAUSES"]
 

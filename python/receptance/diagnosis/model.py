@@ -309,8 +309,3 @@ def _renumbered(unknown: Unknown, part: str, index: int, single: bool) -> Unknow
     if single:
         return replace(unknown, address=re.sub(r"\[\d+\]", "[*]", unknown.address), name=unknown.name)
     raise ValueError(f"the unknown {unknown.name!r} is of a segment that is to be divided")
-
-
-def is_frf(observation: Observation) -> bool:
-    """Return whether it is a receptance."""
-    return isinstance(observation, MeasuredFRF)

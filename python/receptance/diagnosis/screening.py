@@ -112,8 +112,7 @@ def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray
     fresh = np.array([u.name in names for u in unknowns])
     x = task.variables.from_values(values)
     rows = problem.slopes(x, fresh) / task.variables.slopes(values)[fresh]
-    data = sum(part.size for part in problem.residuals[: len(task.observed)])
-    return rows[:data], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
+    return rows[: sum(problem.sizes)], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
 
 
 def _step(cause: Cause, starts: dict[str, float], solution: dict[str, float]) -> dict[str, float]:

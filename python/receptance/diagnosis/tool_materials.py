@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.part_causes import RIGID, everywhere
-from receptance.identification.priors import Prior
+from receptance.identification.unknowns import Prior
 
 __all__ = ["TOOL_MATERIALS", "ToolMaterial", "tool_material"]
 

@@ -39,10 +39,10 @@ def ways_of(model: Model, causes: Sequence[Cause], fit: Fit) -> tuple[list[tuple
 
 def _far_off(fit: Fit) -> bool:
     """Return whether receptances are off by factors, as only another quantity makes them."""
-    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
+    parts = fit.problem.parts(fit.residual)
     off = [
         float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
-        for one, residual in zip(fit.model.observations, parts, strict=False)
+        for one, residual in zip(fit.model.observations, parts, strict=True)
         if isinstance(one, MeasuredFRF)
     ]
     return bool(off) and max(off) > _FRESH_FROM

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.identification.mapping import Place
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.places import Place
 from receptance.identification.prediction import Forecast, PredictedReceptance, Scatter
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
