@@ -117,7 +117,7 @@ def test_another_quantity_is_named_with_the_line_to_write(
     arguments = ["diagnose", "rods", "--cause", "wrong_quantity", "--cause", "calibration_gain", "--json", "found.json"]
     assert call(monkeypatch, *arguments) == 0
     out = capsys.readouterr().out
-    assert f"the files say {said}, and the data are {data}\n" in out
+    assert f"the files say {said}, and the data are {data} " in " ".join(out.split())
     assert f"`{line}`" in out
     (cause,) = json.loads(Path("found.json").read_text())["causes"]
     assert cause["id"] == "wrong_quantity"
