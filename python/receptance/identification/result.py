@@ -513,7 +513,7 @@ class Identification(Result):
         """Draw measurements, fitted model and intervals, of a series the parameters over levels; see `Result.plot`."""
         if self.series:
             return self.series.plot(ax)
-        from receptance.plot.campaign import draw_identification
+        from receptance.identification.figures.fit import draw_identification
 
         return draw_identification(self, ax)
 
