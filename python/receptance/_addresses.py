@@ -9,15 +9,15 @@ from dataclasses import replace
 from typing import Any
 
 from receptance import _checks
-from receptance._flatten import MATERIAL_FIELDS, Flat
-from receptance.beams import Part, Section
+from receptance._flatten import Flat
+from receptance.beams import Part, Segment
 from receptance.collet import ColletJoint
 from receptance.errors import SingularInterfaceError
 from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
-from receptance.terminals import MeasuredPart, Terminal
+from receptance.terminals import MeasuredPart
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
 _TERMINALS = (MeasuredPart, ModalPart)
@@ -76,14 +76,13 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     indices = range(count) if which == "*" else [int(which)]
     if indices[0] >= count:
         raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
-    known = ("length", "outer_diameter", "inner_diameter", *MATERIAL_FIELDS)
-    if field.removeprefix("core.") not in (MATERIAL_FIELDS if field.startswith("core.") else known):
-        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}, a core the last four")
-    if field.startswith("core."):
-        indices = [i for i in indices if part.segments[i].core is not None]
-        if not indices:
-            raise ValueError(f"there is no parameter {address!r}: the segment has no core")
-    return [(i, field) for i in indices]
+    known = [column.address for column in Segment.layout if column.address]
+    if field not in known:
+        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
+    found = [(i, field) for i in indices if field in part.segments[i].places()]
+    if not found:
+        raise ValueError(f"there is no parameter {address!r}: the segment has no core")
+    return found
 
 
 def names_of(elements: Sequence[Any]) -> list[str]:
@@ -136,59 +135,6 @@ def named(element: Any, name: str) -> Any:
     if element.name == name:
         return element
     return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
-
-
-def value_in_segment(segment: Any, field: str) -> float:
-    if field.startswith("core."):
-        return float(getattr(segment.core, field.removeprefix("core.")))
-    return float(getattr(segment.material if field in MATERIAL_FIELDS else segment, field))
-
-
-def replace_in_segment(segment: Any, fields: dict[str, float]) -> Any:
-    """Return the segment with other values of some fields."""
-    own = {name: value for name, value in fields.items() if name not in MATERIAL_FIELDS and "." not in name}
-    material = {name: value for name, value in fields.items() if name in MATERIAL_FIELDS}
-    core = {name.removeprefix("core."): value for name, value in fields.items() if name.startswith("core.")}
-    changes: dict[str, Any] = dict(own)
-    if material:
-        changes["material"] = replace(segment.material, **material)
-    if core:
-        changes["core"] = replace(segment.core, **core)
-    return replace(segment, **changes)
-
-
-def value_in(owner: Any, rest: str) -> float:
-    """Return a value of a joint, a point element or a terminal."""
-    if isinstance(owner, Terminal):
-        return owner.value(rest)
-    member, dot, field = rest.partition(".")
-    if not dot:
-        return float(getattr(owner, rest))
-    inside = getattr(owner, member)
-    return value_in_segment(inside, field) if isinstance(inside, Section) else float(getattr(inside, field))
-
-
-def replace_in(owner: Any, fields: Mapping[str, float]) -> Any:
-    """Return the joint, point element or terminal with other values of some fields."""
-    if isinstance(owner, Terminal):
-        return owner.with_values(fields)
-    changes: dict[str, Any] = {name: value for name, value in fields.items() if "." not in name}
-    for member in dict.fromkeys(name.split(".", 1)[0] for name in fields if "." in name):
-        first = f"{member}."
-        own = {name.removeprefix(first): value for name, value in fields.items() if name.startswith(first)}
-        inside = getattr(owner, member)
-        changes[member] = replace_in_segment(inside, own) if isinstance(inside, Section) else replace(inside, **own)
-    return replace(owner, **changes)
-
-
-def names_in(owner: Any) -> str:
-    """Return what a joint or a point element has, for a message."""
-    more = {
-        SpreadJoint: " and shank. or sleeve. with a section's",
-        ColletJoint: f" and inner. or outer. with {', '.join(PointJoint.columns_of)}",
-        MicroslipJoint: f", {', '.join(MicroslipJoint.amplitude_of)}",
-    }
-    return ", ".join(owner.columns_of) + more.get(type(owner), "")
 
 
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from receptance.units import Quantity
+
 
 def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     """Return `value` as a finite float, or raise with the owner, the quantity and what was found."""
@@ -57,6 +59,14 @@ def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: s
     if array.dtype.kind not in kinds:
         raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
     return array
+
+
+def quantity(owner: str, name: str, value: Any, of: Quantity) -> float:
+    """Return `value` as a finite float within the bounds of a quantity."""
+    result = number(owner, name, value, unit=of.unit)
+    if not of.holds(result):
+        raise ValueError(f"{owner}: {name} is {result:g}, expected {of.bounds}{' ' + of.unit if of.unit else ''}")
+    return result
 
 
 def positive(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:

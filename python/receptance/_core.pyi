@@ -22,6 +22,7 @@ response and excitation. Parameters are rows of table (0 segments, 1 joints, 2 m
 terminals, 6 modes), row and column.
 """
 
+from collections.abc import Callable
 from typing import Any, final
 
 import numpy as np
@@ -144,7 +145,12 @@ class ModelSweep:
 @final
 class Problem:
     def __new__(
-        cls, logarithmic: NDArray[np.bool_], bounds: NDArray[np.float64], priors: NDArray[np.float64]
+        cls,
+        logarithmic: NDArray[np.bool_],
+        bounds: NDArray[np.float64],
+        priors: NDArray[np.float64],
+        threads: int,
+        smoothing: float | None = None,
     ) -> Problem: ...
     @property
     def lines(self) -> int: ...
@@ -155,6 +161,7 @@ class Problem:
         points: NDArray[np.float64],
         measured: NDArray[np.complex128],
         weights: NDArray[np.float64],
+        percent: bool = False,
         by_line: ByLine | None = None,
     ) -> None: ...
     def add_frequencies(
@@ -172,18 +179,23 @@ class Problem:
         measured: NDArray[np.complex128],
         weights: NDArray[np.float64],
     ) -> None: ...
+    def add_function(
+        self,
+        function: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]] | None],
+    ) -> None: ...
     def thinned(self, lines: int) -> Problem: ...
-    def normal_matrix(self, x: NDArray[np.float64], threads: int) -> NDArray[np.float64]: ...
+    def normal_matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def rows(
-        self, x: NDArray[np.float64], free: NDArray[np.bool_], threads: int
+        self, x: NDArray[np.float64], free: NDArray[np.bool_]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None: ...
     def fit(
         self,
         starts: NDArray[np.float64],
         free: NDArray[np.bool_],
-        tolerance: float,
         evaluations: NDArray[np.int64],
-        threads: int,
+        tolerance: float,
+        least: float = 0.0,
+        of_all: bool = False,
     ) -> Ends: ...
 
 @final
@@ -192,6 +204,8 @@ class Ends:
     def x(self) -> NDArray[np.float64]: ...
     @property
     def cost(self) -> NDArray[np.float64]: ...
+    @property
+    def first(self) -> NDArray[np.float64]: ...
     @property
     def evaluations(self) -> NDArray[np.int64]: ...
     @property

@@ -35,8 +35,8 @@ def by_line(flat: Flat, lines: NDArray[Any], added: NDArray[np.complex128] | Non
     if not flat.tabled:
         return None if added is None else _core.ByLine(added)
     beyond = np.zeros((lines.size, len(flat.terminals), len(ENTRIES)), dtype=np.complex128)
-    for row, part in flat.tabled:
-        beyond[:, row] = part.table_entries(lines)
+    for row, measured in flat.tabled:
+        beyond[:, row] = measured.table_entries(lines)
     return _core.ByLine(added, beyond.reshape(-1))
 
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from receptance import _core
-from receptance.beams import Part
+from receptance.beams import Part, Segment
 from receptance.collet import ColletJoint
-from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.joints import WIDTHS, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.microslip import MicroslipJoint
-from receptance.modal_parts import ModalPart
+from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
 from receptance.terminals import RESIDUALS, MeasuredPart, Terminal
 
@@ -25,19 +25,10 @@ if TYPE_CHECKING:
 
     from receptance.coordinates import Coordinate
 
-SEGMENT_FIELDS = ("length", "outer_diameter", "inner_diameter")
-MATERIAL_FIELDS = ("youngs_modulus", "density", "poisson_ratio", "loss_factor")
-SEGMENT_COLUMN = {
-    **{name: 2 + i for i, name in enumerate(SEGMENT_FIELDS)},
-    **{name: 5 + i for i, name in enumerate(MATERIAL_FIELDS)},
-    **{f"core.{name}": 9 + i for i, name in enumerate(MATERIAL_FIELDS)},
-}
 SEGMENTS, JOINTS, MASSES, GROUNDS, OVERLAPS, TERMINALS, MODES, MICROSLIP = range(8)
 """The core's tables, and last what it does not know: parameters of joints in micro-slip."""
 MICROSLIP_FIELDS = ("k_y", "k_theta", *MicroslipJoint.amplitude_of)
-OVERLAP_COLUMN = {"length": 2, "k_y": 25, "k_theta": 26, "c_y": 27, "c_theta": 28, "loss_factor": 29}
-BEAM_COLUMN = {"shank": 3, "sleeve": 14}
-SECTION_FIELDS = tuple(SEGMENT_COLUMN)[1:]
+_SPRING = len(PointJoint.columns_of)
 Motion = Literal["bending", "axial"]
 MOTIONS: dict[Motion, int] = {"bending": 0, "axial": 1}
 
@@ -65,7 +56,14 @@ class Tables(NamedTuple):
         return model.with_terminals(self.terminals, self.modes) if len(self.terminals) else model
 
 
-_COLUMNS = {"segments": 14, "joints": 9, "masses": 3, "grounds": 8, "overlaps": 31, "terminals": 4, "modes": 7}
+_COLUMNS = {
+    "segments": 2 + len(Segment.layout),
+    **dict(zip(("joints", "masses", "grounds"), WIDTHS, strict=True)),
+    "overlaps": 2 + len(SpreadJoint.layout),
+    "terminals": 1 + len(RESIDUALS),
+    "modes": 1 + len(Mode.layout),
+}
+"""Columns of the core's tables: nodes or rows, then those of the elements."""
 
 
 @dataclass
@@ -154,8 +152,8 @@ def _add_joint(flat: Flat, name: str, joint: PointJoint | MicroslipJoint, node: 
     far = flat.new_node()
     row = len(flat.joints)
     flat.titles["joint", row] = name
-    flat.joints.append([float(node), float(far), *joint.columns()])
-    for i, quantity in enumerate(joint.columns_of):
+    flat.joints.append([float(node), float(far), *joint.columns()[:_SPRING]])
+    for i, quantity in enumerate(joint.columns_of[:_SPRING]):
         flat.entries[f"{name}.{quantity}"] = [(JOINTS, row, 2 + i, 1.0)]
     if isinstance(joint, MicroslipJoint):
         for i, quantity in enumerate(MICROSLIP_FIELDS):
@@ -177,13 +175,8 @@ def _add_spread(flat: Flat, name: str, joint: SpreadJoint, node: int) -> int:
     row = len(flat.overlaps)
     flat.titles["overlap", row] = name
     flat.overlaps.append([float(node), float(far), *joint.columns()])
-    for quantity, column in OVERLAP_COLUMN.items():
-        flat.entries[f"{name}.{quantity}"] = [(OVERLAPS, row, column, 1.0)]
-    for beam, start in BEAM_COLUMN.items():
-        for quantity in SECTION_FIELDS:
-            if not quantity.startswith("core.") or getattr(joint, beam).core is not None:
-                column = start + SEGMENT_COLUMN[quantity] - SEGMENT_COLUMN["outer_diameter"]
-                flat.entries[f"{name}.{beam}.{quantity}"] = [(OVERLAPS, row, column, 1.0)]
+    for address, column in joint.places().items():
+        flat.entries[f"{name}.{address}"] = [(OVERLAPS, row, 2 + column, 1.0)]
     return far
 
 
@@ -249,16 +242,15 @@ def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[floa
             flat.nodes[name, right] = node = far
         start = end
     for i, segment in enumerate(part.segments):
-        for quantity, column in SEGMENT_COLUMN.items():
-            if quantity.startswith("core.") and segment.core is None:
-                continue
+        for address, place in segment.places().items():
+            column = 2 + place
             entries = [(SEGMENTS, row, column, 1.0) for row in rows_of[i]]
-            if quantity == "length":
+            if address == "length":
                 # Positions are measured from the part's start: the cuts stay where they are, so the last
                 # piece takes the change, and in the segments behind the first piece shrinks as the last grows.
                 entries = [(SEGMENTS, rows_of[i][-1], column, 1.0)]
                 for behind in rows_of[i + 1 :]:
                     if len(behind) > 1:
                         entries += [(SEGMENTS, behind[0], column, -1.0), (SEGMENTS, behind[-1], column, 1.0)]
-            flat.entries[f"{name}.segment[{i}].{quantity}"] = entries
+            flat.entries[f"{name}.segment[{i}].{address}"] = entries
     return node

@@ -1,17 +1,22 @@
-"""Texts from files and from people, as they may be shown."""
+"""Text from files and from users in messages: control characters, values, near misses of names."""
 
 from __future__ import annotations
 
+import difflib
 import re
+from collections.abc import Iterable
+from typing import Any
 
-__all__ = ["printable"]
+__all__ = ["did_you_mean", "one_of", "printable", "shown"]
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""All that moves the cursor, changes colours or the direction of writing, but for ends of lines and tabs."""
+"""Characters that move the cursor, change colours or the direction of writing; not ends of lines and tabs."""
+_LONGEST_LIST = 12
+_LONGEST_TEXT = 60
 
 
 def printable(text: str) -> str:
-    r"""Return a text in which control characters are written out, so that they do nothing to a terminal.
+    r"""Return a text with its control characters escaped, so that they do nothing to a terminal.
 
     Examples
     --------
@@ -20,3 +25,46 @@ def printable(text: str) -> str:
     tip\x1b[2J
     """
     return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+def shown(value: Any) -> str:
+    """Return a value as it stands in a file; long texts are shortened, tables and lists are not written out."""
+    if isinstance(value, str):
+        return f'"{value if len(value) <= _LONGEST_TEXT else value[: _LONGEST_TEXT - 3] + "..."}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return a question to follow a message, or nothing where no known word is near.
+
+    Examples
+    --------
+    >>> from receptance._text import did_you_mean
+    >>> did_you_mean("lenght", ["length", "outer_diameter"])
+    ' (did you mean "length"?)'
+    """
+    choices = list(known)
+    folded = {choice.casefold(): choice for choice in choices}
+    small = str(word).casefold()
+    for choice in folded:
+        if len(choice) == len(small) > 1 and sum(a != b for a, b in zip(choice, small, strict=True)) == 1:
+            return f' (did you mean "{folded[choice]}"?)'
+    near = difflib.get_close_matches(small, folded, n=1, cutoff=0.6)
+    return f' (did you mean "{folded[near[0]]}"?)' if near else ""
+
+
+def one_of(known: Iterable[str]) -> str:
+    """Return some names as a list for the end of "expected ..."."""
+    names = [f'"{name}"' for name in known]
+    if not names:
+        return "nothing: there is none"
+    if len(names) == 1:
+        return names[0]
+    rest = f" and {len(names) - _LONGEST_LIST} more" if len(names) > _LONGEST_LIST else ""
+    return f"one of {', '.join(names[:_LONGEST_LIST])}{rest}"

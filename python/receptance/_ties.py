@@ -65,8 +65,8 @@ class Tied(NamedTuple):
     def key(self) -> tuple[bytes, ...]:
         """Bytes that are equal for equal models."""
         arrays = (*self.flat.tables, self.rates, self.present, self.points, self.powers)
-        arrays += tuple(array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix))
-        return (bytes([self.motion]), *(array.tobytes() for array in arrays))
+        measured = (array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix))
+        return (bytes([self.motion]), *(array.tobytes() for array in (*arrays, *measured)))
 
 
 def tie(

@@ -17,13 +17,8 @@ from receptance._addresses import (
     interfaces_by_name,
     listed,
     named,
-    names_in,
     names_of,
-    replace_in,
-    replace_in_segment,
     segment_fields,
-    value_in,
-    value_in_segment,
 )
 from receptance._evaluation import by_line, log_determinant, modes, responses
 from receptance._flatten import MOTIONS, Element, Flat, Motion
@@ -253,15 +248,13 @@ class Assembly:
     def _get(self, address: str) -> float:
         owner, rest = self._owner(address)
         if isinstance(owner, Part):
-            values = {
-                float(value_in_segment(owner.segments[i], field)) for i, field in segment_fields(address, owner, rest)
-            }
+            values = {owner.segments[i].value(field) for i, field in segment_fields(address, owner, rest)}
             if len(values) > 1:
                 found = ", ".join(f"{value:g}" for value in sorted(values))
                 raise ValueError(f"{address!r} has different values in the segments: {found}")
             return values.pop()
         self._entries(address, self._flatten(()))
-        return value_in(owner, rest)
+        return float(owner.value(rest))
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
         """Return a new assembly with other values of some parameters.
@@ -288,10 +281,10 @@ class Assembly:
         # All values of an element at once: a bore and its outside may only be right together.
         for (name, i), fields in in_segments.items():
             segments = list(elements[name].segments)
-            segments[i] = replace_in_segment(segments[i], fields)
+            segments[i] = segments[i].with_values(fields)
             elements[name] = Part(segments, name=elements[name].name)
         for name, fields in changes.items():
-            elements[name] = replace_in(elements[name], fields)
+            elements[name] = elements[name].with_values(fields)
         for name, attachment in self._attachments.items():
             # What sits on a step between segments stays on it, as its derivative assumes.
             place, along = places_of(self._elements, name, attachment)
@@ -409,7 +402,9 @@ class Assembly:
         if isinstance(owner, Part):
             name, fields = address.split(".", 1)[0], segment_fields(address, owner, rest)
             return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
-        raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names_in(owner)}")
+        first = address.split(".", 1)[0] + "."
+        names = ", ".join(name.removeprefix(first) for name in flat.entries if name.startswith(first))
+        raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names}")
 
     def _owner(self, address: str) -> tuple[Any, str]:
         name, dot, rest = str(address).partition(".")

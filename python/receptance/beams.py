@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 
-from receptance import _checks, _core
+from receptance import _checks, _core, units
 from receptance.errors import ReceptanceWarning
+from receptance.fields import Choice, Element, Member, Number
+from receptance.joints import WIDTHS
 from receptance.materials import Material
 
 if TYPE_CHECKING:
@@ -19,63 +21,67 @@ if TYPE_CHECKING:
 __all__ = ["Part", "Section", "Segment"]
 
 ShearModel = Literal["cowper", "hutchinson"]
-_NO_CORE = (0.0, 0.0, 0.0, 0.0)
 _COMMON = {"length": 10.0, "outer_diameter": 2.0}
-"""Larger dimensions in m are unusual in a machine tool and usual where somebody thought in millimetres."""
-
-
-def _check_section(owner: Any, dimensions: tuple[str, ...]) -> None:
-    """Check what a section and a segment share, and replace the dimensions by their checked values."""
-    kind = type(owner).__name__
-    for quantity in dimensions:
-        object.__setattr__(owner, quantity, _checks.positive(kind, quantity, getattr(owner, quantity), unit="m"))
-    inner = _checks.not_negative(kind, "inner_diameter", owner.inner_diameter, unit="m")
-    object.__setattr__(owner, "inner_diameter", inner)
-    if inner >= owner.outer_diameter:
-        raise ValueError(
-            f"{kind}: inner_diameter is {inner:g} m, expected less than the outer diameter {owner.outer_diameter:g} m"
-        )
-    if not isinstance(owner.material, Material):
-        raise TypeError(f"{kind}: material is {owner.material!r}, expected a Material")
-    if owner.core is not None and not isinstance(owner.core, Material):
-        raise TypeError(f"{kind}: core is {owner.core!r}, expected a Material or None")
-    if owner.core is not None and inner == 0.0:
-        raise ValueError(f"{kind}: core is given but inner_diameter is 0, expected a bore that the core fills")
-    for quantity in dimensions:
-        value = getattr(owner, quantity)
-        if value > _COMMON[quantity]:
-            text = f"{kind}: {quantity} is {value:g} m; lengths are in metres, is this in millimetres?"
-            warnings.warn(text, ReceptanceWarning, stacklevel=4)
-    if owner.shear not in get_args(ShearModel):
-        raise ValueError(f"{kind}: shear is {owner.shear!r}, expected one of {', '.join(get_args(ShearModel))}")
-
-
-def _section_columns(owner: Any) -> tuple[float, ...]:
-    """Return the columns of the segment table from the outer diameter on."""
-    core = owner.core.columns() if owner.core else _NO_CORE
-    dimensions = (owner.outer_diameter, owner.inner_diameter)
-    return (*dimensions, *owner.material.columns(), *core, float(get_args(ShearModel).index(owner.shear)))
+"""Dimensions in m above these are unusual in a machine tool; they were probably meant in mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Section:
-    """A circular section without a length, solid, hollow, or hollow and filled; parameters as in `Segment`.
+class _Round(Element):
+    """A circular cross-section."""
+
+    outer_diameter: Annotated[float, Number(units.LENGTH, "outer diameter")]
+    inner_diameter: Annotated[float, Number(units.LENGTH_OR_ZERO, "diameter of the bore; 0 for a solid section")] = 0.0
+    material: Annotated[Material, Member(Material, "material of the ring, or of the solid section", prefix="")]
+    core: Annotated[
+        Material | None,
+        Member(
+            Material,
+            "material that fills the bore and shares its motion, such as an inserted shank; stiffness and inertia add",
+            prefix="core.",
+        ),
+    ] = None
+    shear: Annotated[
+        ShearModel,
+        Choice(
+            "shear coefficient, of Cowper (J. Appl. Mech. 33, 1966, 335) or Hutchinson (J. Appl. Mech. 68, 2001, 87)",
+            get_args(ShearModel),
+        ),
+    ] = "cowper"
+
+    def __post_init__(self) -> None:
+        self.check()
+        if self.inner_diameter >= self.outer_diameter:
+            raise ValueError(
+                f"{self.owner}: inner_diameter is {self.inner_diameter:g} m, expected less than the outer diameter "
+                f"{self.outer_diameter:g} m"
+            )
+        if self.core is not None and self.inner_diameter == 0.0:
+            raise ValueError(
+                f"{self.owner}: core is given but inner_diameter is 0, expected a bore that the core fills"
+            )
+        for quantity, common in _COMMON.items():
+            if (value := getattr(self, quantity, 0.0)) > common:
+                text = f"{self.owner}: {quantity} is {value:g} m; lengths are in metres, is this in millimetres?"
+                warnings.warn(text, ReceptanceWarning, stacklevel=3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Long(Element):
+    length: Annotated[float, Number(units.LENGTH, "length")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section(_Round):
+    """A circular section without a length: solid, hollow, or hollow and filled.
 
     Parameters
     ----------
-    outer_diameter, inner_diameter : float
-        Outer diameter and bore in m; 0 for no bore.
-    material : Material
-        What the ring (or the solid section) is made of.
-    core : Material, optional
-        A second material that fills the bore and shares its motion.
-    shear : {"cowper", "hutchinson"}, optional
-        Shear coefficient.
+    {fields}
 
     Raises
     ------
     ValueError, TypeError
-        A dimension without meaning; the message names it.
+        A dimension out of its bounds; the message names it.
 
     Examples
     --------
@@ -84,44 +90,19 @@ class Section:
     'cowper'
     """
 
-    outer_diameter: float
-    inner_diameter: float = 0.0
-    material: Material
-    core: Material | None = None
-    shear: ShearModel = "cowper"
-
-    def __post_init__(self) -> None:
-        _check_section(self, ("outer_diameter",))
-
-    def columns(self) -> tuple[float, ...]:
-        """Return the columns of one beam of the overlap table."""
-        return _section_columns(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Segment:
-    """A uniform circular Timoshenko beam, solid, hollow, or hollow and filled.
+class Segment(_Round, _Long):
+    """A uniform circular Timoshenko beam: solid, hollow, or hollow and filled.
 
     Parameters
     ----------
-    length : float
-        Length in m.
-    outer_diameter : float
-        Outer diameter in m.
-    inner_diameter : float, optional
-        Bore in m, less than the outer diameter; 0 for a solid section.
-    material : Material
-        What the ring (or the solid section) is made of.
-    core : Material, optional
-        A second material that fills the bore and shares its motion: a holder's nose with an inserted shank is
-        such a composite section. Stiffness and inertia of the two add.
-    shear : {"cowper", "hutchinson"}, optional
-        Shear coefficient: Cowper (J. Appl. Mech. 33, 1966, 335) or Hutchinson (J. Appl. Mech. 68, 2001, 87).
+    {fields}
 
     Raises
     ------
     ValueError, TypeError
-        A dimension without meaning; the message names it.
+        A dimension out of its bounds; the message names it.
 
     Examples
     --------
@@ -131,29 +112,12 @@ class Segment:
     1.295
     """
 
-    length: float
-    outer_diameter: float
-    inner_diameter: float = 0.0
-    material: Material
-    core: Material | None = None
-    shear: ShearModel = "cowper"
-
-    def __post_init__(self) -> None:
-        _check_section(self, ("length", "outer_diameter"))
-
     @property
     def mass(self) -> float:
         """Mass in kg."""
-        return self.length * self._mass_per_length()
-
-    def _mass_per_length(self) -> float:
         ring = (self.outer_diameter - self.inner_diameter) * (self.outer_diameter + self.inner_diameter)
         core = self.core.density * self.inner_diameter**2 if self.core else 0.0
-        return float(np.pi / 4.0 * (self.material.density * ring + core))
-
-    def columns(self) -> tuple[float, ...]:
-        """Return the columns of the segment table that follow the two nodes."""
-        return (self.length, *_section_columns(self))
+        return float(self.length * np.pi / 4.0 * (self.material.density * ring + core))
 
 
 @dataclass(frozen=True)
@@ -248,7 +212,7 @@ class Part:
         return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
 
     def _model(self, motion: int = 0) -> _core.Model:
-        return _core.Model(motion, self.table(), np.zeros((0, 9)), np.zeros((0, 3)), np.zeros((0, 8)))
+        return _core.Model(motion, self.table(), *(np.zeros((0, width)) for width in WIDTHS))
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Undamped natural frequencies in bending of the free part up to `upper_hz`, in Hz, zero modes left out.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from receptance import _checks
+from receptance import units
+from receptance.fields import Element, Field, Member, Number
 from receptance.joints import PointJoint
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ __all__ = ["ColletJoint"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColletJoint:
+class ColletJoint(Element):
     """A collet: tool to collet and collet to holder are two springs in series, with the collet's mass between.
 
     Without mass the dynamic stiffnesses are in series, K = (K_inner^-1 + K_outer^-1)^-1, which for each of k_y and
@@ -26,15 +27,7 @@ class ColletJoint:
 
     Parameters
     ----------
-    inner, outer : PointJoint
-        Between the part before it in the chain (towards the tip: the tool) and the collet, and between the collet and
-        the part behind it (the holder).
-    mass : float
-        Mass of the collet in kg; a rigid body at a point.
-    inertia : float
-        Its moment of inertia about its centre, in the plane of bending, in kg m2.
-    name : str, optional
-        First word of the addresses of its parameters, as in `joint.inner.k_y` or `joint.mass`.
+    {fields}
 
     Raises
     ------
@@ -54,25 +47,25 @@ class ColletJoint:
     array([2560.])
     """
 
-    inner: PointJoint
-    outer: PointJoint
-    mass: float = 0.0
-    inertia: float = 0.0
-    name: str = field(default="", compare=False)
+    inner: Annotated[
+        PointJoint, Member(PointJoint, "spring between the part before it (the tool) and the collet", prefix="inner.")
+    ]
+    outer: Annotated[
+        PointJoint, Member(PointJoint, "spring between the collet and the part behind it (the holder)", prefix="outer.")
+    ]
+    mass: Annotated[float, Number(units.MASS, "mass of the collet, a rigid body at a point")] = 0.0
+    inertia: Annotated[float, Number(units.INERTIA, "moment of inertia about its centre in the plane of bending")] = 0.0
+    name: Annotated[
+        str, Field("first word of the addresses of its parameters, as in `joint.inner.k_y` or `joint.mass`")
+    ] = field(default="", compare=False)
 
-    columns_of: ClassVar[tuple[str, ...]] = ("mass", "inertia")
     joints_of: ClassVar[tuple[str, ...]] = ("inner", "outer")
 
     def __post_init__(self) -> None:
-        owner = f"ColletJoint {self.name!r}" if self.name else "ColletJoint"
+        self.check()
         for which in self.joints_of:
-            joint = getattr(self, which)
-            if not isinstance(joint, PointJoint):
-                raise TypeError(f"{owner}: {which} is {joint!r}, expected a PointJoint")
             # The address says which one it is; a name of its own would lead nowhere.
-            object.__setattr__(self, which, replace(joint, name=""))
-        object.__setattr__(self, "mass", _checks.not_negative(owner, "mass", self.mass, unit="kg"))
-        object.__setattr__(self, "inertia", _checks.not_negative(owner, "inertia", self.inertia, unit="kg m2"))
+            object.__setattr__(self, which, replace(getattr(self, which), name=""))
 
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Dynamic stiffness of both springs in series, without what the mass does: `(n, 2, 2)` over (y, theta).

@@ -4,57 +4,41 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from receptance import _checks
+from receptance import _checks, units
+from receptance.fields import Count, Element, Field, Number
 
 __all__ = ["GroundSpring", "PointJoint", "PointMass", "Resonator"]
 
-_SPRING_UNITS = {
-    "k_y": "N/m",
-    "k_theta": "N m/rad",
-    "k_ytheta": "N/rad",
-    "c_y": "N s/m",
-    "c_theta": "N m s/rad",
-    "c_ytheta": "N s/rad",
-    "loss_factor": "",
-}
+Position = float | Literal["end"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Spring:
+class _Spring(Element):
     """A full symmetric complex spring with two degrees of freedom."""
 
-    k_y: float = 0.0
-    k_theta: float = 0.0
-    k_ytheta: float = 0.0
-    c_y: float = 0.0
-    c_theta: float = 0.0
-    c_ytheta: float = 0.0
-    loss_factor: float = 0.0
-
-    columns_of: ClassVar[tuple[str, ...]] = tuple(_SPRING_UNITS)
+    k_y: Annotated[float, Number(units.STIFFNESS, "translational stiffness")] = 0.0
+    k_theta: Annotated[float, Number(units.ROTATIONAL_STIFFNESS, "rotational stiffness")] = 0.0
+    k_ytheta: Annotated[float, Number(units.COUPLING_STIFFNESS, "coupling stiffness; k_ytheta^2 <= k_y k_theta")] = 0.0
+    c_y: Annotated[float, Number(units.DAMPING, "translational viscous damping")] = 0.0
+    c_theta: Annotated[float, Number(units.ROTATIONAL_DAMPING, "rotational viscous damping")] = 0.0
+    c_ytheta: Annotated[float, Number(units.COUPLING_DAMPING, "coupling damping; c_ytheta^2 <= c_y c_theta")] = 0.0
+    loss_factor: Annotated[float, Number(units.LOSS_FACTOR, "hysteretic loss factor of the stiffnesses")] = 0.0
 
     def __post_init__(self) -> None:
-        owner = self._owner()
-        for quantity, unit in _SPRING_UNITS.items():
-            check = _checks.number if quantity.endswith("ytheta") else _checks.not_negative
-            object.__setattr__(self, quantity, check(owner, quantity, getattr(self, quantity), unit=unit))
+        self.check()
         for kind, part in (("k", "real"), ("c", "imaginary")):
             limit = math.sqrt(getattr(self, f"{kind}_y") * getattr(self, f"{kind}_theta"))
             value = getattr(self, f"{kind}_ytheta")
             if abs(value) > limit * (1.0 + 1e-12):
                 raise ValueError(
-                    f"{owner}: {kind}_ytheta is {value:g}, but its size may be at most sqrt({kind}_y {kind}_theta) = "
-                    f"{limit:g}: the {part} part of the stiffness must be positive semidefinite"
+                    f"{self.owner}: {kind}_ytheta is {value:g}, expected a size of at most sqrt({kind}_y {kind}_theta) "
+                    f"= {limit:g}: the {part} part of the stiffness must be positive semidefinite"
                 )
-
-    def _owner(self) -> str:
-        name = getattr(self, "name", "")
-        return f"{type(self).__name__} {name!r}" if name else type(self).__name__
 
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Dynamic stiffness K = (1 + i loss_factor) k + i w c, shape `(n, 2, 2)` over (y, theta)."""
@@ -63,10 +47,6 @@ class _Spring:
         c = np.array([[self.c_y, self.c_ytheta], [self.c_ytheta, self.c_theta]])
         result: NDArray[np.complex128] = (1.0 + 1j * self.loss_factor) * k + 1j * w[:, None, None] * c
         return result
-
-    def columns(self) -> tuple[float, ...]:
-        """Return the seven columns of the joint and ground tables."""
-        return tuple(getattr(self, quantity) for quantity in self.columns_of)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,18 +60,7 @@ class PointJoint(_Spring):
 
     Parameters
     ----------
-    k_y : float
-        Translational stiffness in N/m.
-    k_theta : float
-        Rotational stiffness in N m/rad.
-    k_ytheta : float
-        Coupling stiffness in N/rad, k_ytheta^2 <= k_y k_theta.
-    c_y, c_theta, c_ytheta : float
-        Viscous damping in N s/m, N m s/rad and N s/rad, c_ytheta^2 <= c_y c_theta.
-    loss_factor : float
-        Hysteretic loss factor of all three stiffnesses.
-    name : str, optional
-        First word of the addresses of its parameters, as in `joint.k_theta`.
+    {fields}
 
     Raises
     ------
@@ -106,14 +75,14 @@ class PointJoint(_Spring):
     (1, 2, 2)
     """
 
-    name: str = field(default="", compare=False)
+    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for y, kind in (("y", "translation"), ("theta", "rotation")):
             if getattr(self, f"k_{y}") == 0.0 and getattr(self, f"c_{y}") == 0.0:
                 raise ValueError(
-                    f"{self._owner()}: k_{y} and c_{y} are both zero, so nothing holds the {kind} and the interface "
+                    f"{self.owner}: k_{y} and c_{y} are both zero, so nothing holds the {kind} and the interface "
                     f"is singular; give k_{y} or c_{y}"
                 )
 
@@ -122,7 +91,7 @@ class PointJoint(_Spring):
 
         K' = T^T K T with T = [[1, e], [0, 1]], for stiffness and damping alike.
         """
-        e = _checks.number(self._owner(), "distance", distance, unit="m")
+        e = _checks.number(self.owner, "distance", distance, unit="m")
         changed: dict[str, Any] = {name: getattr(self, name) for name in self.columns_of}
         for kind in "kc":
             y, both = changed[f"{kind}_y"], changed[f"{kind}_ytheta"]
@@ -133,22 +102,11 @@ class PointJoint(_Spring):
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSpring(_Spring):
-    """A spring and dashpot from a point, or a stretch, of a part to ground; parameters as in `PointJoint`.
+    """A spring and dashpot from a point, or a stretch, of a part to ground.
 
     Parameters
     ----------
-    part : str, optional
-        Name of the part that carries it; empty for the first part.
-    position : float or "end"
-        Distance in m from the part's tip-side end, or its far end.
-    length : float, optional
-        In m, from the position on: the spring, whose values are those of the whole, is shared out evenly over it.
-    points : int, optional
-        At how many points, each in the middle of an equal part of the length.
-    weights : sequence of float, optional
-        What the points carry, in proportion; they are then as many as the weights.
-    name : str, optional
-        First word of the addresses of its parameters.
+    {fields}
 
     Raises
     ------
@@ -162,24 +120,30 @@ class GroundSpring(_Spring):
     10000000.0
     """
 
-    part: str = ""
-    position: float | Literal["end"] = 0.0
-    length: float = 0.0
-    points: int = 8
-    weights: tuple[float, ...] = ()
-    name: str = field(default="", compare=False)
+    part: Annotated[str, Field("name of the part that carries it; by default the first part")] = ""
+    position: Annotated[Position, Field("distance in m from the part's tip-side end, or its far end")] = 0.0
+    length: Annotated[
+        float,
+        Number(
+            units.LENGTH_OR_ZERO,
+            "length over which the spring, whose values are those of the whole, is shared out; 0 for a point",
+            parameter=False,
+        ),
+    ] = 0.0
+    points: Annotated[int, Count("number of points, each in the middle of an equal part of the length")] = 8
+    weights: Annotated[
+        tuple[float, ...], Field("shares of the points, in proportion, from the tip on; by default all the same")
+    ] = ()
+    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "length", _checks.not_negative(self._owner(), "length", self.length, unit="m"))
-        if isinstance(self.points, bool) or not isinstance(self.points, int) or not 1 <= self.points <= 1000:
-            raise ValueError(f"{self._owner()}: points is {self.points!r}, expected a whole number from 1 to 1000")
         if self.length > 0.0 and self.position == "end":
-            raise ValueError(f"{self._owner()}: it begins at the part's end and has a length of {self.length:g} m")
+            raise ValueError(f"{self.owner}: it begins at the part's end and has a length of {self.length:g} m")
         given = enumerate(self.weights)
-        weights = tuple(_checks.not_negative(self._owner(), f"weights[{i}]", value) for i, value in given)
+        weights = tuple(_checks.not_negative(self.owner, f"weights[{i}]", value) for i, value in given)
         if weights and sum(weights) == 0.0:
-            raise ValueError(f"{self._owner()}: weights are all zero, so it acts nowhere")
+            raise ValueError(f"{self.owner}: weights are all zero, so it acts nowhere")
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "points", len(weights) or self.points)
 
@@ -200,21 +164,12 @@ class GroundSpring(_Spring):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointMass:
+class PointMass(Element):
     """A rigid mass on a point of a part.
 
     Parameters
     ----------
-    mass : float
-        Mass in kg.
-    inertia : float
-        Moment of inertia about its own centre, in the plane of bending, in kg m2.
-    part : str, optional
-        Name of the part that carries it; empty for the first part.
-    position : float or "end"
-        Distance in m from the part's tip-side end, or its far end.
-    name : str, optional
-        First word of the addresses of its parameters.
+    {fields}
 
     Examples
     --------
@@ -222,28 +177,21 @@ class PointMass:
     >>> sensor = PointMass(mass=0.6e-3, name="sensor")
     """
 
-    mass: float
-    inertia: float = 0.0
-    part: str = ""
-    position: float | Literal["end"] = 0.0
-    name: str = field(default="", compare=False)
+    mass: Annotated[float, Number(units.MASS, "mass")]
+    inertia: Annotated[float, Number(units.INERTIA, "moment of inertia about its centre in the plane of bending")] = 0.0
+    part: Annotated[str, Field("name of the part that carries it; by default the first part")] = ""
+    position: Annotated[Position, Field("distance in m from the part's tip-side end, or its far end")] = 0.0
+    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
 
-    columns_of: ClassVar[tuple[str, ...]] = ("mass", "inertia")
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
     shares: ClassVar[tuple[float, ...]] = (1.0,)
 
     def __post_init__(self) -> None:
-        owner = f"PointMass {self.name!r}" if self.name else "PointMass"
-        object.__setattr__(self, "mass", _checks.not_negative(owner, "mass", self.mass, unit="kg"))
-        object.__setattr__(self, "inertia", _checks.not_negative(owner, "inertia", self.inertia, unit="kg m2"))
-
-    def columns(self) -> tuple[float, ...]:
-        """Return mass and inertia."""
-        return (self.mass, self.inertia)
+        self.check()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Resonator:
+class Resonator(Element):
     """A mass on a spring and a dashpot at a point of a part.
 
     It stands for one mode of a structure that is not modelled, or for a vibration absorber. It acts on the translation
@@ -252,23 +200,7 @@ class Resonator:
 
     Parameters
     ----------
-    mass : float
-        Mass in kg.
-    k_y : float
-        Stiffness in N/m; above zero.
-    c_y : float
-        Viscous damping in N s/m.
-    part : str, optional
-        Name of the part that carries it; empty for the first part.
-    position : float or "end"
-        Distance in m from the part's tip-side end, or its far end.
-    name : str, optional
-        First word of the addresses of its parameters.
-
-    Raises
-    ------
-    ValueError
-        A negative mass or damping, or a stiffness that is not above zero.
+    {fields}
 
     Examples
     --------
@@ -280,18 +212,18 @@ class Resonator:
     array([ 851., 2269.])
     """
 
-    mass: float
-    k_y: float
-    c_y: float = 0.0
-    part: str = ""
-    position: float | Literal["end"] = 0.0
-    name: str = field(default="", compare=False)
+    mass: Annotated[float, Number(units.MASS, "mass")]
+    k_y: Annotated[float, Number(units.SPRING_STIFFNESS, "stiffness")]
+    c_y: Annotated[float, Number(units.DAMPING, "viscous damping")] = 0.0
+    part: Annotated[str, Field("name of the part that carries it; by default the first part")] = ""
+    position: Annotated[Position, Field("distance in m from the part's tip-side end, or its far end")] = 0.0
+    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
 
-    columns_of: ClassVar[tuple[str, ...]] = ("mass", "k_y", "c_y")
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
 
     def __post_init__(self) -> None:
-        owner = f"Resonator {self.name!r}" if self.name else "Resonator"
-        object.__setattr__(self, "mass", _checks.not_negative(owner, "mass", self.mass, unit="kg"))
-        object.__setattr__(self, "k_y", _checks.positive(owner, "k_y", self.k_y, unit="N/m"))
-        object.__setattr__(self, "c_y", _checks.not_negative(owner, "c_y", self.c_y, unit="N s/m"))
+        self.check()
+
+
+WIDTHS = tuple(nodes + len(kind.layout) for nodes, kind in ((2, PointJoint), (1, PointMass), (1, GroundSpring)))
+"""Columns of the core's tables of joints, masses and ground springs: nodes, then the columns of the element."""

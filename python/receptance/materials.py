@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from receptance import _checks
+from receptance import units
 from receptance.errors import ReceptanceWarning
+from receptance.fields import Element, Field, Number
 
 __all__ = ["CARBIDE", "STEEL", "Material"]
 
@@ -15,26 +17,17 @@ _SOFTEST = 1e5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class Material(Element):
     """A linear isotropic material that may lose energy.
 
     Parameters
     ----------
-    youngs_modulus : float
-        Young's modulus E in Pa; with a loss factor it is E (1 + i loss_factor).
-    density : float
-        Mass density in kg/m3.
-    poisson_ratio : float
-        Poisson's ratio, more than -1 and at most 0.5. The shear modulus is E / (2 (1 + nu)).
-    loss_factor : float, optional
-        Hysteretic loss factor of both moduli; 0 means that the material loses nothing.
-    name : str, optional
-        For people.
+    {fields}
 
     Raises
     ------
     ValueError, TypeError
-        A quantity without physical meaning; the message names it.
+        A number out of its bounds; the message names it.
 
     Examples
     --------
@@ -44,38 +37,26 @@ class Material:
     237.7
     """
 
-    youngs_modulus: float
-    density: float
-    poisson_ratio: float
-    loss_factor: float = 0.0
-    name: str = field(default="", compare=False)
+    youngs_modulus: Annotated[
+        float, Number(units.MODULUS, "Young's modulus; with a loss factor it is E (1 + i loss_factor)")
+    ]
+    density: Annotated[float, Number(units.DENSITY, "mass density")]
+    poisson_ratio: Annotated[
+        float, Number(units.POISSON_RATIO, "Poisson's ratio; the shear modulus is E / (2 (1 + nu))")
+    ]
+    loss_factor: Annotated[float, Number(units.LOSS_FACTOR, "hysteretic loss factor of both moduli")] = 0.0
+    name: Annotated[str, Field("name in reports and files")] = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        owner = f"Material {self.name!r}" if self.name else "Material"
-        checked = {
-            "youngs_modulus": _checks.positive(owner, "youngs_modulus", self.youngs_modulus, unit="Pa"),
-            "density": _checks.positive(owner, "density", self.density, unit="kg/m3"),
-            "poisson_ratio": _checks.number(owner, "poisson_ratio", self.poisson_ratio),
-            "loss_factor": _checks.not_negative(owner, "loss_factor", self.loss_factor),
-        }
-        if not -1.0 < checked["poisson_ratio"] <= 0.5:
-            raise ValueError(
-                f"{owner}: poisson_ratio is {checked['poisson_ratio']:g}, expected more than -1 and at most 0.5"
-            )
-        if checked["youngs_modulus"] < _SOFTEST:
-            text = f"{owner}: youngs_modulus is {checked['youngs_modulus']:g} Pa, softer than rubber; is this in GPa?"
+        self.check()
+        if self.youngs_modulus < _SOFTEST:
+            text = f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa, softer than rubber; is this in GPa?"
             warnings.warn(text, ReceptanceWarning, stacklevel=3)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
 
     @property
     def shear_modulus(self) -> float:
         """Shear modulus G in Pa."""
         return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
-
-    def columns(self) -> tuple[float, float, float, float]:
-        """Return the four columns of the segment table: modulus, density, Poisson's ratio, loss factor."""
-        return (self.youngs_modulus, self.density, self.poisson_ratio, self.loss_factor)
 
 
 STEEL = Material(youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, name="steel")

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from receptance import _checks
-from receptance.joints import _Spring
+from receptance import units
+from receptance.fields import Field, Number
+from receptance.joints import PointJoint, _Spring
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["MicroslipJoint"]
-
-_GREATEST_EXPONENT = 4.0
 
 
 def largest_share(exponent: float) -> float:
@@ -61,19 +60,7 @@ class MicroslipJoint(_Spring):
 
     Parameters
     ----------
-    k_y, k_theta, k_ytheta, c_y, c_theta, c_ytheta, loss_factor : float
-        Of small amplitudes, as in `PointJoint`.
-    slip_y, slip_theta : float
-        Share s of k_y and of k_theta that is lost at the level 1.
-    exponent : float
-        p, above zero and up to 4; 1 for a loss that grows with the third power of the amplitude per cycle, less for
-        most bolted and clamped joints.
-    level : float
-        Amplitude of the joint's motion over the reference, where no force says it; 0 for small amplitudes.
-    reference_y, reference_theta : float
-        Amplitudes of the relative motion, in m and rad, that are the level 1; only a given force needs them.
-    name : str, optional
-        First word of the addresses of its parameters, as in `joint.slip_y`.
+    {fields}
 
     Raises
     ------
@@ -89,35 +76,39 @@ class MicroslipJoint(_Spring):
     np.complex128(80000+8488.3j)
     """
 
-    slip_y: float = 0.0
-    slip_theta: float = 0.0
-    exponent: float = 1.0
-    level: float = 0.0
-    reference_y: float = 0.0
-    reference_theta: float = 0.0
-    name: str = field(default="", compare=False)
-
-    amplitude_of: ClassVar[tuple[str, ...]] = (
-        "slip_y",
-        "slip_theta",
-        "exponent",
-        "level",
-        "reference_y",
-        "reference_theta",
+    slip_y: Annotated[float, Number(units.SHARE, "share s of k_y that is lost at the level 1")] = 0.0
+    slip_theta: Annotated[float, Number(units.SHARE, "share s of k_theta that is lost at the level 1")] = 0.0
+    exponent: Annotated[
+        float,
+        Number(
+            units.EXPONENT,
+            "exponent p of the lost share over the level; with 1 the loss per cycle grows with the third power of the "
+            "amplitude, and most bolted and clamped joints have less",
+        ),
+    ] = 1.0
+    level: Annotated[
+        float,
+        Number(
+            units.LEVEL,
+            "amplitude of the joint's motion over the reference, unless a force is given; 0 for small amplitudes",
+        ),
+    ] = 0.0
+    reference_y: Annotated[
+        float, Number(units.AMPLITUDE, "amplitude of the relative motion at the level 1; needed with a given force")
+    ] = 0.0
+    reference_theta: Annotated[
+        float, Number(units.ANGLE, "amplitude of the relative rotation at the level 1; needed with a given force")
+    ] = 0.0
+    name: Annotated[str, Field("first word of the addresses of its parameters, as in `joint.slip_y`")] = field(
+        default="", compare=False
     )
+
+    amplitude_of: ClassVar[tuple[str, ...]]
+    """Names of its parameters beyond those of a `PointJoint`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        owner = self._owner()
-        for quantity in self.amplitude_of:
-            unit = {"reference_y": "m", "reference_theta": "rad"}.get(quantity, "")
-            object.__setattr__(
-                self, quantity, _checks.not_negative(owner, quantity, getattr(self, quantity), unit=unit)
-            )
-        if not 0.0 < self.exponent <= _GREATEST_EXPONENT:
-            raise ValueError(
-                f"{owner}: exponent is {self.exponent:g}, expected more than 0 and at most {_GREATEST_EXPONENT:g}"
-            )
+        owner = self.owner
         most = largest_share(self.exponent)
         for which, share in zip(("y", "theta"), self.shares, strict=True):
             if getattr(self, f"k_{which}") == 0.0:
@@ -152,3 +143,6 @@ class MicroslipJoint(_Spring):
         result = super().stiffness(frequency_hz)
         result[:, [0, 1], [0, 1]] += self.added
         return result
+
+
+MicroslipJoint.amplitude_of = MicroslipJoint.columns_of[len(PointJoint.columns_of) :]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import tau
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 
-from receptance import _checks, _core
+from receptance import _checks, _core, units
+from receptance.fields import Element, Number
 from receptance.terminals import RESIDUALS, Terminal
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ _MODE = re.compile(r"mode\[(\d+)\]\.(\w+)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mode:
+class Mode(Element):
     """A mode of a part, seen at one plane.
 
     With s = i w, phi = (y, theta) and chi = (y_imaginary, theta_imaginary) it adds to the receptance over (y, theta)
@@ -34,14 +35,7 @@ class Mode:
 
     Parameters
     ----------
-    frequency_hz : float
-        Undamped natural frequency with the plane free; zero for a rigid-body mode.
-    damping_ratio : float
-        Share of critical damping.
-    y, theta : float
-        Mode shape at the plane, mass-normalised: 1/sqrt(kg), and rad/(m sqrt(kg)).
-    y_imaginary, theta_imaginary : float, optional
-        What is 90 degrees behind, where dampers couple the modes of a spindle; the shape is then complex.
+    {fields}
 
     Raises
     ------
@@ -54,27 +48,22 @@ class Mode:
     >>> bending = Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)
     """
 
-    frequency_hz: float
-    damping_ratio: float
-    y: float
-    theta: float
-    y_imaginary: float = 0.0
-    theta_imaginary: float = 0.0
+    toleranced = False
 
-    columns_of: ClassVar[tuple[str, ...]] = (
-        "frequency_hz",
-        "damping_ratio",
-        "y",
-        "theta",
-        "y_imaginary",
-        "theta_imaginary",
-    )
+    frequency_hz: Annotated[
+        float,
+        Number(units.FREQUENCY_OR_ZERO, "undamped natural frequency with the plane free; zero for a rigid-body mode"),
+    ]
+    damping_ratio: Annotated[float, Number(units.DAMPING_RATIO, "share of critical damping")]
+    y: Annotated[float, Number(units.MODE_SHAPE, "mass-normalised mode shape at the plane")]
+    theta: Annotated[float, Number(units.MODE_SLOPE, "rotation of the mode shape at the plane")]
+    y_imaginary: Annotated[
+        float, Number(units.MODE_SHAPE, "imaginary part of the shape, where dampers couple the modes of a spindle")
+    ] = 0.0
+    theta_imaginary: Annotated[float, Number(units.MODE_SLOPE, "imaginary part of the rotation of the shape")] = 0.0
 
     def __post_init__(self) -> None:
-        units = ("Hz", "", *("1/sqrt(kg)", "rad/(m sqrt(kg))") * 2)
-        for quantity, unit in zip(self.columns_of, units, strict=True):
-            check = _checks.number if quantity.startswith(("y", "theta")) else _checks.not_negative
-            object.__setattr__(self, quantity, check("Mode", quantity, getattr(self, quantity), unit=unit))
+        self.check()
         if (self.y_imaginary or self.theta_imaginary) and (self.frequency_hz == 0.0 or self.damping_ratio >= 1.0):
             raise ValueError(
                 f"Mode: at {self.frequency_hz:g} Hz with a damping ratio of {self.damping_ratio:g} nothing swings, "
@@ -112,13 +101,9 @@ class ModalPart(Terminal):
     ----------
     modes : iterable of Mode
         At least one.
-    residual_y, residual_theta, residual_ytheta : float, optional
-        R, in m/N, rad/(N m) and m/(N m).
     band_hz : (float, float), optional
         Lines outside this band are refused: a fit says nothing beyond its data.
-    name : str, optional
-        First word of the addresses of its parameters, as in `spindle.mode[0].frequency_hz`, `.damping_ratio`, `.y`,
-        `.theta`, `.y_imaginary`, `.theta_imaginary` and `spindle.residual_y`.
+    {fields}
 
     Raises
     ------
@@ -136,30 +121,26 @@ class ModalPart(Terminal):
     """
 
     modes: tuple[Mode, ...]
-    residual_y: float = 0.0
-    residual_theta: float = 0.0
-    residual_ytheta: float = 0.0
     band_hz: tuple[float, float] | None = None
-    name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         modes = tuple(self.modes) if isinstance(self.modes, Iterable) else (self.modes,)
         for index, mode in enumerate(modes):
             if not isinstance(mode, Mode):
-                raise TypeError(f"{self._owner}: modes[{index}] is {mode!r}, expected a Mode")
+                raise TypeError(f"{self.owner}: modes[{index}] is {mode!r}, expected a Mode")
         if not modes:
-            raise ValueError(f"{self._owner}: there are no modes, expected at least one")
+            raise ValueError(f"{self.owner}: there are no modes, expected at least one")
         object.__setattr__(self, "modes", modes)
-        self.check_residuals()
+        self.check()
         if self.band_hz is not None:
-            low, high = (_checks.not_negative(self._owner, "band_hz", value, unit="Hz") for value in self.band_hz)
+            low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
             if not low < high:
-                raise ValueError(f"{self._owner}: band_hz is {low:g} to {high:g} Hz, expected an ascending pair")
+                raise ValueError(f"{self.owner}: band_hz is {low:g} to {high:g} Hz, expected an ascending pair")
             object.__setattr__(self, "band_hz", (low, high))
 
     @property
-    def columns_of(self) -> tuple[str, ...]:
-        """Names of its parameters."""
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses of its parameters within it."""
         own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
         return (*own, *RESIDUALS)
 
@@ -176,14 +157,14 @@ class ModalPart(Terminal):
         bad = np.flatnonzero((lines.real < low * (1.0 - 1e-9)) | (lines.real > high * (1.0 + 1e-9)))
         if bad.size:
             raise ValueError(
-                f"{self._owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
+                f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
                 "outside; nothing is extrapolated"
             )
 
     def _place(self, parameter: str) -> tuple[int, str]:
         match = _MODE.fullmatch(parameter)
-        if match is None or parameter not in self.columns_of:
-            raise ValueError(f"{self._owner} has no parameter {parameter!r}")
+        if match is None or parameter not in self.addresses:
+            raise ValueError(f"{self.owner} has no parameter {parameter!r}")
         return int(match[1]), match[2]
 
     def value(self, parameter: str) -> float:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import tau
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receptance import _checks
+from receptance import _checks, units
 from receptance._interpolation import interpolated
+from receptance.fields import Element, Field, Number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from receptance.frf import FRF
 
@@ -22,33 +23,26 @@ __all__ = ["MeasuredPart", "Terminal"]
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 """Parameters that every terminal has, in the order of the entries of its receptance."""
-_RESIDUAL_UNITS = dict(zip(RESIDUALS, ("m/N", "rad/(N m)", "m/(N m)"), strict=True))
 ENTRIES = ((0, 0), (1, 1), (0, 1))
 """Where y over force, theta over moment and y over moment stand in the (y, theta) matrix."""
 
 
-class Terminal(ABC):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terminal(Element, ABC):
     """Something known by its receptances at one plane; the last element of an assembly."""
 
-    name: str
-    residual_y: float
-    residual_theta: float
-    residual_ytheta: float
+    toleranced = False
+
+    residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
+    residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
+    residual_ytheta: Annotated[float, Number(units.COUPLING_RECEPTANCE, "receptance added to y over moment")] = 0.0
+    name: Annotated[str, Field("first word of the addresses of its parameters, as in `spindle.residual_y`")] = field(
+        default="", compare=False
+    )
 
     @property
-    def _owner(self) -> str:
-        return f"{type(self).__name__} {self.name!r}" if self.name else type(self).__name__
-
-    def check_residuals(self) -> None:
-        """Refuse residuals that are not finite numbers."""
-        for quantity, unit in _RESIDUAL_UNITS.items():
-            object.__setattr__(
-                self, quantity, _checks.number(self._owner, quantity, getattr(self, quantity), unit=unit)
-            )
-
-    @property
-    def columns_of(self) -> tuple[str, ...]:
-        """Names of its parameters."""
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses of its parameters within it."""
         return RESIDUALS
 
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
@@ -69,15 +63,6 @@ class Terminal(ABC):
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
 
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter."""
-        return float(getattr(self, parameter))
-
-    def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same with other values of some parameters."""
-        changes: dict[str, Any] = dict(values)
-        return replace(self, **changes)  # type: ignore[type-var]
-
     def _residual(self) -> NDArray[np.complex128]:
         return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
 
@@ -96,16 +81,10 @@ class MeasuredPart(Terminal):
         `(n,)` ascending lines.
     matrix : array_like
         `(n, 2, 2)` complex receptance over (y, theta): y/F [m/N], y/M, theta/F and theta/M [rad/(N m)]; symmetric.
-    decay_rate : float, optional
-        Decay in 1/s of the exponential window that the table belongs to: its lines are f - i decay_rate / (2 pi).
     covariance : array_like, optional
         `(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M: that of the real parts, which the
         imaginary parts have as well.
-    residual_y, residual_theta, residual_ytheta : float, optional
-        Receptance added on all lines, in m/N, rad/(N m) and m/(N m): what is missing in series. Its derivative is that
-        with respect to the entries of the table.
-    name : str, optional
-        First word of the addresses of its parameters, as in `spindle.residual_y`.
+    {fields}
 
     Raises
     ------
@@ -125,15 +104,18 @@ class MeasuredPart(Terminal):
 
     frequency_hz: NDArray[np.float64]
     matrix: NDArray[np.complex128]
-    decay_rate: float = 0.0
+    decay_rate: Annotated[
+        float,
+        Number(
+            units.DECAY_RATE,
+            "decay rate of the exponential window of the table; its lines are f - i decay_rate / (2 pi)",
+            parameter=False,
+        ),
+    ] = 0.0
     covariance: NDArray[np.complex128] | None = None
-    residual_y: float = 0.0
-    residual_theta: float = 0.0
-    residual_ytheta: float = 0.0
-    name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        owner = self._owner
+        owner = self.owner
         lines = _checks.frequencies(self.frequency_hz)
         if lines.dtype.kind == "c":
             raise TypeError(f"{owner}: frequency_hz is complex, expected real lines and decay_rate")
@@ -160,8 +142,7 @@ class MeasuredPart(Terminal):
         for quantity, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, quantity, array)
-        object.__setattr__(self, "decay_rate", _checks.not_negative(owner, "decay_rate", self.decay_rate, unit="1/s"))
-        self.check_residuals()
+        self.check()
 
     @classmethod
     def from_frf(cls, frf: FRF, *, name: str = "") -> Self:
@@ -190,10 +171,10 @@ class MeasuredPart(Terminal):
         decay = 0.0 - lines.imag * tau
         if np.any(np.abs(decay - self.decay_rate) > 1e-9 * (np.abs(lines) + self.decay_rate)):
             raise ValueError(
-                f"{self._owner}: it was measured with a decay rate of {self.decay_rate:g} 1/s, and is asked for with "
+                f"{self.owner}: it was measured with a decay rate of {self.decay_rate:g} 1/s, and is asked for with "
                 f"{decay[0]:g} 1/s; identify a ModalPart, which has a value at any complex frequency"
             )
-        return interpolated(self._owner, self.frequency_hz, table, np.ascontiguousarray(lines.real))
+        return interpolated(self.owner, self.frequency_hz, table, np.ascontiguousarray(lines.real))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MeasuredPart):

@@ -36,25 +36,25 @@ def planes(angular_frequency: Any, joint: Any, points: Any, threads: Any, **tabl
 
 def problem(
     reduction: Any, spring: Any, variables: Any, measured: Any, weights: Any,
-    logarithmic: Any, bounds: Any, priors: Any,
+    logarithmic: Any, bounds: Any, priors: Any, threads: Any,
 ) -> Any:  # fmt: skip
     """Return a problem with one receptance of a reduced model."""
-    found = _core.Problem(logarithmic, bounds, priors)
+    found = _core.Problem(logarithmic, bounds, priors, threads)
     found.add_joint_receptance(reduction, spring, variables, measured, weights)
     return found
 
 
-def normal_matrix(x: Any, threads: Any, **arguments: Any) -> Any:
+def normal_matrix(x: Any, **arguments: Any) -> Any:
     """Return the normal matrix of such a problem."""
-    return problem(**arguments).normal_matrix(x, threads)
+    return problem(**arguments).normal_matrix(x)
 
 
-def rows(x: Any, free: Any, threads: Any, **arguments: Any) -> Any:
+def rows(x: Any, free: Any, **arguments: Any) -> Any:
     """Return residuals and derivatives of such a problem."""
-    return problem(**arguments).rows(x, free, threads)
+    return problem(**arguments).rows(x, free)
 
 
-def fit(starts: Any, free: Any, tolerance: Any, evaluations: Any, threads: Any, **arguments: Any) -> Any:
+def fit(starts: Any, free: Any, evaluations: Any, tolerance: Any, least: Any, **arguments: Any) -> Any:
     """Return the ends of the fits of such a problem."""
-    ends = problem(**arguments).fit(starts, free, tolerance, evaluations, threads)
-    return ends.x, ends.cost, ends.evaluations, ends.status, ends.normal
+    ends = problem(**arguments).fit(starts, free, evaluations, tolerance, least)
+    return ends.x, ends.cost, ends.first, ends.evaluations, ends.status, ends.normal

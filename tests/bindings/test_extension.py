@@ -132,7 +132,7 @@ def test_other_threads_run_during_a_call() -> None:
     w = 2 * np.pi * lines + 0j
     ends = np.array([[0.0, 0.0], [float(flat.count - 1), 0.0]])
     before = time.perf_counter()
-    _core.Model(0, *flat.tables()).receptance(_core.Lines(w), ends, ends, rows, 1)
+    flat.model(0).receptance(_core.Lines(w), ends, ends, rows, 1)
     after = time.perf_counter()
     done.set()
     ticker.join()
@@ -159,7 +159,7 @@ def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
     exact = own.receptance(f)
     measured = exact * (1.0 + 0.01 * rng.standard_normal(f.size))
     bounds = np.array([[5.0, 2.0], [11.0, 8.0]])
-    problem = _core.Problem(np.array([True, True]), bounds, np.zeros((0, 3)))
+    problem = _core.Problem(np.array([True, True]), bounds, np.zeros((0, 3)), threads)
     variables = np.array([0.0, 1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
     joint = np.array([1e8, 1e5, 0.0, 0.0, 0.0, 0.0, 0.0])
     problem.add_joint_receptance(own.reduced_to_joint("joint", f), joint, variables, measured, np.ones(f.size))
@@ -169,7 +169,7 @@ def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.3)
         began = time.perf_counter()
         with pytest.raises(AlarmError):
-            problem.fit(starts, np.array([True, True]), 1e-12, np.full(2000, 500), threads)
+            problem.fit(starts, np.array([True, True]), np.full(2000, 500), 1e-12)
         assert time.perf_counter() - began < 1.3
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

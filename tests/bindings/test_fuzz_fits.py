@@ -47,12 +47,13 @@ def problem() -> dict[str, Any]:
         "logarithmic": np.ones(2, dtype=np.bool_),
         "bounds": np.array([[5.0, 3.0], [10.0, 8.0]]),
         "priors": np.array([[1.0, 2.0, 10.0]]),
+        "threads": 1,
     }
 
 
 def normal_matrix() -> dict[str, Any]:
     """Arguments of a normal matrix that works."""
-    return {**problem(), "x": np.array([7.0, 5.0]), "threads": 1}
+    return {**problem(), "x": np.array([7.0, 5.0])}
 
 
 def rows() -> dict[str, Any]:
@@ -67,8 +68,8 @@ def fit() -> dict[str, Any]:
         "starts": np.array([[7.0, 5.0], [8.0, 6.0]]),
         "free": np.ones(2, dtype=np.bool_),
         "tolerance": 1e-8,
+        "least": 1e-9,
         "evaluations": np.array([20, 20]),
-        "threads": 1,
     }
 
 

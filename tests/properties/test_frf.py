@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from properties.strategies import parts
 from receptance import FRF, Assembly, Coordinate
 from receptance.frf.drive_points import judge
-from receptance.frf.forms import FORMS
+from receptance.units import FORMS
 
 forms = st.sampled_from(FORMS)
 

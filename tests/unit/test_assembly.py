@@ -123,7 +123,7 @@ def test_frequencies_are_checked(lines: Any) -> None:
         ("tool.segment[0].colour", "a segment has length"),
         ("tool.segment[0].core.density", "the segment has no core"),
         ("holder.segment[*].core.density", "the segment has no core"),
-        ("tool.segment[0].core.length", "a core the last four"),
+        ("tool.segment[0].core.length", "a segment has length, outer_diameter"),
         ("joint.k_x", "PointJoint has k_y, k_theta"),
         ("joint.name", "PointJoint has k_y"),
         ("joint.k_y.more", "PointJoint has k_y"),

@@ -43,7 +43,7 @@ def campaign_of(
     """Simulate the FRFs of short, long and, held out, longest; the campaign then says more than what was simulated."""
     plain = load(folder, f"{HEAD}{UNKNOWNS}")
     for name, assembly in plain.assemblies.items():
-        from receptance.campaign.assembling import carrying
+        from receptance.campaign.builder import carrying
 
         true = carrying(assembly.replace(JOINT), *masses)
         write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=factor * true.receptance(LINES)))

@@ -244,7 +244,7 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
             THETA,
             "_theta = 0.2",
             "_theta = 0.2\nexponent = 5.0",
-            "joints.joint.exponent: is 5, expected at most 4",
+            "joints.joint.exponent: is 5, expected more than zero and at most 4",
         ),
         (
             MICROSLIP,

@@ -269,7 +269,7 @@ _DEEP = 900 * "[" + 900 * "]"
             "overhang = nan",
             "assemblies.short.conditions.overhang: is nan, expected a finite number",
         ),
-        ('length = "60 mm"', 'length = "60 N m/dB"', 'is "60 N m/dB", with the unknown unit "N m/dB"'),
+        ('length = "60 mm"', 'length = "60 N m/dB"', 'is "60 N m/dB", with the unknown unit "dB"'),
         ("[unknowns]", "[[unknowns]]", "unknowns: is a list of 1, expected a table"),
         ('torque = "135 N m"', f"torque = {_DEEP}", "tables and lists are in each other more than 20 deep"),
         ("[unknowns]", f"[{'a.' * 900}a]\nx = 1\n[unknowns]", "tables and lists are in each other more than 20 deep"),

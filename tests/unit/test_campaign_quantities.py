@@ -6,93 +6,93 @@ import math
 
 import pytest
 
+from receptance import units
+from receptance._text import did_you_mean, one_of
 from receptance.campaign.addresses import kind_of, parse_position
-from receptance.campaign.conditions import parse_condition
-from receptance.campaign.deviations import Deviation, parse_deviation
-from receptance.campaign.quantities import KINDS, parse
-from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.campaign.quantities import Deviation, parse_condition, parse_deviation
+from receptance.units import QUANTITIES, Quantity, parse
 
 
 @pytest.mark.parametrize(
     ("text", "kind", "value"),
     [
-        ("62.3 mm", "a length", 0.0623),
-        ("62.3mm", "a length", 0.0623),
-        ("  6.23e1   mm ", "a length", 0.0623),
-        (".5 inch", "a length", 0.0127),
-        ("0.25 1/kg**0.5", "a mode shape", 0.25),
-        ("1.1 rad/(m kg^0.5)", "a slope of a mode shape", 1.1),
-        ("580 GPa", "a modulus", 580e9),
-        ("85 N/µm", "a stiffness", 85e6),
-        ("14.5 g/cm^3", "a density", 14500.0),
-        ("14500 kg/m3", "a density", 14500.0),
-        ("14500 kg/m³", "a density", 14500.0),
-        ("0.6 g", "a mass", 0.6e-3),
-        ("4e4 N m/rad", "a rotational stiffness", 4e4),
-        ("4e4 N m", "a rotational stiffness", 4e4),
-        ("40 kNm/rad", "a rotational stiffness", 4e4),
-        ("4e7 Nmm/rad", "a rotational stiffness", 4e4),
-        ("1 N m/deg", "a rotational stiffness", 180.0 / math.pi),
-        ("0.03 N·m·s/rad", "a rotational damping", 0.03),
-        ("-3e5 N/rad", "a coupling stiffness", -3e5),
-        ("2.5 kHz", "a frequency", 2500.0),
-        ("20 1/s", "a rate of decay", 20.0),
-        ("0.02 1/ms", "a rate of decay", 20.0),
-        ("0 mm", "a length or zero", 0.0),
-        (0.22, "a Poisson's ratio", 0.22),
-        (0, "a loss factor", 0.0),
+        ("62.3 mm", units.LENGTH, 0.0623),
+        ("62.3mm", units.LENGTH, 0.0623),
+        ("  6.23e1   mm ", units.LENGTH, 0.0623),
+        (".5 inch", units.LENGTH, 0.0127),
+        ("0.25 1/kg**0.5", units.MODE_SHAPE, 0.25),
+        ("1.1 rad/(m kg^0.5)", units.MODE_SLOPE, 1.1),
+        ("580 GPa", units.MODULUS, 580e9),
+        ("85 N/µm", units.STIFFNESS, 85e6),
+        ("14.5 g/cm^3", units.DENSITY, 14500.0),
+        ("14500 kg/m3", units.DENSITY, 14500.0),
+        ("14500 kg/m³", units.DENSITY, 14500.0),
+        ("0.6 g", units.MASS, 0.6e-3),
+        ("4e4 N m/rad", units.ROTATIONAL_STIFFNESS, 4e4),
+        ("4e4 N m", units.ROTATIONAL_STIFFNESS, 4e4),
+        ("40 kNm/rad", units.ROTATIONAL_STIFFNESS, 4e4),
+        ("4e7 Nmm/rad", units.ROTATIONAL_STIFFNESS, 4e4),
+        ("1 N m/deg", units.ROTATIONAL_STIFFNESS, 180.0 / math.pi),
+        ("0.03 N·m·s/rad", units.ROTATIONAL_DAMPING, 0.03),
+        ("-3e5 N/rad", units.COUPLING_STIFFNESS, -3e5),
+        ("2.5 kHz", units.FREQUENCY, 2500.0),
+        ("20 1/s", units.DECAY_RATE, 20.0),
+        ("0.02 1/ms", units.DECAY_RATE, 20.0),
+        ("0 mm", units.LENGTH_OR_ZERO, 0.0),
+        (0.22, units.POISSON_RATIO, 0.22),
+        (0, units.LOSS_FACTOR, 0.0),
     ],
 )
-def test_quantities(text: object, kind: str, value: float) -> None:
-    assert parse(text, KINDS[kind]) == pytest.approx(value, rel=1e-12)
+def test_quantities(text: object, kind: Quantity, value: float) -> None:
+    assert parse(text, kind) == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("text", "kind", "words"),
     [
-        (62.3, "a length", 'is 62.3, expected a length as text with a unit, such as "62.3 mm"'),
-        ("62.3", "a length", 'is "62.3", without a unit, expected a length'),
-        ("62,3 mm", "a length", "decimals are written with a point"),
-        ("mm", "a length", 'is "mm", expected a length'),
-        ("", "a length", 'is "", expected a length'),
-        ("62.3 mn", "a length", 'with the unknown unit "mn" (did you mean "mm"?)'),
-        ("62.3 N", "a length", 'is "62.3 N", a force, expected a length'),
-        ("580 N", "a modulus", "a force, expected a modulus"),
-        ("1e3 m^9^9^9", "a length", 'with the unknown unit "m^9^9^9"'),
-        ("1 9**9**9", "a length", 'with the unknown unit "9**9**9"'),
-        ("4e4 N m/dB", "a rotational stiffness", 'with the unknown unit "N m/dB"'),
-        pytest.param("1 m" + " " * 100_000 + "m", "a length", "a text of 100004 characters, expected", id="blanks"),
-        pytest.param(10**400, "a loss factor", "is a number of more than 300 digits, expected a number", id="1e400"),
-        ("-60 mm", "a length", "expected more than zero"),
-        ("0 mm", "a length", "expected more than zero"),
-        ("-1 mm", "a length or zero", "expected zero or more"),
-        ("1e400 mm", "a length", "too large a number"),
-        ("nan mm", "a length", 'is "nan mm", expected a length'),
-        ("inf mm", "a length", 'is "inf mm", expected a length'),
-        ("9**9**9 mm", "a length", "expected a length"),
-        ("60 mm; import os", "a length", "unknown unit"),
-        ("60 2 mm", "a length", "expected a length"),
-        ("100 rad/s", "a frequency", "write it in Hz or kHz"),
-        ("6000 rpm", "a frequency", "write it in Hz or kHz"),
-        ("100 1/s", "a frequency", "write it in Hz or kHz"),
-        ("20 Hz", "a rate of decay", "a rate of decay is in 1/s, not in Hz"),
-        ("20 rad/s", "a rate of decay", "a rate of decay is in 1/s, not in Hz"),
-        (True, "a Poisson's ratio", "is true, expected a number such as 0.22"),
-        ("0.22", "a Poisson's ratio", 'is "0.22", expected a number such as 0.22'),
-        (0.7, "a Poisson's ratio", "is 0.7, expected at most 0.5"),
-        (float("nan"), "a loss factor", "expected a finite value"),
-        ({"value": 3}, "a length", "is a table, expected a length"),
-        (["3 mm"], "a length", "is a list of 1, expected a length"),
+        (62.3, units.LENGTH, 'is 62.3, expected a length as text with a unit, such as "62.3 mm"'),
+        ("62.3", units.LENGTH, 'is "62.3", without a unit, expected a length'),
+        ("62,3 mm", units.LENGTH, "decimals are written with a point"),
+        ("mm", units.LENGTH, 'is "mm", expected a length'),
+        ("", units.LENGTH, 'is "", expected a length'),
+        ("62.3 mn", units.LENGTH, 'with the unknown unit "mn" (did you mean "mm"?)'),
+        ("62.3 N", units.LENGTH, 'is "62.3 N", a force, expected a length'),
+        ("580 N", units.MODULUS, "a force, expected a modulus"),
+        ("1e3 m^9^9^9", units.LENGTH, 'with the unknown unit "m^9^9^9"'),
+        ("1 9**9**9", units.LENGTH, 'with the unknown unit "9**9**9"'),
+        ("4e4 N m/dB", units.ROTATIONAL_STIFFNESS, 'with the unknown unit "dB"'),
+        pytest.param("1 m" + " " * 100_000 + "m", units.LENGTH, "a text of 100004 characters, expected", id="blanks"),
+        pytest.param(10**400, units.LOSS_FACTOR, "is a number of more than 300 digits, expected a number", id="1e400"),
+        ("-60 mm", units.LENGTH, "expected more than zero"),
+        ("0 mm", units.LENGTH, "expected more than zero"),
+        ("-1 mm", units.LENGTH_OR_ZERO, "expected zero or more"),
+        ("1e400 mm", units.LENGTH, "too large a number"),
+        ("nan mm", units.LENGTH, 'is "nan mm", expected a length'),
+        ("inf mm", units.LENGTH, 'is "inf mm", expected a length'),
+        ("9**9**9 mm", units.LENGTH, "expected a length"),
+        ("60 mm; import os", units.LENGTH, "unknown unit"),
+        ("60 2 mm", units.LENGTH, "expected a length"),
+        ("100 rad/s", units.FREQUENCY, "write it in Hz or kHz"),
+        ("6000 rpm", units.FREQUENCY, "write it in Hz or kHz"),
+        ("100 1/s", units.FREQUENCY, "write it in Hz or kHz"),
+        ("20 Hz", units.DECAY_RATE, "a rate of decay is in 1/s, not in Hz"),
+        ("20 rad/s", units.DECAY_RATE, "a rate of decay is in 1/s, not in Hz"),
+        (True, units.POISSON_RATIO, "is true, expected a number such as 0.22"),
+        ("0.22", units.POISSON_RATIO, 'is "0.22", expected a number such as 0.22'),
+        (0.7, units.POISSON_RATIO, "is 0.7, expected more than -1 and at most 0.5"),
+        (float("nan"), units.LOSS_FACTOR, "expected a finite value"),
+        ({"value": 3}, units.LENGTH, "is a table, expected a length"),
+        (["3 mm"], units.LENGTH, "is a list of 1, expected a length"),
     ],
 )
-def test_what_is_no_quantity_is_answered_in_words(text: object, kind: str, words: str) -> None:
+def test_what_is_no_quantity_is_answered_in_words(text: object, kind: Quantity, words: str) -> None:
     with pytest.raises(ValueError, match="expected") as error:
-        parse(text, KINDS[kind])
+        parse(text, kind)
     assert words in str(error.value)
 
 
 def test_every_example_of_a_kind_is_one() -> None:
-    for kind in KINDS.values():
+    for kind in QUANTITIES:
         assert parse(kind.example if kind.unit else float(kind.example), kind) >= 0.0
 
 
@@ -107,7 +107,7 @@ def test_every_example_of_a_kind_is_one() -> None:
     ],
 )
 def test_deviations(written: object, deviation: Deviation) -> None:
-    found = parse_deviation(written, KINDS["a length"])
+    found = parse_deviation(written, units.LENGTH)
     assert (found.relative, found.name) == (deviation.relative, deviation.name)
     assert found.amount == pytest.approx(deviation.amount, rel=1e-12)
 
@@ -128,7 +128,7 @@ def test_deviations(written: object, deviation: Deviation) -> None:
 )
 def test_what_is_no_deviation_is_answered_in_words(written: object) -> None:
     with pytest.raises(ValueError, match="expected"):
-        parse_deviation(written, KINDS["a length"])
+        parse_deviation(written, units.LENGTH)
 
 
 def test_a_relative_deviation_is_of_the_size() -> None:
@@ -152,8 +152,8 @@ def test_what_is_no_condition_is_answered_in_words(written: str) -> None:
 
 
 def test_addresses_and_places() -> None:
-    assert kind_of("tool.segment[*].core.density") is KINDS["a density"]
-    assert kind_of("accelerometer.mass") is KINDS["a mass"]
+    assert kind_of("tool.segment[*].core.density") is units.DENSITY
+    assert kind_of("accelerometer.mass") is units.MASS
     with pytest.raises(ValueError, match=r'names no quantity "lenght" \(did you mean "length"\?\)'):
         kind_of("tool.segment[0].lenght")
     with pytest.raises(ValueError, match="is no address"):

@@ -12,7 +12,7 @@ import pytest
 from campaign_text import TEXT, changed
 from receptance import examples
 from receptance.campaign import field_tables, json_schema
-from receptance.campaign.quantities import KINDS
+from receptance.units import QUANTITIES
 
 jsonschema = pytest.importorskip("jsonschema")
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "campaign.md"
@@ -55,7 +55,7 @@ def test_what_is_read_is_valid_and_what_is_wrong_is_not() -> None:
 def test_every_quantity_shows_an_example() -> None:
     """A person who looks at the schema sees how each quantity is written."""
     found = json.dumps(json_schema())
-    for kind in KINDS.values():
+    for kind in QUANTITIES:
         if kind.unit and not kind.name.startswith("a time"):
             assert json.dumps(kind.example)[1:-1] in found, kind.name
 

@@ -215,5 +215,5 @@ def test_the_core_refuses_what_does_not_belong_together() -> None:
         reduction.fill(rows[:, :3].copy(), np.empty((2, LINES.size)), 1)
     with pytest.raises(ValueError, match="C-contiguous"):
         reduction.fill(rows, np.empty((LINES.size, 2)).T, 1)
-    with pytest.raises(ValueError, match="measured receptance or weights"):
+    with pytest.raises(ValueError, match="measured receptance"):
         reduction.misfit(rows, np.ones(3, complex), np.ones(LINES.size), True, 1)

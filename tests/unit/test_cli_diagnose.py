@@ -16,7 +16,7 @@ import pytest
 from campaign_text import TEXT, write
 from command_line import call
 from receptance import FRF, campaign, io
-from receptance.frf.forms import Form
+from receptance.units import Form
 
 LINES = np.linspace(300.0, 6000.0, 300)
 HEAD = TEXT.partition("[measurements.short]")[0]
@@ -117,7 +117,7 @@ def test_another_quantity_is_named_with_the_line_to_write(
     arguments = ["diagnose", "rods", "--cause", "wrong_quantity", "--cause", "calibration_gain", "--json", "found.json"]
     assert call(monkeypatch, *arguments) == 0
     out = capsys.readouterr().out
-    assert f"the files say {said}, and the data are {data}\n" in out
+    assert f"the files say {said}, and the data are {data} " in " ".join(out.split())
     assert f"`{line}`" in out
     (cause,) = json.loads(Path("found.json").read_text())["causes"]
     assert cause["id"] == "wrong_quantity"

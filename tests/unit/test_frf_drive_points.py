@@ -12,7 +12,7 @@ import pytest
 
 from receptance import CARBIDE, FRF, STEEL, Assembly, Coordinate, Part, PointJoint, ReceptanceWarning, Segment
 from receptance.frf.drive_points import Reading, judge
-from receptance.frf.forms import FORMS
+from receptance.units import FORMS
 
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "measured"
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20"))

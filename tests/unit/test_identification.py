@@ -17,10 +17,7 @@ from receptance import (
     Segment,
 )
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, find_bands, identify
-from receptance.identification.frequency_residuals import FrequencyResidual
-from receptance.identification.problem import Problem
-from receptance.identification.residuals import FRFResidual
-from receptance.identification.unknowns import Variables
+from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly, simulate, simulate_modes
 
 
@@ -130,16 +127,15 @@ def test_the_same_seed_gives_the_same_result_bit_for_bit():
 def test_jacobians_of_receptances_against_differences(unit):
     frf = simulate(make_assembly(), np.linspace(300.0, 9e3, 50), standard_deviation=np.linspace(0.01, 0.1, 50))
     unknowns = (*STIFFNESSES, *DASHPOTS, Unknown(address="tool.segment[0].length", lower=0.06, upper=0.065))
-    variables = Variables(unknowns)
-    problem = Problem([FRFResidual(frf, variables, unit, None, 1)], variables)
+    problem = task_of(frf, unknowns, unit, bands=[(0.0, 1e9)]).problem()
     assert_jacobian(problem, np.array([8.3, 5.4, 2.2, -1.4, np.log10(0.0611)]))
 
 
 @pytest.mark.parametrize("unit", ["percent", "relative", "standard deviations"])
 def test_jacobians_of_natural_frequencies_against_differences(unit):
     modes = simulate_modes(make_assembly(), standard_deviation_hz=3.0)
-    variables = Variables((*STIFFNESSES, Unknown(address="tool.segment[0].density", lower=-1.0, upper=2e4)))
-    problem = Problem([FrequencyResidual(modes, variables, unit)], variables)
+    unknowns = (*STIFFNESSES, Unknown(address="tool.segment[0].density", lower=-1.0, upper=2e4))
+    problem = task_of(modes, unknowns, unit).problem()
     assert_jacobian(problem, np.array([8.3, 5.4, 14100.0]))
 
 
@@ -158,9 +154,8 @@ def assert_jacobian(problem, x):
 
 
 def test_value_and_derivative_at_a_point_cost_one_evaluation():
-    variables = Variables(tuple(STIFFNESSES))
-    problem = Problem([FRFResidual(simulate(make_assembly()), variables, "logarithm", None, 1)], variables)
-    x = variables.start
+    problem = task_of(simulate(make_assembly()), STIFFNESSES).problem()
+    x = problem.variables.start
     problem.residual(x)
     problem.jacobian(x)
     assert problem.evaluations == 1

@@ -1,4 +1,4 @@
-"""Fits of whole models in the core: the same sums and the same optimum as residuals in Python and SciPy."""
+"""Problems of the core: the same sums and the same optimum as residuals of assemblies and SciPy."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import scipy_fits
 from receptance import (
     CARBIDE,
     STEEL,
@@ -24,9 +25,8 @@ from receptance import (
     _core,
     _ties,
 )
-from receptance.identification import Law, Power, Prior, Tolerance, identify
+from receptance.identification import Law, Power, Prior, Tolerance, complex_frequencies, identify
 from receptance.identification.mapping import Parameters
-from receptance.identification.models import ModelledProblem, Models
 from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
 from simulated_campaigns import simulate_campaign
@@ -76,6 +76,11 @@ UNKNOWNS = [
     Unknown(address="joint.k_ytheta", lower=-1e6, upper=1e6),
     Unknown(address="joint.c_theta", lower=1e-2, upper=1e2),
     Unknown(address="sensor.mass", lower=1e-4, upper=1e-1),
+]
+JOINT = [
+    Unknown(address="joint.k_y", lower=1e7, upper=1e10, start=5e8),
+    Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=9e4),
+    Unknown(address="joint.c_theta", lower=1e-1, upper=1e2, start=1.5),
 ]
 TOLERANCES = [
     Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True),
@@ -132,44 +137,52 @@ def recorded() -> Task:
     return Task(observed, Parameters(unknowns, TOLERANCES[:2], places), ("standard deviations",) * 3, threads=1)
 
 
+def percentages() -> Task:
+    """Return a task of magnitudes in percent, in bands, and of natural frequencies."""
+    task = everything()
+    observed = (*task.observed, altered(task.observed[0], label="again"))
+    parameters = Parameters(UNKNOWNS[2:], TOLERANCES, [place_of(one, i) for i, one in enumerate(observed)])
+    return Task(observed, parameters, ("percent",) * 5, bands=[(900.0, 2000.0), (3000.0, 5000.0)], threads=1)
+
+
 def near(task: Task) -> np.ndarray:
     low, high = task.variables.limits
     x = task.variables.start + RNG.normal(scale=0.02, size=task.variables.start.size)
     return np.clip(x, low + 1e-3 * (high - low), high - 1e-3 * (high - low))
 
 
-@pytest.mark.parametrize("made", [everything, recorded])
+@pytest.mark.parametrize("made", [everything, recorded, percentages])
 def test_normal_matrices_are_those_of_the_residuals(made):
     task = made()
     problem = task.problem()
-    quick = task.quick(problem)
-    assert isinstance(quick, ModelledProblem)
     for _ in range(3):
         x = near(task)
         if "joint.k_ytheta" in task.variables.names:
             x[task.variables.names.index("joint.k_ytheta")] = RNG.uniform(-1e5, 1e5)
-        own, other = quick.normal(x), problem.normal(x)
-        scale = np.sqrt(np.diag(other.curvature))
+        own, (residual, jacobian) = problem.normal(x), scipy_fits.residual_and_jacobian(task, x)
+        scale = np.linalg.norm(jacobian, axis=0)
         assert scale.min() > 0.0
-        assert own.cost == pytest.approx(other.cost, rel=1e-9)
-        assert own.slope / scale == pytest.approx(other.slope / scale, rel=1e-7, abs=1e-8 * np.sqrt(other.cost))
+        assert own.cost == pytest.approx(0.5 * residual @ residual, rel=1e-9)
+        slope = jacobian.T @ residual
+        assert own.slope / scale == pytest.approx(slope / scale, rel=1e-7, abs=1e-8 * np.sqrt(own.cost))
         assert own.curvature / np.outer(scale, scale) == pytest.approx(
-            other.curvature / np.outer(scale, scale), rel=1e-8, abs=1e-9
+            jacobian.T @ jacobian / np.outer(scale, scale), rel=1e-8, abs=1e-9
         )
 
 
-@pytest.mark.parametrize("made", [everything, recorded])
+@pytest.mark.parametrize("made", [everything, recorded, percentages])
 def test_rows_are_those_of_the_residuals(made):
     task = made()
     problem = task.problem()
-    quick = task.modelled(problem)
     x = near(task)
-    scale = np.linalg.norm(problem.jacobian(x), axis=0)
-    assert quick.residual(x) == pytest.approx(problem.residual(x), rel=1e-9, abs=1e-9)
-    assert quick.value(x) == pytest.approx(problem.residual(x), rel=1e-9, abs=1e-9)
-    assert quick.jacobian(x) / scale == pytest.approx(problem.jacobian(x) / scale, rel=1e-7, abs=1e-9)
+    residual, jacobian = scipy_fits.residual_and_jacobian(task, x)
+    scale = np.linalg.norm(jacobian, axis=0)
+    assert problem.residual(x) == pytest.approx(residual, rel=1e-9, abs=1e-9)
+    assert problem.value(x) == pytest.approx(residual, rel=1e-9, abs=1e-9)
+    assert problem.jacobian(x) / scale == pytest.approx(jacobian / scale, rel=1e-7, abs=1e-9)
     free = RNG.random(x.size) < 0.5
-    assert quick.slopes(x, free) / scale[free] == pytest.approx(problem.slopes(x, free) / scale[free], abs=1e-8)
+    assert problem.slopes(x, free) / scale[free] == pytest.approx(jacobian[:, free] / scale[free], abs=1e-8)
+    assert [part.size for part in problem.parts(residual)] == list(problem.sizes)
 
 
 def test_records_of_one_model_share_its_evaluation(monkeypatch):
@@ -181,44 +194,98 @@ def test_records_of_one_model_share_its_evaluation(monkeypatch):
         def __init__(self, *arguments):
             self.problem = problem_of_the_core(*arguments)
 
-        def add_receptance(self, model, lines, points, measured, weights, by_line):
+        def add_receptance(self, model, lines, points, measured, *others):
             records.append(len(measured))
-            self.problem.add_receptance(model, lines, points, measured, weights, by_line)
+            self.problem.add_receptance(model, lines, points, measured, *others)
+
+        @property
+        def lines(self):
+            return self.problem.lines
 
     problem_of_the_core = _core.Problem
     monkeypatch.setattr(_core, "Problem", Counted)
     task = recorded()
-    models = Models.of(task, task.problem())
+    problem = task.problem()
     assert records == [2, 1]
-    assert models.problem.problem.lines == 3 * LINES.size
+    assert problem.lines == 3 * LINES.size
 
 
 def test_some_lines_are_taken_alone():
     task = everything()
     lines = [np.arange(0, LINES.size, 3), None, np.arange(100), None]
-    some = task.modelled(task.problem(), lines)
+    some = task.problem(lines)
     whole, x = task.problem(), near(task)
     kept = [np.r_[chosen, LINES.size + chosen] for chosen in (lines[0], np.arange(LINES.size), lines[2])]
-    begins = np.cumsum([0] + [part.size for part in whole.residuals])
+    begins = np.cumsum([0, *whole.sizes, len(TOLERANCES) + 1 + 4])
     rows = np.concatenate([begins[i] + own for i, own in enumerate(kept)] + [np.arange(begins[3], begins[-1])])
     assert some.residual(x) == pytest.approx(whole.residual(x)[rows], rel=1e-9, abs=1e-9)
 
 
 def test_threads_do_not_change_a_bit():
-    models = Models.of(task := everything(), task.problem())
-    one, two = (replace(models, threads=threads).normal(task.variables.start) for threads in (1, 2))
-    assert np.array_equal(one, two)
+    task = everything()
+    one, two = (replace(task, threads=threads).problem().normal(task.variables.start) for threads in (1, 2))
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
 
 
 def test_the_optimum_is_that_of_scipy():
     campaign = simulate_campaign(np.random.default_rng([5, 1]), overhangs=1)
     found = identify(campaign.observations, campaign.unknowns(campaign.truth), tolerances=campaign.tolerances, starts=3)
-    problem = found.task.problem()
-    beside = min(found.starts, key=lambda run: run.cost).variables + 0.01
-    scipy = problem.fit(beside, None, 200, 1e-10, None)
     best = min(found.starts, key=lambda run: run.cost)
+    scipy = scipy_fits.fit(found.task, best.variables + 0.01)
     assert best.cost == pytest.approx(scipy.cost, rel=1e-8)
-    assert np.max(np.abs(best.variables - scipy.variables) / np.sqrt(np.diag(found.covariance))) < 1e-3
+    assert np.max(np.abs(best.variables - scipy.x) / np.sqrt(np.diag(found.covariance))) < 1e-3
+
+
+def damped() -> Task:
+    """Return a task of natural frequencies with damping ratios."""
+    assembly = assembled(0.07)
+    poles, _ = complex_frequencies(assembly, assembly.natural_frequencies(9e3)[:3])
+    modes = MeasuredFrequencies(
+        assembly=assembly,
+        frequency_hz=np.abs(poles) * [1.001, 0.999, 1.0005],
+        standard_deviation_hz=2.0,
+        damping_ratio=poles.imag / np.abs(poles) * [1.02, 0.99, 1.01],
+        standard_deviation_damping=1e-4,
+    )
+    return scipy_fits.task_of(modes, JOINT[1:], "standard deviations")
+
+
+def truncated() -> Task:
+    """Return a task of a record that ends early."""
+    one = altered(measured(0.06, LINES[::5]), ends=0.1)
+    return scipy_fits.task_of(one, JOINT, "standard deviations", TOLERANCES[:1])
+
+
+def alone() -> Task:
+    """Return a task of one joint, to which the model is reduced."""
+    return scipy_fits.task_of([measured(0.06), measured(0.08)], JOINT, "standard deviations")
+
+
+@pytest.mark.parametrize("made", [everything, recorded, damped, truncated, alone])
+def test_fits_end_where_those_of_scipy_do(made):
+    task = made()
+    start = task.variables.start
+    end, scipy = task.problem().fit_one(start, 400), scipy_fits.fit(task, start)
+    assert end.converged
+    assert end.cost == pytest.approx(scipy.cost, rel=1e-6)
+    errors = 1.0 / np.linalg.svd(scipy_fits.residual_and_jacobian(task, scipy.x)[1], compute_uv=False)[-1]
+    assert np.linalg.norm(end.x - scipy.x) < 0.01 * errors
+
+
+def test_the_optimum_of_percentages_is_that_of_scipy():
+    """Sums of smoothed absolute values, against SciPy's `soft_l1`."""
+    frfs = [measured(0.05), measured(0.08)]
+    modes = MeasuredFrequencies(assembly=assembled(0.07), frequency_hz=assembled(0.07).natural_frequencies(9e3)[:2])
+    unknowns = [replace(UNKNOWNS[0], prior=None), UNKNOWNS[3]]
+    found = identify([*frfs, modes], unknowns, objective="percentage", starts=2)
+    best = min(found.starts, key=lambda run: run.cost)
+    for smoothing in (0.1, 3.0):
+        end = found.task.problem(smoothing=smoothing).fit_one(best.variables + 0.003, 200)
+        scipy = scipy_fits.fit(found.task, best.variables + 0.003, smoothing)
+        assert end.converged
+        assert end.cost == pytest.approx(scipy.cost, rel=1e-6)
+        assert end.x == pytest.approx(scipy.x, abs=1e-4)
+    assert best.cost == pytest.approx(scipy_fits.fit(found.task, best.variables, 0.1).cost, rel=1e-6)
 
 
 def test_starts_that_are_left_on_the_way_are_told():
@@ -228,7 +295,7 @@ def test_starts_that_are_left_on_the_way_are_told():
         [measured(0.05, lines), measured(0.07, lines)], UNKNOWNS[0:1] + UNKNOWNS[3:4], tolerances=tolerance, starts=8
     )
     assert found.converged
-    left = [run for run in found.starts if "left on the way" in run.message]
+    left = [run for run in found.starts if "left on fewer lines" in run.message]
     best = min(run.cost for run in found.starts)
     assert all(not run.converged and run.cost > best for run in left)
     assert found.agreeing + len(left) <= 8
@@ -237,12 +304,18 @@ def test_starts_that_are_left_on_the_way_are_told():
 
 def test_held_variables_stay_where_they_start():
     task = everything()
-    models = Models.of(task, task.problem())
+    problem = task.problem()
     free = np.zeros(task.variables.start.size, dtype=np.bool_)
     free[:2] = True
-    (end,) = models.fit(task.variables.start[None], 30, 1e-6, free)
+    end = problem.fit_one(task.variables.start, 30, tolerance=1e-6, free=free)
     assert np.array_equal(end.x[2:], task.variables.start[2:])
-    assert end.cost < 0.5 * models.normal(task.variables.start)[-1, -1]
+    assert end.first == pytest.approx(problem.normal(task.variables.start).cost, rel=1e-12)
+    assert end.cost < end.first
+    assert end.curvature[2, 0] == 0.0
+    whole = problem.fit_one(task.variables.start, 30, tolerance=1e-6, free=free, of_all=True)
+    assert np.array_equal(whole.x, end.x)
+    there = problem.normal(whole.x).curvature
+    assert np.all(np.abs(whole.curvature - there) <= 1e-2 * np.sqrt(np.outer(np.diag(there), np.diag(there))))
 
 
 def test_a_start_without_a_model_is_told():
@@ -254,7 +327,7 @@ def test_a_start_without_a_model_is_told():
     assert any("no value at" in note for note in found.notes)
 
 
-def test_what_the_core_does_not_know_is_fitted_by_scipy(monkeypatch):
+def test_what_the_core_does_not_know_is_given_to_it_as_a_function(monkeypatch):
     frf = MeasuredFRF(
         assembly=assembled(), frequency_hz=LINES, receptance=assembled().receptance(LINES), standard_deviation=0.01
     )
@@ -262,12 +335,43 @@ def test_what_the_core_does_not_know_is_fitted_by_scipy(monkeypatch):
     kinds = tuple(kind for kind in _ties._KNOWN if kind is not PointJoint)
     monkeypatch.setattr(_ties, "_KNOWN", kinds)
     found = identify(frf, UNKNOWNS[3], tolerances=blank, starts=1)
-    assert not isinstance(found.task.quick(found.task.problem()), ModelledProblem)
+    outside = found.task.problem()
+    assert outside.lines == 0
     assert found.values["joint.c_theta"] == pytest.approx(2.0, rel=1e-3)
     monkeypatch.undo()
-    assert found.task.modelled(found.task.problem()) is not None
-    percent = replace(found.task, units=("percent",))
-    assert percent.modelled(percent.problem()) is None
+    inside = found.task.problem()
+    assert inside.lines == LINES.size
+    x = near(found.task)
+    assert inside.residual(x) == pytest.approx(outside.residual(x), rel=1e-9, abs=1e-9)
+
+
+def test_an_error_in_a_function_ends_the_fit():
+    problem = _core.Problem(np.zeros(1, dtype=bool), np.array([[0.0], [9.0]]), np.zeros((0, 3)), 1)
+    asked = []
+
+    def function(x):
+        asked.append(float(x[0]))
+        if len(asked) == 2:
+            raise KeyError("an error of the function")
+        return x - 5.0, np.ones((1, 1))
+
+    problem.add_function(function)
+    for call in (problem.normal_matrix, lambda x: problem.fit(x[None], np.ones(1, dtype=bool), np.array([9]), 1e-9)):
+        asked.clear()
+        asked.extend([0.0] if call == problem.normal_matrix else [])
+        with pytest.raises(KeyError, match="of the function"):
+            call(np.array([1.0]))
+        assert len(asked) == 2
+    for wrong in ((np.ones(1), np.ones((2, 1))), np.ones(1), (np.ones(1), np.ones(1)), 7):
+        other = _core.Problem(np.zeros(1, dtype=bool), np.array([[0.0], [9.0]]), np.zeros((0, 3)), 1)
+        other.add_function(lambda x, wrong=wrong: wrong)
+        with pytest.raises((TypeError, ValueError)):
+            other.normal_matrix(np.array([1.0]))
+    none = _core.Problem(np.zeros(1, dtype=bool), np.array([[0.0], [9.0]]), np.zeros((0, 3)), 1)
+    none.add_function(lambda x: None)
+    assert np.isnan(none.normal_matrix(np.array([1.0]))).all()
+    with pytest.raises(ValueError, match="smoothing"):
+        _core.Problem(np.zeros(1, dtype=bool), np.array([[0.0], [9.0]]), np.zeros((0, 3)), 1, -1.0)
 
 
 @pytest.mark.parametrize(
@@ -306,9 +410,9 @@ def test_arrays_that_do_not_fit_are_refused(change, words):
 
     def normal(rates, present, addresses, points, measured, weights, bounds, priors, x):
         model = _core.Model(0, np.array([bar]), *none).tied(rates, present, addresses)
-        problem = _core.Problem(np.zeros(2, dtype=bool), bounds, priors)
+        problem = _core.Problem(np.zeros(2, dtype=bool), bounds, priors, 1)
         problem.add_receptance(model, _core.Lines(np.linspace(1e3, 5e3, 5)), points, measured, weights)
-        return problem.normal_matrix(x, 1)
+        return problem.normal_matrix(x)
 
     assert np.isfinite(normal(**arguments)).all()
     with pytest.raises(ValueError, match=words):

@@ -1,24 +1,28 @@
 """Fits of one joint on the reduced model: the same residuals and derivatives as on the whole one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import scipy_fits
 from receptance import Coordinate, GroundSpring, MeasuredFRF, PointMass, Unknown, identify
-from receptance.identification.problem import Problem
-from receptance.identification.reduced import JointResidual, only_joint
-from receptance.identification.residuals import FRFResidual, InfeasibleError
-from receptance.identification.unknowns import Variables
+from receptance.identification import Prior
+from receptance.identification.problem import Observed, only_joint
+from receptance.identification.residuals import InfeasibleError
+from receptance.identification.search import fit_direct
+from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, simulate
+
+
+def joint_of(task):
+    """Return the joint to which the first observation of a task is reduced."""
+    return only_joint(Observed(task.observed[0], task.placed[0], task.units[0]))
+
 
 COUPLING = Unknown(address="joint.k_ytheta", lower=-1e9, upper=1e9)
 LOSS = Unknown(address="joint.loss_factor", lower=0.0, upper=0.5)
 NOSE = Coordinate("holder", 0.0)
-
-
-def both(frf, unknowns, unit="logarithm", chosen=None):
-    variables = Variables(tuple(unknowns))
-    whole = FRFResidual(frf, variables, unit, chosen, 1)
-    return variables, whole, JointResidual(frf, variables, unit, chosen, "joint", 1)
 
 
 @pytest.mark.parametrize(
@@ -32,22 +36,23 @@ def both(frf, unknowns, unit="logarithm", chosen=None):
 )
 def test_sum_of_squares_gradient_and_curvature_are_those_of_the_whole_model(places):
     unknowns = [*STIFFNESSES, COUPLING, *DASHPOTS, LOSS]
-    frf = simulate(make_assembly(k_ytheta=3e6), **places)
-    variables, whole, reduced = both(frf, unknowns)
+    task = task_of(simulate(make_assembly(k_ytheta=3e6), **places), unknowns)
+    problem = task.problem()
+    assert joint_of(task) == "joint"
     seed = 5
     print(f"seed {seed}")
     rng = np.random.default_rng(seed)
     for _ in range(5):
         values = np.array([10 ** rng.uniform(6, 10), 10 ** rng.uniform(3, 7), 0.0, *10 ** rng.uniform(-1, 2, 2), 0.03])
         values[2] = rng.uniform(-0.9, 0.9) * np.sqrt(values[0] * values[1])
-        slopes = variables.slopes(values)
-        residual, jacobian = whole.evaluate(values, slopes)
-        small, small_jacobian = reduced.evaluate(values, slopes)
-        assert small @ small == pytest.approx(residual @ residual, rel=1e-9)
+        x = np.clip(task.variables.from_values(values), *task.variables.limits)
+        residual, jacobian = scipy_fits.residual_and_jacobian(task, x)
+        normal = problem.normal(x)
+        assert 2.0 * normal.cost == pytest.approx(residual @ residual, rel=1e-9)
         size = np.linalg.norm(jacobian, axis=0)
-        gradient = np.abs(small_jacobian.T @ small - jacobian.T @ residual)
+        gradient = np.abs(normal.slope - jacobian.T @ residual)
         assert np.all(gradient <= 1e-9 * size * np.linalg.norm(residual))
-        curvature = np.abs(small_jacobian.T @ small_jacobian - jacobian.T @ jacobian)
+        curvature = np.abs(normal.curvature - jacobian.T @ jacobian)
         assert np.all(curvature <= 1e-9 * np.outer(size, size))
 
 
@@ -60,22 +65,23 @@ def test_bands_weights_attachments_and_threads_enter_alike():
     assembly = type(assembly)(assembly.elements.values(), more)
     spread = np.linspace(0.01, 0.1, LINES.size)
     frf = simulate(assembly, standard_deviation=spread)
-    chosen = (LINES > 900.0) & (LINES < 7777.0)
-    variables, whole, reduced = both(frf, STIFFNESSES, "standard deviations", chosen)
-    values = np.array([2e8, 4e4])
-    slopes = variables.slopes(values)
-    expected, got = whole.evaluate(values, slopes)[0], reduced.evaluate(values, slopes)[0]
+    task = task_of(frf, STIFFNESSES, "standard deviations", bands=[(900.0, 7777.0)])
+    x = task.variables.from_values(np.array([2e8, 4e4]))
+    expected, got = scipy_fits.residual_and_jacobian(task, x)[0], task.problem().residual(x)
     assert got @ got == pytest.approx(expected @ expected, rel=1e-9)
-    threaded = JointResidual(frf, variables, "standard deviations", chosen, "joint", 3)
-    assert np.array_equal(threaded.evaluate(values, slopes)[0], got)
+    assert np.array_equal(replace(task, threads=3).problem().residual(x), got)
 
 
 def test_the_reduction_is_taken_where_only_one_joint_is_unknown():
     frf = simulate(make_assembly())
-    assert only_joint(frf, Variables(tuple(STIFFNESSES))) == "joint"
+    assert joint_of(task_of(frf, STIFFNESSES)) == "joint"
     diameter = Unknown(address="tool.segment[0].outer_diameter", lower=0.01, upper=0.02)
-    assert only_joint(frf, Variables((*STIFFNESSES, diameter))) is None
-    assert only_joint(frf, Variables((diameter,))) is None
+    assert joint_of(task_of(frf, (*STIFFNESSES, diameter))) is None
+    assert joint_of(task_of(frf, (diameter,))) is None
+    doubled = Unknown(address="joint.k_y", lower=1e6, upper=1e11, multiple=2.0)
+    assert joint_of(task_of(frf, (doubled,))) is None
+    known = Unknown(address="joint.k_y", lower=1e6, upper=1e11, prior=Prior(mean=1e9, standard_deviation=1.0))
+    assert joint_of(task_of(frf, (known,), "standard deviations")) == "joint"
 
 
 def in_series(frf):
@@ -105,11 +111,12 @@ def test_the_curvature_at_the_best_end_is_the_one_evaluated_there():
     rng = np.random.default_rng(7)
     noisy = frf.receptance * np.exp(0.01 * rng.standard_normal(LINES.size))
     frf = MeasuredFRF(assembly=frf.assembly, frequency_hz=LINES, receptance=noisy)
-    problem = reduced_problem([frf], [*STIFFNESSES, *DASHPOTS])
-    run = min(problem.fit_all(problem.variables.draw(3, 1), 200, 1e-8), key=lambda run: run.cost)
-    kept = problem.jacobian(run.variables)
-    assert problem.evaluations == 0
-    fresh = reduced_problem([frf], [*STIFFNESSES, *DASHPOTS]).jacobian(run.variables)
+    problem = task_of(frf, [*STIFFNESSES, *DASHPOTS]).problem()
+    run = min(fit_direct(problem, problem.variables.draw(3, 1), 200, 1e-8), key=lambda run: run.cost)
+    before = problem.evaluations
+    kept = problem.curvature_root(run.variables)
+    assert (problem.evaluations, kept.shape) == (before, (5, 4))
+    fresh = problem.jacobian(run.variables)
     size = np.linalg.norm(fresh, axis=0)
     assert np.all(np.abs(kept.T @ kept - fresh.T @ fresh) <= 1e-3 * np.outer(size, size))
 
@@ -127,18 +134,15 @@ def test_the_fit_reaches_the_truth_from_soft_and_from_stiff():
         assert len(found.residuals[0]) == 2 * LINES.size
 
 
-def reduced_problem(frfs, unknowns):
-    variables = Variables(tuple(unknowns))
-    return Problem([JointResidual(frf, variables, "logarithm", None, "joint", 1) for frf in frfs], variables)
-
-
 def test_the_residuals_of_all_lines_are_those_of_the_whole_model():
     frf = simulate(make_assembly())
-    _, whole, reduced = both(frf, STIFFNESSES)
-    values = np.array([2e8, 4e4])
-    assert reduced.value(values) == pytest.approx(whole.value(values), rel=1e-8, abs=1e-10)
+    task = task_of(frf, STIFFNESSES)
+    x = task.variables.from_values(np.array([2e8, 4e4]))
+    residual, jacobian = scipy_fits.residual_and_jacobian(task, x)
+    assert task.problem().value(x) == pytest.approx(residual, rel=1e-8, abs=1e-10)
+    assert task.problem().jacobian(x) == pytest.approx(jacobian, rel=1e-8, abs=1e-8)
     with pytest.raises(InfeasibleError, match="k_ytheta"):
-        both(frf, [*STIFFNESSES, COUPLING])[2].value(np.array([1e6, 1e2, 1e9]))
+        task_of(frf, [*STIFFNESSES, COUPLING]).problem().value(np.array([6.0, 2.0, 1e9]))
 
 
 @pytest.mark.parametrize("lines", [LINES, np.linspace(100.0, 15e3, 7001)])
@@ -152,12 +156,13 @@ def test_the_core_ends_where_scipy_ends(lines):
         clean = simulate(make_assembly(overhang=overhang), lines)
         noise = np.exp(0.05 * (rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)))
         frfs.append(MeasuredFRF(assembly=clean.assembly, frequency_hz=lines, receptance=clean.receptance * noise))
-    problem = reduced_problem(frfs, [*STIFFNESSES, *DASHPOTS])
+    task = task_of(frfs, [*STIFFNESSES, *DASHPOTS])
+    problem = task.problem()
     starts = problem.variables.draw(6, seed)
-    ours = problem.fit_all(starts, 200, 1e-10)
-    theirs = [problem.fit(x, None, 200, 1e-10, None) for x in starts]
+    ours = fit_direct(problem, starts, 200, 1e-10)
+    theirs = [scipy_fits.fit(task, x) for x in starts]
     optimum = min(theirs, key=lambda run: run.cost)
-    best, reference = optimum.cost, optimum.variables
+    best, reference = optimum.cost, optimum.x
     jacobian = problem.jacobian(reference)
     errors = 0.05 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     reached = [run for run in ours if run.cost < best * (1 + 1e-9)]
@@ -173,21 +178,21 @@ def test_a_bound_that_holds_the_optimum_back_is_reached_by_both():
         Unknown(address="joint.k_y", lower=1e6, upper=4e8, start=2e8),
         Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=2e5),
     ]
-    problem = reduced_problem([frf], unknowns)
-    start = problem.variables.start
-    (ours,), theirs = problem.fit_all(start[None], 200, 1e-10), problem.fit(start, None, 200, 1e-10, None)
+    task = task_of(frf, unknowns)
+    start = task.variables.start
+    (ours,), theirs = fit_direct(task.problem(), start[None], 200, 1e-10), scipy_fits.fit(task, start)
     assert ours.converged
     assert ours.values["joint.k_y"] == pytest.approx(4e8, rel=1e-6)
     assert ours.cost <= theirs.cost * (1 + 1e-6)
-    assert ours.values["joint.k_theta"] == pytest.approx(theirs.values["joint.k_theta"], rel=1e-4)
+    assert ours.values["joint.k_theta"] == pytest.approx(10.0 ** theirs.x[1], rel=1e-4)
 
 
 def test_the_ends_do_not_depend_on_the_number_of_threads():
     frf = simulate(make_assembly(), np.linspace(100.0, 15e3, 5001))
-    variables = Variables((*STIFFNESSES, *DASHPOTS))
-    starts = variables.draw(5, 1)
+    task = task_of(frf, (*STIFFNESSES, *DASHPOTS))
+    starts = task.variables.draw(5, 1)
     ends = [
-        Problem([JointResidual(frf, variables, "logarithm", None, "joint", threads)], variables).fit_all(x, 50, 1e-10)
+        fit_direct(replace(task, threads=threads).problem(), x, 50, 1e-10)
         for threads, x in ((1, starts), (2, starts), (1, starts[:1]), (2, starts[:1]))
     ]
     for one, two in (ends[:2], ends[2:]):
@@ -197,9 +202,8 @@ def test_the_ends_do_not_depend_on_the_number_of_threads():
 def test_a_start_without_a_model_says_why():
     frf = simulate(make_assembly())
     unknowns = [*STIFFNESSES, Unknown(address="joint.k_ytheta", lower=-1e10, upper=1e10, start=9e9)]
-    problem = reduced_problem([frf], unknowns)
-    lost = problem.variables.start
-    (run,) = problem.fit_all(lost[None], 50, 1e-8)
+    problem = task_of(frf, unknowns).problem()
+    (run,) = fit_direct(problem, problem.variables.start[None], 50, 1e-8)
     assert run.cost == np.inf
     assert not run.converged
     assert "k_ytheta" in run.message

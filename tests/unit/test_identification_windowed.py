@@ -5,9 +5,7 @@ import pytest
 
 from receptance import FRF, STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment, Unknown, identify
 from receptance.identification import find_bands
-from receptance.identification.problem import Problem
-from receptance.identification.residuals import FRFResidual
-from receptance.identification.unknowns import Variables
+from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
 
 SIGMA = 40.0
@@ -103,8 +101,7 @@ def test_bands_and_band_limits_are_those_of_the_real_parts():
 def test_derivatives_on_complex_lines_against_differences(unit):
     observed = MeasuredFRF.from_frf(make_assembly(), windowed(log_variance=1e-4), high_hz=9e3)
     unknowns = (*STIFFNESSES, *DASHPOTS, Unknown(address="tool.segment[0].length", lower=0.06, upper=0.065))
-    variables = Variables(unknowns)
-    problem = Problem([FRFResidual(observed, variables, unit, None, 1)], variables)
+    problem = task_of(observed, unknowns, unit, bands=[(0.0, 1e9)]).problem()
     x = np.array([8.3, 5.4, 2.2, -1.4, np.log10(0.0611)])
     jacobian = problem.jacobian(x)
     for column in range(x.size):

@@ -154,7 +154,7 @@ def test_units_by_labels_by_164_and_given(tmp_path: Path) -> None:
         (((18, "", ""), (13, "", "N"), (12, "", "g")), [], {}, "numerator of the FRF is a force"),
         (((18, "", ""), (12, "", "g"), (12, "", "g")), [], {}, "denominator of the FRF is a acceleration|transmissib"),
         (((17, "", ""), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's specific data type is 17, expected 18"),
-        (((0, "", "rpm"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's unit"),
+        (((0, "", "rpm"), (12, "", "g"), (13, "", "N")), [], {}, "the abscissa"),
         (((0, "", ""), (12, "", "g"), (13, "", "N")), [], {}, "abscissa's specific data type is 0, expected 18"),
         (((18, "", "kHz"), (12, "", "g"), (13, "", "N")), [], {}, "abscissa is in 'kHz', expected Hz"),
         (((18, "", ""), (12, "", ""), (13, "", "")), [], {"unit": "m/N"}, "to overrule the file give quantity="),

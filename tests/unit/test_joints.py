@@ -106,7 +106,7 @@ def test_a_moved_joint() -> None:
     [
         ("mass", -1.0, "mass is -1, expected zero or more kg"),
         ("mass", float("nan"), "mass is nan"),
-        ("inertia", -1e-9, "inertia is -1e-09, expected zero or more kg m2"),
+        ("inertia", -1e-9, "inertia is -1e-09, expected zero or more kg m\\^2"),
         ("inertia", float("inf"), "inertia is inf"),
     ],
 )

@@ -20,7 +20,7 @@ GOOD: dict[str, Any] = {"youngs_modulus": 210e9, "density": 7850.0, "poisson_rat
         ("youngs_modulus", -210e9, "youngs_modulus is -2.1e.11"),
         ("youngs_modulus", float("nan"), "youngs_modulus is nan, expected a finite number of Pa"),
         ("youngs_modulus", float("inf"), "youngs_modulus is inf"),
-        ("density", 0.0, "density is 0, expected more than zero kg/m3"),
+        ("density", 0.0, "density is 0, expected more than zero kg/m\\^3"),
         ("density", -1.0, "density is -1"),
         ("density", float("-inf"), "density is -inf"),
         ("poisson_ratio", -1.0, "poisson_ratio is -1, expected more than -1 and at most 0.5"),

@@ -57,7 +57,7 @@ def test_shapes(force, response, shape):
             {"response_unit": "N"},
             r"response_unit is 'N', which is .*, expected a unit of acceleration such as \"m/s\^2\"",
         ),
-        ({"response_unit": "furlong/fortnite"}, "which is not understood"),
+        ({"response_unit": "furlong/fortnite"}, "is not understood as a unit"),
         ({"force_unit": ""}, "force_unit is '', expected a unit of force"),
         ({"force_unit": "0 N"}, "a factor of 0"),
         ({"responses": [Coordinate(), Coordinate()]}, "2 responses for values with 1"),

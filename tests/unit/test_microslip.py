@@ -181,7 +181,7 @@ def test_two_joints_slip_together() -> None:
 def test_what_is_wrong_is_named() -> None:
     with pytest.raises(ValueError, match=r"'joint': the level 6 takes a share of 0.701 from k_theta, expected at most"):
         make(level=6.0)
-    with pytest.raises(ValueError, match=r"exponent is 0, expected more than 0 and at most 4"):
+    with pytest.raises(ValueError, match=r"exponent is 0, expected more than zero and at most 4"):
         make(exponent=0.0)
     with pytest.raises(ValueError, match=r"k_theta is zero, expected a stiffness that slip can take from"):
         make(k_theta=0.0, k_ytheta=0.0)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from receptance import FRF, STEEL, Coordinate, Part, Segment
-from receptance.studies.bt50 import BT50Settings
-from receptance.studies.bt50.rig import load_holder
+from receptance.examples import virtual_rig
+from receptance.studies import bt50
 from receptance.taper import (
     Body,
     ForceSeries,
@@ -31,7 +31,7 @@ RADIAL = {"k_x1": 1.5e9, "k_x2": 9e8, "c_x1": 7000.0, "c_x2": 5000.0}
 
 @pytest.fixture(scope="module")
 def holder() -> Holder:
-    return load_holder()
+    return virtual_rig.holder()
 
 
 def test_contacts_have_the_same_total(holder: Holder) -> None:
@@ -192,6 +192,6 @@ def test_mistakes_in_series() -> None:
     with pytest.raises(ValueError, match="not above zero"):
         ForceSeries(name="k", force=force, values=values, standard_errors=0.0 * errors)
     with pytest.raises(ValueError, match="step_kn is 3"):
-        BT50Settings(step_kn=3)
+        bt50.run(3)
     with pytest.raises(ValueError, match="seed is -1"):
-        BT50Settings(seed=-1)
+        bt50.run(seed=-1)

@@ -1,8 +1,8 @@
-"""What does `diagnose` say of the BT50 study's rigid holder? `python tests/validation/taper_verdicts.py --seeds N`.
+"""Verdicts of `diagnose` on the BT50 study's rigid holder. `python tests/validation/taper_verdicts.py --seeds N`.
 
 For each seed of hits and noise the study's virtual FRFs at a few forces are diagnosed with all causes of the catalogue:
 along, across, or both together. Printed are the verdict, the causes of every explanation, those that cannot be told
-apart, what is left as a multiple of what noise and floor explain, and the body's Young's modulus (the rig has 208 GPa).
+apart, the misfit as a multiple of noise and floor, and the body's Young's modulus (the rig has 208 GPa).
 """
 
 from __future__ import annotations
@@ -11,22 +11,26 @@ import argparse
 import time
 from collections import Counter
 
-from receptance.studies.bt50 import BT50Settings
-from receptance.studies.bt50.diagnosed import Diagnosable, Diagnosed, diagnosed
+from receptance.diagnosis import Verdict
+from receptance.studies import bt50
 
-MOTIONS: tuple[Diagnosable, ...] = ("axial", "radial", "both")
+MOTIONS = ("axial", "radial", "both")
 
 
-def described(one: Diagnosed) -> str:
+def certain(verdict: Verdict) -> list[str]:
+    """Return the causes of every explanation."""
+    return [one.id for one in verdict.causes if one.id not in verdict.ambiguous_between]
+
+
+def described(verdict: Verdict) -> str:
     """Return a verdict in one line."""
-    verdict = one.verdict
     after = "" if verdict.adequacy_after is None else f" to {verdict.adequacy_after.misfit:.2f}"
-    said = f"{verdict.verdict}: {' + '.join(cause.id for cause in one.certain) or 'nothing'}"
+    said = f"{verdict.verdict}: {' + '.join(certain(verdict)) or 'nothing'}"
     if verdict.ambiguous_between:
         said += f" with one of {', '.join(verdict.ambiguous_between)}"
-    said += f"; {verdict.adequacy.misfit:.0f}{after} times what is explained"
-    for cause in one.certain:
-        if cause.id == "flexible_body":
+    said += f"; misfit {verdict.adequacy.misfit:.0f}{after}"
+    for cause in verdict.causes:
+        if cause.id == "flexible_body" and cause.id in certain(verdict):
             ((_, low, high),) = cause.parameters.values()
             said += f"; E {200.0 * 10.0**low:.1f} to {200.0 * 10.0**high:.1f} GPa"
     return said
@@ -44,10 +48,10 @@ def main() -> None:
     for motion in own.motion or MOTIONS[:2]:
         for seed in range(own.seed, own.seed + own.seeds):
             began = time.process_time()
-            one = diagnosed(motion, BT50Settings(step_kn=2, seed=seed), levels=own.levels)
-            certain = " + ".join(sorted(cause.id for cause in one.certain)) or "nothing"
-            count.setdefault(motion, Counter())[f"{one.verdict.verdict} {certain}"] += 1
-            print(f"{motion}, seed {seed}: {described(one)}; {time.process_time() - began:.0f} s", flush=True)
+            verdict, *_ = bt50.diagnose_rigid(motion, 2, seed, levels=own.levels)
+            causes = " + ".join(sorted(certain(verdict))) or "nothing"
+            count.setdefault(motion, Counter())[f"{verdict.verdict} {causes}"] += 1
+            print(f"{motion}, seed {seed}: {described(verdict)}; {time.process_time() - began:.0f} s", flush=True)
     for name, found in count.items():
         print(f"{name}: {', '.join(f'{n} of {own.seeds} {what}' for what, n in found.most_common())}")
 

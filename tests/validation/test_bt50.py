@@ -15,10 +15,11 @@ from scipy import stats
 
 import bt50_rig
 from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance.examples import virtual_rig
+from receptance.examples.virtual_rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, load_rig
 from receptance.measurement import estimate_frf, find_hits, simulate_hits
 from receptance.modal import half_power
-from receptance.studies.bt50 import BT50Settings, BT50Study, as_dict, damping_errors, findings, run
-from receptance.studies.bt50.rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, load_holder, load_rig
+from receptance.studies import bt50
 from receptance.taper import body_of, fit_axial, fit_radial, without_each
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261122"))
@@ -26,13 +27,21 @@ CASES = 120
 
 
 @pytest.fixture(scope="module")
-def study() -> BT50Study:
-    return run(BT50Settings(step_kn=2, seed=SEED % 1000))
+def study() -> dict[str, Any]:
+    found = bt50.run(2, SEED % 1000)
+    loaded: dict[str, Any] = json.loads(json.dumps(found, allow_nan=False))
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def virtual(study: dict[str, Any]) -> dict[str, Any]:
+    own: dict[str, Any] = study["virtual"]
+    return own
 
 
 def test_the_packaged_rig_is_what_the_finite_elements_say() -> None:
     """Both ends of the force, poles and residues as in the file; a mesh twice as fine changes little."""
-    text = (resources.files("receptance.studies") / "data" / "bt50_virtual_rig.csv").read_text(encoding="utf-8")
+    text = (resources.files("receptance.examples") / "virtual_rig.csv").read_text(encoding="utf-8")
     assert "not measured" in text.splitlines()[0]
     lines = np.arange(100.0, 9000.0, 170.0)
     for rig in load_rig():
@@ -50,7 +59,7 @@ def test_the_packaged_rig_is_what_the_finite_elements_say() -> None:
 
 
 def test_the_holder_as_drawn_weighs_what_the_finite_elements_weigh() -> None:
-    holder = load_holder()
+    holder = virtual_rig.holder()
     mesh = bt50_rig.Mesh()
     mass = mesh.rods()[0]
     total = mass.sum()
@@ -93,105 +102,101 @@ def test_half_power_against_lines_in_the_band(summarise: Callable[[str, str, obj
 
 
 @pytest.mark.slow
-def test_rigid_against_elastic(study: BT50Study, summarise: Callable[[str, str, object], None]) -> None:
+def test_rigid_against_elastic(virtual: dict[str, Any], summarise: Callable[[str, str, object], None]) -> None:
     """Near 5e9 N/m: the rigid holder's error in K and in predicted frequency, and a tenth of it at most afterwards."""
-    rigid, elastic = study.series["rigid k_z1"].values, study.series["elastic k_z1"].values
+    rigid, elastic = (np.array(virtual["trends"][f"{name} k_z1"]["values"]) for name in ("rigid", "elastic"))
     assert 4.75e9 < rigid.min() < rigid.max() < 5.05e9
     error = 100.0 * (rigid / elastic - 1.0)
     assert np.all(error < -10.0)
-    axial, radial = study.left_out
+    axial, radial = virtual["left_out"]
+    before, after = (f"{when}_rms_percent" for when in ("before", "after"))
     text = (
         f"K_Z1 off by {error.min():.1f} to {error.max():.1f} %; left-out levels, rms: axial "
-        f"{axial.rigid_rms_percent:.2f} to {axial.elastic_rms_percent:.4f} %, radial {radial.rigid_rms_percent:.2f} to "
-        f"{radial.elastic_rms_percent:.2f} %"
+        f"{axial[before]:.2f} to {axial[after]:.4f} %, radial {radial[before]:.2f} to {radial[after]:.2f} %"
     )
     summarise("rigid against elastic holder", text, {"k_percent": error.tolist()})
-    assert np.all(np.array(axial.rigid_percent) < -5.0)
-    for one in study.left_out:
-        assert len(one.force_kn) == 6
-        assert one.elastic_rms_percent <= 0.1 * one.rigid_rms_percent
-    # Against the finite elements' own contact, which is not evenly spread: closer than the rigid holder's.
-    true = np.array([bt50_rig.axial_contact(level.force_kn)[0] for level in study.axial])
-    assert np.abs(elastic / true - 1.0).max() < 0.5 * np.abs(rigid / true - 1.0).min()
-    assert all(level.rigid_rms > 10.0 > 2.0 > level.elastic.rms for level in study.axial)
-
-
-@pytest.mark.slow
-def test_the_diagnosis_finds_the_elastic_body(study: BT50Study, summarise: Callable[[str, str, object], None]) -> None:
-    axial, radial = study.diagnosed
+    assert np.all(np.array(axial["rigid_percent"]) < -5.0)
     for one in (axial, radial):
-        summarise("bt50", f"diagnosis, {one.motion}", f"{one.verdict.verdict}: {', '.join(c.id for c in one.certain)}")
-        assert not set(one.seen_kn) & set(one.left_out_kn)
-    assert "flexible_body" in [cause.id for cause in axial.certain]
-    distance = axial.gains[0]
-    assert distance.held_out_after < 0.2 * distance.held_out_before
-    assert distance.interval[0] > 0.0
+        assert len(one["force_kn"]) == 6
+        assert one[after] <= 0.1 * one[before]
+    # Against the finite elements' own contact, which is not evenly spread: closer than the rigid holder's.
+    true = np.array([bt50_rig.axial_contact(level["force_kn"])[0] for level in virtual["axial"]])
+    assert np.abs(elastic / true - 1.0).max() < 0.5 * np.abs(rigid / true - 1.0).min()
+    assert all(level["rigid_rms"] > 10.0 > 2.0 > level["elastic"]["rms"] for level in virtual["axial"])
+
+
+@pytest.mark.slow
+def test_the_diagnosis_finds_the_elastic_body(
+    virtual: dict[str, Any], summarise: Callable[[str, str, object], None]
+) -> None:
+    axial, radial = virtual["diagnosis"]
+    for one in (axial, radial):
+        summarise("bt50", f"diagnosis, {one['motion']}", f"{one['verdict']}: {', '.join(one['in_every_explanation'])}")
+        assert not set(one["seen_kn"]) & set(one["left_out_kn"])
+    assert "flexible_body" in axial["in_every_explanation"]
+    distance = axial["gains"][0]
+    assert distance["held_out_after"] < 0.2 * distance["held_out_before"]
+    assert distance["interval"][0] > 0.0
     # With this seed a search from the rigid holder's springs alone ends beside the fit.
-    assert radial.verdict.verdict == "named"
-    assert {cause.id for cause in radial.certain} == {"flexible_body", "contact_distribution"}
-    ((_, low, high),) = next(one for one in radial.certain if one.id == "flexible_body").parameters.values()
-    assert 200e9 * 10.0**low < bt50_rig.YOUNG < 200e9 * 10.0**high
-    words = " ".join(text for about, text in findings(study) if about == "diagnosis")
-    for one in study.diagnosed:
-        assert f"It answers: {one.verdict.verdict}" in words
+    assert radial["verdict"] == "named"
+    assert set(radial["in_every_explanation"]) == {"flexible_body", "contact_distribution"}
+    body = next(one for one in radial["causes"] if one["id"] == "flexible_body")
+    (modulus,) = body["parameters"].values()
+    assert 200e9 * 10.0 ** modulus["lower"] < bt50_rig.YOUNG < 200e9 * 10.0 ** modulus["upper"]
 
 
 @pytest.mark.slow
-def test_damping_at_20_hz(study: BT50Study) -> None:
-    errors = damping_errors(study)
-    assert errors["half_power"]["mean_percent"] > 3.0
-    assert errors["half_power"]["scatter_percent"] > 4.0 * errors["circle"]["scatter_percent"]
-    assert errors["half_power"]["scatter_above_percent"] > 4.0 * errors["circle"]["scatter_above_percent"]
-    assert abs(errors["circle"]["mean_percent"]) < 1.0
-    assert all(level.half_power.lines_in_band < 5.0 for level in study.axial)
+def test_damping_at_20_hz(virtual: dict[str, Any]) -> None:
+    rough, fine = (virtual["damping_errors"][name] for name in ("half_power", "circle"))
+    assert rough["mean_percent"] > 3.0
+    assert rough["scatter_percent"] > 4.0 * fine["scatter_percent"]
+    assert rough["scatter_above_percent"] > 4.0 * fine["scatter_above_percent"]
+    assert abs(fine["mean_percent"]) < 1.0
+    assert all(level["half_power"]["lines_in_band"] < 5.0 for level in virtual["axial"])
 
 
 @pytest.mark.slow
-def test_trends_are_those_of_the_rig(study: BT50Study) -> None:
+def test_trends_are_those_of_the_rig(virtual: dict[str, Any]) -> None:
     """Exponents 1.6 and 0.6 of the contact come back, though neither was assumed; a straight line is refused."""
-    axial, radial = study.series["elastic k_z1"], study.series["elastic k_x1"]
-    assert (axial.trend().direction, axial.slope_trend().direction, axial.law.name) == ("rises", "rises", "power")
-    assert (radial.trend().direction, radial.slope_trend().direction, radial.law.name) == ("rises", "falls", "power")
-    assert axial.exponent_interval[0] == pytest.approx(1.6, abs=0.05)
-    assert axial.exponent_interval[1] == pytest.approx(1.6, abs=0.05)
-    assert radial.exponent_interval[0] == pytest.approx(0.6, abs=0.03)
-    assert radial.exponent_interval[1] == pytest.approx(0.6, abs=0.03)
-    assert study.series["elastic c_z1"].trend().direction == "rises"
-    assert study.series["elastic c_x1"].trend().direction == "falls"
+    trends = virtual["trends"]
+    for name, slope, exponent, tolerance in (("k_z1", "rises", 1.6, 0.05), ("k_x1", "falls", 0.6, 0.03)):
+        own = trends[f"elastic {name}"]
+        directions = own["trend"]["direction"], own["slope_trend"]["direction"]
+        assert (*directions, own["law"]["name"]) == ("rises", slope, "power")
+        assert own["exponent_interval"] == pytest.approx([exponent, exponent], abs=tolerance)
+    assert trends["elastic c_z1"]["trend"]["direction"] == "rises"
+    assert trends["elastic c_x1"]["trend"]["direction"] == "falls"
 
 
 @pytest.mark.slow
-def test_where_damping_matters(study: BT50Study) -> None:
+def test_where_damping_matters(virtual: dict[str, Any]) -> None:
     """Around the modes and nowhere else along the axis; without damping a peak has no height."""
-    axial = study.damping_ignored[0]
-    shown = min(study.axial, key=lambda level: abs(level.force_kn - 20.0))
-    ((low, high),) = axial.differs_hz
-    assert low < shown.circle.frequency_hz < high
-    assert high - low < 0.05 * shown.circle.frequency_hz
-    outside = (axial.frequency_hz < low) | (axial.frequency_hz > high)
-    np.testing.assert_allclose(axial.undamped[outside], axial.damped[outside], rtol=0.05)
-    assert axial.undamped.max() > 2.0 * axial.damped.max()
+    shown = min(virtual["axial"], key=lambda level: abs(level["force_kn"] - 20.0))
+    lines, damped, undamped = bt50.response_without_damping("axial", shown["elastic"]["values"])
+    ((low, high),) = virtual["damping_matters_hz"]["axial"]
+    assert low < shown["experiment_hz"] < high
+    assert high - low < 0.05 * shown["experiment_hz"]
+    outside = (lines < low) | (lines > high)
+    np.testing.assert_allclose(undamped[outside], damped[outside], rtol=0.05)
+    assert undamped.max() > 2.0 * damped.max()
 
 
 @pytest.mark.slow
-def test_what_is_published_is_kept_apart(study: BT50Study) -> None:
-    form: dict[str, Any] = json.loads(json.dumps(as_dict(study), allow_nan=False))
-    assert form["study"] == "bt50"
-    assert "virtual" in form["provenance"]
-    assert form["published"]["axial_stiffness_n_per_m"] == [4.8e9, 5.0e9]
-    virtual = form["virtual"]
+def test_what_is_published_is_kept_apart(study: dict[str, Any], virtual: dict[str, Any]) -> None:
+    assert study["study"] == "bt50"
+    assert "virtual" in study["provenance"]
+    assert study["published"]["axial_stiffness_n_per_m"] == [4.8e9, 5.0e9]
     assert len(virtual["axial"]) == len(virtual["radial"]) == 13
-    assert set(virtual["trends"]) == set(study.series)
-    before, after = (virtual["left_out"][0][f"{when}_rms_percent"] for when in ("before", "after"))
-    assert after < 0.1 * before
-    assert any("left out" in text for _, text in findings(study))
+    names = {"k_z1", "c_z1", "k_x1", "k_x2", "c_x1", "c_x2"}
+    assert {name.removeprefix("elastic ") for name in virtual["trends"] if name.startswith("elastic")} == names
+    assert any("left out" in item["text"] for item in study["findings"])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("motion", ["axial", "radial"])
 def test_intervals_of_the_direct_fit_cover(motion: str, summarise: Callable[[str, str, object], None]) -> None:
     """With the stated sampling and ten impacts, an exact binomial test at the 1 % level does not reject 95 %."""
-    holder = load_holder()
+    holder = virtual_rig.holder()
     random = np.random.default_rng(SEED)
     held: dict[str, int] = {}
     for case in range(CASES):

@@ -40,6 +40,15 @@ def draw(seed: int, damping: tuple[float, float] = (0.004, 0.018)) -> Iterator[t
         yield replace(joint, c_x1=c[0], c_x2=c[1]), abs(apart[0] - apart[1]) / sum(apart)
 
 
+def receptance(joint: RadialJoint, lines: np.ndarray, response: float, excitation: float) -> np.ndarray:
+    """Receptance in m/N between two places of the rigid body, from its matrices."""
+    w = 2.0 * np.pi * lines[:, None, None]
+    mass, damping, stiffness = joint.matrices()
+    force = np.array([1.0, excitation])[:, None]
+    motion = np.linalg.solve(stiffness + 1j * w * damping - w**2 * mass, force)
+    return (motion[:, 0] + response * motion[:, 1])[:, 0]
+
+
 def test_printed_matrices_break_reciprocity() -> None:
     """Eqs. 3 and 4 as printed: a force at a and the motion at b are not those of the reverse."""
     body = Body(mass=4.5, inertia=0.01)
@@ -67,8 +76,8 @@ def test_corrected_matrices_are_positive_definite_and_reciprocal() -> None:
         assert np.array_equal(stiffness, stiffness.T)
         assert np.linalg.eigvalsh(stiffness)[0] > 0.0
         assert np.linalg.eigvalsh(damping)[0] > 0.0
-        there = joint.receptance([800.0, 4100.0], response=0.05, excitation=-0.03)
-        back = joint.receptance([800.0, 4100.0], response=-0.03, excitation=0.05)
+        there = receptance(joint, np.array([800.0, 4100.0]), 0.05, -0.03)
+        back = receptance(joint, np.array([800.0, 4100.0]), -0.03, 0.05)
         np.testing.assert_allclose(there, back, rtol=1e-9)
 
 
@@ -85,7 +94,7 @@ def test_modes_and_receptance_agree() -> None:
             residue = (shape[0] + 0.05 * shape[1]) * (shape[0] - 0.03 * shape[1]) / norm
             s = 2j * np.pi * lines
             total += residue / (s - pole) + residue.conj() / (s - np.conj(pole))
-        direct = joint.receptance(lines, response=0.05, excitation=-0.03)
+        direct = receptance(joint, lines, 0.05, -0.03)
         np.testing.assert_allclose(total, direct, atol=1e-8 * np.abs(direct).max())
 
 
@@ -116,10 +125,11 @@ def test_the_forward_model_with_a_stiff_part_is_the_rigid_model() -> None:
     there = Assembly([part], springs).receptance(
         lines, response=Coordinate(position=0.02), excitation=Coordinate(position="end")
     )
-    rigid = joint.receptance(lines, response=body.position(0.02), excitation=body.position(0.15))
+    rigid = receptance(joint, lines, body.position(0.02), body.position(0.15))
     np.testing.assert_allclose(there, rigid, rtol=1e-7)
     axial = Assembly([part], [GroundSpring(k_y=5e9, c_y=1500.0, position=0.05)], motion="axial").receptance(lines)
-    np.testing.assert_allclose(axial, AxialJoint(body=body, k_z1=5e9, c_z1=1500.0).receptance(lines), rtol=1e-7)
+    w = 2.0 * np.pi * lines
+    np.testing.assert_allclose(axial, 1.0 / (5e9 + 1j * w * 1500.0 - w**2 * body.mass), rtol=1e-7)
 
 
 def test_a_body_is_what_its_sections_say() -> None:

@@ -5,76 +5,51 @@ from __future__ import annotations
 import re
 from typing import Any, Literal
 
-from receptance.campaign.quantities import KINDS, Kind, parse, shown
-from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance import units
+from receptance._text import did_you_mean, one_of, shown
+from receptance.beams import Segment
+from receptance.collet import ColletJoint
+from receptance.fields import Element, Number
+from receptance.joints import PointJoint, PointMass
+from receptance.materials import Material
+from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart, Mode
+from receptance.spread import SpreadJoint
+from receptance.units import Quantity, parse
 
-__all__ = ["FIELDS", "SPRING_FIELDS", "kind_of", "parse_position", "value_at"]
+__all__ = ["FIELDS", "kind_of", "parse_position", "value_at"]
 
-_SPRING = {
-    "k_y": "a stiffness",
-    "k_theta": "a rotational stiffness",
-    "k_ytheta": "a coupling stiffness",
-    "c_y": "a damping",
-    "c_theta": "a rotational damping",
-    "c_ytheta": "a coupling damping",
-    "loss_factor": "a loss factor",
-}
-SPRING_FIELDS = tuple(_SPRING)
-_SLIP = {
-    "slip_y": "a share",
-    "slip_theta": "a share",
-    "exponent": "an exponent",
-    "level": "a level",
-    "reference_y": "an amplitude",
-    "reference_theta": "an angle",
-}
-_SEGMENT = {"length": "a length", "outer_diameter": "a length", "inner_diameter": "a length or zero"}
-_MATERIAL = {
-    "youngs_modulus": "a modulus",
-    "density": "a density",
-    "poisson_ratio": "a Poisson's ratio",
-    "loss_factor": "a loss factor",
-}
 _OBSERVATION = {
-    "log_gain": "a logarithm",
-    "delay": "a time of either sign",
-    "decay_rate": "a rate of decay",
-    "decay_rate_of_velocity": "a rate of decay",
-    "decay_rate_of_displacement": "a rate of decay",
-    "end": "a time",
+    "log_gain": units.LOGARITHM,
+    "delay": units.DELAY,
+    "decay_rate": units.DECAY_RATE,
+    "decay_rate_of_velocity": units.DECAY_RATE,
+    "decay_rate_of_displacement": units.DECAY_RATE,
+    "end": units.TIME,
 }
-"""What stands between a structure and the record, see `receptance.identification.factors`."""
-FIELDS: dict[str, Kind] = {
-    field: KINDS[name]
-    for field, name in (
-        {
-            **_SPRING,
-            **_SLIP,
-            **_SEGMENT,
-            **_MATERIAL,
-            **_OBSERVATION,
-            "mass": "a mass",
-            "inertia": "a moment of inertia",
-        }.items()
-    )
-}
-_MODE = {
-    "frequency_hz": "a frequency or zero",
-    "damping_ratio": "a damping ratio",
-    "y": "a mode shape",
-    "theta": "a slope of a mode shape",
-    "y_imaginary": "a mode shape",
-    "theta_imaginary": "a slope of a mode shape",
-    "residual_y": "a receptance",
-    "residual_theta": "a rotational receptance",
-    "residual_ytheta": "a coupling receptance",
-}
-FIELDS |= {field: KINDS[name] for field, name in _MODE.items()}
+"""Unknowns of the measuring chain, see `receptance.identification.factors`."""
+_ELEMENTS: tuple[type[Element], ...] = (
+    PointJoint,
+    MicroslipJoint,
+    SpreadJoint,
+    ColletJoint,
+    Segment,
+    Material,
+    PointMass,
+    Mode,
+    ModalPart,
+)
+FIELDS: dict[str, Quantity] = {
+    name: field.quantity
+    for element in _ELEMENTS
+    for name, field in element.declared.items()
+    if isinstance(field, Number) and field.parameter
+} | _OBSERVATION
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 
-def kind_of(address: str) -> Kind:
+def kind_of(address: str) -> Quantity:
     """Return what kind of quantity an address names.
 
     Raises
@@ -107,7 +82,7 @@ def parse_position(text: str) -> float | Literal["end"]:
     if text == "end":
         return "end"
     try:
-        return parse(text, KINDS["a length or zero"])
+        return parse(text, units.LENGTH_OR_ZERO)
     except ValueError as error:
         found = str(error).split(", expected", 1)[0]
         raise ValueError(

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from receptance._files import write_whole
 from receptance.assembly import Assembly
-from receptance.campaign.building import Built
-from receptance.campaign.conditions import Condition
+from receptance.campaign.builder import Built
 from receptance.campaign.observations import Measurement
+from receptance.campaign.quantities import Condition
 from receptance.campaign.tolerances import Effects
 from receptance.coordinates import Coordinate
 from receptance.identification import Candidate, Unknown
-from receptance.identification.places import Place
+from receptance.identification.mapping import Place
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
     from receptance.campaign.comparison import Prediction
     from receptance.campaign.cuts import CampaignCut
-    from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.format import CampaignTable
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.campaign.assembling import place, with_sensor
-from receptance.campaign.conditions import Condition, parse_condition
+from receptance.campaign.builder import with_sensor
 from receptance.campaign.frequencies import deviations_of
 from receptance.campaign.frf_files import deviation_share
+from receptance.campaign.quantities import Condition
 from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import Candidate
 from receptance.identification.candidates import natural_slopes
@@ -19,11 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
-    from receptance.campaign.building import Built
-    from receptance.campaign.candidate_models import CandidateFrequenciesTable, CandidateFRFTable
-    from receptance.campaign.measurement_models import CampaignTable
+    from receptance.campaign.builder import Builder, Built
+    from receptance.campaign.format import CampaignTable, CandidateFrequenciesTable, CandidateFRFTable
     from receptance.campaign.tolerances import Effects
-    from receptance.campaign.workshop import Workshop
 
 __all__ = ["build_candidate"]
 
@@ -35,7 +33,7 @@ def build_candidate(
     campaign: CampaignTable,
     built: Built,
     effects: tuple[dict[str, Effects], dict[str, Effects]],
-    workshop: Workshop,
+    builder: Builder,
     of_assemblies: Mapping[str, Mapping[str, Condition]],
 ) -> Candidate | None:
     """Return a candidate, or None after its mistakes are added.
@@ -44,15 +42,12 @@ def build_candidate(
     `of_assemblies` are the conditions of assemblies.
     """
     table, path = campaign.candidates[name], ("candidates", name)
-    make = workshop.make
+    make = builder.make
     assembly = built.assemblies.get(table.assembly)
     sensor = None if table.sensor is None else built.sensors.get(table.sensor)
-    conditions = {
-        key: make((*path, "conditions", key), parse_condition, value) for key, value in table.conditions.items()
-    }
     if assembly is None or (table.sensor is not None and sensor is None):
         return None
-    response = place((*path, "response"), table.response, assembly, workshop)
+    response = builder.place((*path, "response"), table.response, assembly)
     if response is None:
         return None
     errors = dict(effects[0].get(table.assembly, {}))
@@ -64,7 +59,7 @@ def build_candidate(
         "assembly": with_sensor(assembly, sensor, response),
         "tolerances": tuple(tolerances_of(errors)),
         "configuration": table.assembly,
-        "conditions": {**known, **{key: one.value for key, one in conditions.items() if one is not None}},
+        "conditions": {**known, **{key: one.value for key, one in table.conditions.items()}},
         "cost": table.cost,
     }
     if table.kind == "natural frequencies":
@@ -72,11 +67,11 @@ def build_candidate(
         if spread is None:
             return None
         return make(path, Candidate, modes=tuple(table.modes), standard_deviation_hz=spread, **common)
-    excitation = place((*path, "excitation"), table.excitation, assembly, workshop)
+    excitation = builder.place((*path, "excitation"), table.excitation, assembly)
     lines = make(path, _lines, table)
     share = make((*path, "standard_deviation"), deviation_share, table.standard_deviation)
     floor = make((*path, "floor"), deviation_share, table.floor)
-    if excitation is None or lines is None or share is None or workshop.problems.at((*path, "floor")):
+    if excitation is None or lines is None or share is None or builder.problems.at((*path, "floor")):
         return None
     return make(
         path,

@@ -13,11 +13,10 @@ from receptance.stability import Milling, Turning
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from receptance.campaign.cut_models import CutTable, TipTable
+    from receptance.campaign.builder import Builder
+    from receptance.campaign.format import CampaignTable, TipTable
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.observations import Measurement
-    from receptance.campaign.workshop import Workshop
 
 __all__ = ["CampaignCut", "Tip", "build_cut"]
 
@@ -79,31 +78,28 @@ def build_cut(
     assemblies: Mapping[str, object],
     measurements: Mapping[str, Measurement],
     folder: FilePath,
-    workshop: Workshop,
+    builder: Builder,
 ) -> CampaignCut | None:
     """Return a cut, or None after its mistakes are added."""
     own, path = table.cuts[name], ("cuts", name)
-    cut = workshop.make(path, _cut, own)
+    if own.kind == "milling":
+        cut = builder.element(Milling, own, path)
+    else:
+        cut = builder.element(Turning, own, path, angle_deg=own.angle)
     spread = {
         key: deviation.of(getattr(own, key)) / getattr(own, key)
         for key, deviation in own.tolerance
         if deviation is not None and getattr(own, key) > 0.0
     }
-    x = _tip((*path, "x"), own.x, assemblies, measurements, folder, workshop)
+    x = _tip((*path, "x"), own.x, assemblies, measurements, folder, builder)
     y = x if own.kind == "milling" else None
     if own.kind == "milling" and own.y == "rigid":
         y = None
     elif own.kind == "milling" and not isinstance(own.y, str):
-        y = _tip((*path, "y"), own.y, assemblies, measurements, folder, workshop)
-    if cut is None or x is None or workshop.problems.at(path):
+        y = _tip((*path, "y"), own.y, assemblies, measurements, folder, builder)
+    if cut is None or x is None or builder.problems.at(path):
         return None
     return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
-
-
-def _cut(table: CutTable) -> Milling | Turning:
-    if table.kind == "turning":
-        return Turning(k=table.k, angle_deg=table.angle)
-    return Milling(teeth=table.teeth, k_t=table.k_t, k_n=table.k_n, immersion=table.immersion, feed=table.feed)
 
 
 def _tip(
@@ -112,16 +108,16 @@ def _tip(
     assemblies: Mapping[str, object],
     measurements: Mapping[str, Measurement],
     folder: FilePath,
-    workshop: Workshop,
+    builder: Builder,
 ) -> Tip | None:
     given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
     if len(given) != 1:
         found = " and ".join(given) or "neither an assembly, a measurement nor a file"
-        workshop.problems.add(path, f"has {found}, expected one of the three")
+        builder.problems.add(path, f"has {found}, expected one of the three")
         return None
     if table.assembly is not None:
         if table.bands is not None:
-            workshop.problems.add(
+            builder.problems.add(
                 (*path, "bands"), "belongs to a file or a measurement, expected `lower` and `upper` under [prediction]"
             )
             return None
@@ -131,30 +127,30 @@ def _tip(
     if table.measurement is not None:
         if table.measurement not in measurements:
             return None
-        frf = workshop.make((*path, "measurement"), _measured, measurements[table.measurement], workshop, path)
-        frf = _within(path, table, frf, workshop)
+        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement], builder, path)
+        frf = _within(path, table, frf, builder)
         return None if frf is None else Tip(name=f"measured, {table.measurement}", frf=frf)
-    if workshop.problems.at(path):
+    if builder.problems.at(path):
         return None
-    frf = workshop.make((*path, "file"), _read, table, folder)
+    frf = builder.make((*path, "file"), _read, table, folder)
     if frf is None:
         return None
     for note in frf.notes:
-        workshop.note(path, note)
-    frf = _within(path, table, frf, workshop)
+        builder.note(path, note)
+    frf = _within(path, table, frf, builder)
     return None if frf is None else Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
 
 
-def _within(path: Path, table: TipTable, frf: FRF | None, workshop: Workshop) -> FRF | None:
+def _within(path: Path, table: TipTable, frf: FRF | None, builder: Builder) -> FRF | None:
     """Return the FRF with the lines of the bands alone usable, or None after a mistake is added."""
     from receptance.campaign import frf_files
 
     if frf is None or table.bands is None:
         return frf
-    return workshop.make((*path, "bands"), frf_files.within, frf, table.bands)
+    return builder.make((*path, "bands"), frf_files.within, frf, table.bands)
 
 
-def _measured(measured: Measurement, workshop: Workshop, path: Path) -> FRF:
+def _measured(measured: Measurement, builder: Builder, path: Path) -> FRF:
     """Return a measured FRF of the campaign on the lines that count."""
     seen = measured.observation
     if not isinstance(seen, MeasuredFRF):
@@ -164,7 +160,7 @@ def _measured(measured: Measurement, workshop: Workshop, path: Path) -> FRF:
     if "theta" in (seen.response.direction, seen.excitation.direction):
         raise ValueError(f'is "{measured.name}", a rotation or of a moment, expected a translation over a force')
     if measured.sensor is not None:
-        workshop.note(path, f"the mass of {measured.sensor} is in it, which was on the tip when it was measured")
+        builder.note(path, f"the mass of {measured.sensor} is in it, which was on the tip when it was measured")
     # The variance of an FRF is that of each line alone.
     variance = None if seen.standard_deviation is None else seen.standard_deviation**2 / seen.correlated_lines
     return FRF(

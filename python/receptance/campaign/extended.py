@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import units
+from receptance.campaign.builder import addresses_of
 from receptance.campaign.problems import Problems
-from receptance.campaign.quantities import KINDS
 from receptance.campaign.series_tables import spelled_out
-from receptance.campaign.tables import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
 from receptance.campaign.tolerances import tolerances_of
-from receptance.campaign.unknown_building import addresses_of
+from receptance.campaign.writer import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
@@ -93,7 +93,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     for name, one in measured.items():
         _write_measurement(data, name, one, name in seen)
         if end is not None and isinstance(one.given, MeasuredFRF):
-            data["measurements"][name]["ends"] = quantity(end, KINDS["a time"])
+            data["measurements"][name]["ends"] = quantity(end, units.TIME)
     _write_unknowns(data, verdict)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "starts": 1}
@@ -238,7 +238,7 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
     for side in ("response", "excitation"):
         old, new = getattr(given, side), getattr(found, side)
         if (old.part, old.position) != (new.part, new.position):
-            at = new.position if isinstance(new.position, str) else quantity(new.position, KINDS["a length"])
+            at = new.position if isinstance(new.position, str) else quantity(new.position, units.LENGTH)
             table[side] = {**table.get(side, {}), "part": new.part, "position": at}
     times = _integrations(given, found)
     if times:
@@ -256,7 +256,7 @@ def _write_beside(data: dict[str, Any], name: str, attached: str, one: _Extended
         and (point.part, point.position) == (place.part, place.position)
         and "sensor" not in table
     ):
-        section, made = "sensors", {key: made[key] for key in ("mass", "inertia")}
+        section, made = "sensors", {key: made[key] for key in ("mass", "inertia") if key in made}
         table["sensor"] = attached
     else:
         table["attachments"] = [*table.get("attachments", []), attached]

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from receptance import units
 from receptance._files import read_whole
-from receptance.campaign.deviations import Deviation, parse_deviation, parse_share
-from receptance.campaign.quantities import KINDS, parse, shown
-from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance._text import did_you_mean, one_of, shown
+from receptance.campaign.quantities import Deviation, parse_deviation, parse_share
 from receptance.io.text import doubts_of_end
+from receptance.units import parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurement_models import FrequenciesTable
+    from receptance.campaign.format import FrequenciesTable
 
 __all__ = ["Frequencies", "FrequencyTableError", "damping_of", "deviations_of", "read_frequencies"]
 
@@ -58,7 +59,7 @@ def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) ->
         raise ValueError(f"is a list of {len(texts)}, expected one text for all or {len(frequency_hz)}, one for each")
     found: list[float] = []
     for text, frequency in zip(texts, frequency_hz, strict=True):
-        deviation: Deviation = parse_deviation(text, KINDS["a frequency"])
+        deviation: Deviation = parse_deviation(text, units.FREQUENCY)
         if deviation.amount <= 0.0:
             raise ValueError(f"is {shown(text)}, expected more than zero")
         found.append(deviation.of(frequency))
@@ -144,7 +145,7 @@ def _cell(number: int, name: str, unit: str, cell: str) -> float | int:
         if name in _SHARES:
             share = 0.01 if unit == "%" else 1.0
             return float(cell) * share if cell else math.nan
-        return int(cell) if name == "mode" else parse(f"{cell} {unit}", KINDS["a frequency"])
+        return int(cell) if name == "mode" else parse(f"{cell} {unit}", units.FREQUENCY)
     except ValueError as error:
         words = str(error)
         if name == "mode":

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.deviations import parse_share
-from receptance.frf.forms import FORMS
+from receptance.campaign.quantities import parse_share
 from receptance.identification import MeasuredFRF
 from receptance.identification.observations import altered
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
-    from receptance.campaign.file_models import FileFields
-    from receptance.campaign.measurement_models import FRFTable, HammerTable
+    from receptance.campaign.format import FileFields, FRFTable, HammerTable
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal
 
-from receptance.campaign.quantities import KINDS, parse, shown
+from receptance import units
+from receptance._text import shown
+from receptance.units import parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurement_models import HammerTable
+    from receptance.campaign.format import HammerTable
     from receptance.frf import FRF
     from receptance.measurement import TimeRecords
 
@@ -24,7 +26,7 @@ def window_of(written: str) -> Window:
     if written == "none":
         return "none"
     try:
-        return parse(written, KINDS["a time"])
+        return parse(written, units.TIME)
     except ValueError as error:
         found = str(error).split(", expected", 1)[0]
         text = found or f"is {shown(written)}"

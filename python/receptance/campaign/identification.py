@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.deviations import parse_share
 from receptance.campaign.problems import CampaignError, Problem
+from receptance.campaign.quantities import parse_share
 from receptance.campaign.series import FEWEST, over_levels, started_by_level
 from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.identification import Identification, Unknown, identify

@@ -14,21 +14,18 @@ from typing import Any
 
 from receptance._files import read_whole
 from receptance.assembly import Assembly
-from receptance.campaign.assembling import build_assemblies, carrying, check_unknowns, place, with_sensor
-from receptance.campaign.building import Built, build_elements
+from receptance.campaign.builder import Builder, Built, carrying, with_sensor
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.candidates import build_candidate
-from receptance.campaign.conditions import Condition, parse_condition
 from receptance.campaign.cuts import build_cut
+from receptance.campaign.format import CampaignTable
 from receptance.campaign.lines import Path, lines_of
-from receptance.campaign.measurement_models import CampaignTable
 from receptance.campaign.modal_starts import modal_unknowns
 from receptance.campaign.observations import Measurement, build_measurement
 from receptance.campaign.problems import CampaignError, Problem, Problems, translate
 from receptance.campaign.references import check_references
 from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tolerances import Effects, assembly_effects, effects_beside
-from receptance.campaign.workshop import Workshop
 from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.identification import MeasuredFRF
@@ -110,29 +107,29 @@ def loaded(
 ) -> Campaign:
     """Return the campaign of what a file holds, or would hold if it were written."""
     problems = Problems(lines or {})
-    table, workshop, built = _described(data, problems, file.parent)
-    effects: dict[str, Effects] = {name: assembly_effects(name, table, built, workshop) for name in built.assemblies}
+    table, builder, built = _described(data, problems, file.parent)
+    effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
     beside = {name: effects_beside(name, table, built) for name in (*built.sensors, *built.attachments)}
-    conditions = _conditions(table, workshop)
+    conditions = {name: one.conditions for name, one in table.assemblies.items() if one.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         if progress is not None:
             progress(f"reading {name}")
-        measured = build_measurement(name, table, built, (effects, beside), file.parent, workshop, conditions)
+        measured = build_measurement(name, table, built, (effects, beside), file.parent, builder, conditions)
         if measured is not None:
             measurements[name] = measured
     possible = {
-        name: build_candidate(name, table, built, (effects, beside), workshop, conditions) for name in table.candidates
+        name: build_candidate(name, table, built, (effects, beside), builder, conditions) for name in table.candidates
     }
-    places = _places(table, built, workshop)
-    cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, workshop) for name in table.cuts}
+    places = _places(table, built, builder)
+    cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, builder) for name in table.cuts}
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if not problems.found:
-        built.unknowns |= modal_unknowns(table, built, measurements, workshop)
+        built.unknowns |= modal_unknowns(table, built, measurements, builder)
     if problems.found:
         raise CampaignError(called or file, problems.told())
-    for warning in dict.fromkeys(workshop.warnings):
+    for warning in dict.fromkeys(builder.warnings):
         warnings.warn(warning, ReceptanceWarning, stacklevel=3)
     return Campaign(
         file=file,
@@ -149,7 +146,7 @@ def loaded(
         templates={
             str(path[1]): str(inside[1]) for path, inside in problems.written.items() if path[0] == "measurements"
         },
-        notes=tuple(workshop.notes),
+        notes=tuple(builder.notes),
     )
 
 
@@ -160,11 +157,11 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     """
     data = tomllib.loads(text)
     problems = Problems(lines_of(text))
-    table, workshop, built = _described(data, problems, None)
+    table, builder, built = _described(data, problems, None)
     found = {}
     for name, measurement in table.measurements.items():
         assembly = built.assemblies[measurement.assembly]
-        at = place(("measurements", name, "response"), measurement.response, assembly, workshop)
+        at = builder.place(("measurements", name, "response"), measurement.response, assembly)
         if at is not None:
             sensor = None if measurement.sensor is None else built.sensors[measurement.sensor]
             points = [built.attachments[one] for one in measurement.attachments]
@@ -176,18 +173,15 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
 
 def _described(
     data: dict[str, Any], problems: Problems, folder: FilePath | None
-) -> tuple[CampaignTable, Workshop, Built]:
+) -> tuple[CampaignTable, Builder, Built]:
     """Return the tables, and what could be built from them; files are sought where a folder is given."""
     spelled = spelled_out(data, problems)
     problems.written.update(spelled.written)
     data = spelled.data
     table, named, broken = _validated(data, problems, spelled.unknown)
-    workshop = Workshop(problems, named, broken)
-    check_references(data, folder, workshop)
-    built = build_elements(table, workshop)
-    build_assemblies(table, built, workshop)
-    check_unknowns(table, built, workshop)
-    return table, workshop, built
+    builder = Builder(problems, named, broken)
+    check_references(data, folder, builder)
+    return table, builder, builder.build(table)
 
 
 def _file(path: FilePath) -> FilePath:
@@ -282,24 +276,14 @@ def _prune(data: dict[str, Any], path: Path) -> None:
         data.pop(section, None)
 
 
-def _conditions(table: CampaignTable, workshop: Workshop) -> dict[str, dict[str, Condition]]:
-    found: dict[str, dict[str, Condition]] = {}
-    for name, assembly in table.assemblies.items():
-        for key, value in assembly.conditions.items():
-            made = workshop.make(("assemblies", name, "conditions", key), parse_condition, value)
-            if made is not None:
-                found.setdefault(name, {})[key] = made
-    return found
-
-
-def _places(table: CampaignTable, built: Built, workshop: Workshop) -> dict[str, tuple[Coordinate, Coordinate]]:
+def _places(table: CampaignTable, built: Built, builder: Builder) -> dict[str, tuple[Coordinate, Coordinate]]:
     """Return where assemblies that were not measured are to be predicted."""
     measured = {measurement.assembly for measurement in table.measurements.values()}
     found: dict[str, tuple[Coordinate, Coordinate]] = {}
     for name, assembly in built.assemblies.items():
         if name not in measured:
-            response = place(("prediction", "response"), table.prediction.response, assembly, workshop)
-            excitation = place(("prediction", "excitation"), table.prediction.excitation, assembly, workshop)
+            response = builder.place(("prediction", "response"), table.prediction.response, assembly)
+            excitation = builder.place(("prediction", "excitation"), table.prediction.excitation, assembly)
             if response is not None and excitation is not None:
                 found[name] = (response, excitation)
     return found

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance._text import did_you_mean
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.suggestions import did_you_mean
 from receptance.identification import MeasuredFRF
 
 if TYPE_CHECKING:

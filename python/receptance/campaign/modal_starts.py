@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.beams import Part
-from receptance.campaign.unknown_building import addresses_of
+from receptance.campaign.builder import addresses_of
 from receptance.identification import MeasuredFRF, Unknown
 from receptance.identification.unknowns import covered
 from receptance.terminals import RESIDUALS
@@ -16,12 +16,10 @@ from receptance.terminals import RESIDUALS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.campaign.building import Built
+    from receptance.campaign.builder import Builder, Built
+    from receptance.campaign.format import CampaignTable, ModalPartTable
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable
-    from receptance.campaign.models import ModalPartTable
     from receptance.campaign.observations import Measurement
-    from receptance.campaign.workshop import Workshop
 
 __all__ = ["modal_unknowns"]
 
@@ -42,7 +40,7 @@ _SAME = 0.1
 
 
 def modal_unknowns(
-    table: CampaignTable, built: Built, measurements: Mapping[str, Measurement], workshop: Workshop
+    table: CampaignTable, built: Built, measurements: Mapping[str, Measurement], builder: Builder
 ) -> dict[str, Unknown]:
     """Return the unknowns of modal parts with `identify = true` that `unknowns` does not name."""
     found: dict[str, Unknown] = {}
@@ -58,14 +56,14 @@ def modal_unknowns(
             and name in one.observation.assembly.elements
         ]
         if not seen:
-            workshop.problems.add(
+            builder.problems.add(
                 (*path, "identify"),
                 "is true, and there is no FRF for identification of an assembly that ends with this part, expected one",
             )
             continue
         rigid = [index for index, mode in enumerate(part.modes) if mode.frequency_hz == 0.0]
         if rigid:
-            workshop.problems.add(
+            builder.problems.add(
                 (*path, "modes", rigid[0]),
                 "is a rigid-body mode, and the part has `identify = true`, which is for modes that swing; expected "
                 "bounds of its numbers among `unknowns` instead",
@@ -78,7 +76,7 @@ def modal_unknowns(
             for address in one.set:
                 if title in built.assemblies and covered(address, built.assemblies[title]) & automatic.keys():
                     here: Path = ("assemblies", title, "set", address)
-                    workshop.problems.add(
+                    builder.problems.add(
                         here, f"is set here, and `modal_parts.{name}.identify` is true, expected one of the two"
                     )
     return found

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from receptance._text import did_you_mean, one_of
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.suggestions import did_you_mean, one_of
 from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import FrequencyTarget, Identification, NextMeasurement, next_measurement
 

@@ -7,19 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from receptance.campaign.assembling import carrying, place, with_sensor
-from receptance.campaign.conditions import Condition, parse_condition
+from receptance.campaign.builder import carrying, with_sensor
 from receptance.campaign.frequencies import damping_of, deviations_of, frequencies_of
-from receptance.campaign.levels import at_level
+from receptance.campaign.quantities import Condition
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 
 if TYPE_CHECKING:
     from receptance.assembly import Assembly
-    from receptance.campaign.building import Built
+    from receptance.campaign.builder import Builder, Built
+    from receptance.campaign.format import CampaignTable, FrequenciesTable, FRFTable, HammerTable
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable, FrequenciesTable, FRFTable, HammerTable
     from receptance.campaign.tolerances import Effects
-    from receptance.campaign.workshop import Workshop
     from receptance.coordinates import Coordinate
     from receptance.frf import FRF
 
@@ -73,21 +71,21 @@ class Measurement:
 class _Reader:
     """Reads one measurement; every mistake is added at its place."""
 
-    def __init__(self, name: str, campaign: CampaignTable, built: Built, folder: FilePath, workshop: Workshop) -> None:
+    def __init__(self, name: str, campaign: CampaignTable, built: Built, folder: FilePath, builder: Builder) -> None:
         self.name = name
         self.campaign = campaign
         self.table = campaign.measurements[name]
         self.path: Path = ("measurements", name)
         self.built = built
         self.folder = folder
-        self.workshop = workshop
+        self.builder = builder
 
     def observation(self) -> Observation | None:
         """Return the observation, or None after its mistakes are added."""
-        there = not any(self.workshop.problems.at((*self.path, key)) for key in ("file", "coherence"))
+        there = not any(self.builder.problems.at((*self.path, key)) for key in ("file", "coherence"))
         assembly = self.built.assemblies.get(self.table.assembly)
         if assembly is not None:
-            assembly = at_level(self.path, self.table.level, assembly, self.campaign, self.workshop)
+            assembly = self.builder.at_level(self.path, self.table.level, assembly, self.campaign)
         sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
         if assembly is None or (self.table.sensor is not None and sensor is None):
             return None
@@ -95,12 +93,12 @@ class _Reader:
             if not self.built.attachments.keys() >= set(self.table.attachments):
                 return None
             points = [self.built.attachments[name] for name in self.table.attachments]
-            assembly = self.workshop.make((*self.path, "attachments"), carrying, assembly, *points)
+            assembly = self.builder.make((*self.path, "attachments"), carrying, assembly, *points)
             if assembly is None:
                 return None
-        at = place((*self.path, "response"), self.table.response, assembly, self.workshop)
+        at = self.builder.place((*self.path, "response"), self.table.response, assembly)
         if self.table.kind != "natural frequencies":
-            excited = place((*self.path, "excitation"), self.table.excitation, assembly, self.workshop)
+            excited = self.builder.place((*self.path, "excitation"), self.table.excitation, assembly)
             if at is None or excited is None or not there:
                 return None
             return self._frf(self.table, with_sensor(assembly, sensor, at), at, excited)
@@ -109,10 +107,10 @@ class _Reader:
         return self._frequencies(self.table, with_sensor(assembly, sensor, at))
 
     def _frequencies(self, table: FrequenciesTable, assembly: Assembly) -> MeasuredFrequencies | None:
-        make, path = self.workshop.make, self.path
+        make, path = self.builder.make, self.path
         if (table.file is None) == (table.frequencies is None):
             what = "neither frequencies nor a file" if table.file is None else "frequencies and a file"
-            self.workshop.problems.add(path, f"has {what}, expected one of the two")
+            self.builder.problems.add(path, f"has {what}, expected one of the two")
             return None
         source: Path = (*path, "frequencies" if table.file is None else "file")
         found = make(source, frequencies_of, table, self.folder)
@@ -120,7 +118,7 @@ class _Reader:
             return None
         given = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, found.frequency_hz)
         damping = make((*path, "damping_ratios"), damping_of, table, found)
-        if self.workshop.problems.at((*path, "standard_deviation")) or damping is None:
+        if self.builder.problems.at((*path, "standard_deviation")) or damping is None:
             return None
         return make(
             path if table.modes is None else (*path, "modes"),
@@ -139,13 +137,13 @@ class _Reader:
     ) -> MeasuredFRF | None:
         from receptance.campaign import frf_files
 
-        make, path = self.workshop.make, self.path
+        make, path = self.builder.make, self.path
         floor = make((*path, "floor"), frf_files.deviation_share, table.floor)
         found = self._hammer(table) if table.kind == "hammer records" else self._from_file(table)
-        if found is None or self.workshop.problems.at((*path, "floor")):
+        if found is None or self.builder.problems.at((*path, "floor")):
             return None
         for note in found.notes:
-            self.workshop.note(path, note)
+            self.builder.note(path, note)
         at = make(path, frf_files.placed, found, table, response, excitation, self.name)
         if at is None:
             return None
@@ -155,23 +153,23 @@ class _Reader:
         )
         for note in () if seen is None else seen.notes:
             if note not in found.notes:
-                self.workshop.note(path, note)
+                self.builder.note(path, note)
         return seen
 
     def _from_file(self, table: FRFTable) -> FRF | None:
         from receptance.campaign import frf_files
 
-        make, path = self.workshop.make, self.path
+        make, path = self.builder.make, self.path
         share = make((*path, "standard_deviation"), frf_files.deviation_share, table.standard_deviation)
         found = make((*path, "file"), frf_files.read, table, self.folder)
-        if found is None or self.workshop.problems.at((*path, "standard_deviation")):
+        if found is None or self.builder.problems.at((*path, "standard_deviation")):
             return None
         return frf_files.weighed(found, share)
 
     def _hammer(self, table: HammerTable) -> FRF | None:
         from receptance.campaign import hammer_files
 
-        make, path = self.workshop.make, self.path
+        make, path = self.builder.make, self.path
         window = make((*path, "force_window"), hammer_files.window_of, table.force_window)
         records = make((*path, "file"), hammer_files.read, table, self.folder)
         if records is None or window is None:
@@ -189,7 +187,7 @@ def build_measurement(
     built: Built,
     effects: tuple[dict[str, Effects], dict[str, Effects]],
     folder: FilePath,
-    workshop: Workshop,
+    builder: Builder,
     of_assemblies: Mapping[str, Mapping[str, Condition]],
 ) -> Measurement | None:
     """Return a measurement with its data read, or None after its mistakes are added.
@@ -198,16 +196,11 @@ def build_measurement(
     `of_assemblies` are the conditions of assemblies.
     """
     table = campaign.measurements[name]
-    before = len(workshop.notes)
-    observation = _Reader(name, campaign, built, folder, workshop).observation()
-    conditions = {
-        key: workshop.make(("measurements", name, "conditions", key), parse_condition, value)
-        for key, value in table.conditions.items()
-    }
+    before = len(builder.notes)
+    observation = _Reader(name, campaign, built, folder, builder).observation()
     if observation is None:
         return None
-    known = {key: value for key, value in conditions.items() if value is not None}
-    described = {key: one.value for key, one in {**of_assemblies.get(table.assembly, {}), **known}.items()}
+    described = {key: one.value for key, one in {**of_assemblies.get(table.assembly, {}), **table.conditions}.items()}
     observation = observation.configured(table.assembly, described)
     own = dict(effects[0].get(table.assembly, {}))
     for beside in (table.sensor or "", *table.attachments):
@@ -220,7 +213,7 @@ def build_measurement(
         observation=observation,
         sensor=table.sensor,
         files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-        conditions=known,
+        conditions=table.conditions,
         effects=own,
-        notes=tuple(workshop.notes[before:]),
+        notes=tuple(builder.notes[before:]),
     )

@@ -11,8 +11,8 @@ from receptance.campaign.comparison import Peak, PredictedFrequencies, Predicted
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
+from receptance.identification.mapping import Place
 from receptance.identification.peaks import match_peaks
-from receptance.identification.places import Place
 from receptance.identification.prediction import Forecast
 from receptance.identification.unknowns import covered
 

@@ -5,23 +5,24 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from receptance.campaign.deviations import parse_share
-from receptance.campaign.quantities import Kind, parse, shown
-from receptance.identification.priors import Prior
+from receptance._text import shown
+from receptance.campaign.quantities import parse_share
+from receptance.identification.unknowns import Prior
+from receptance.units import Quantity, parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurement_models import PriorTable
+    from receptance.campaign.format import PriorTable
 
 __all__ = ["prior_of"]
 
 
-def prior_of(kind: Kind, table: PriorTable, logarithmic: bool) -> Prior:
+def prior_of(kind: Quantity, table: PriorTable, logarithmic: bool) -> Prior:
     """Return a prior on the scale of the fit; a mistake in it is a ValueError that says what was expected."""
     mean = parse(table.value, kind)
     return Prior(mean=mean, standard_deviation=_spread(kind, table.spread, mean, logarithmic))
 
 
-def _spread(kind: Kind, written: str | float, mean: float, logarithmic: bool) -> float:
+def _spread(kind: Quantity, written: str | float, mean: float, logarithmic: bool) -> float:
     expected = 'a standard deviation such as "30 %", or a quantity of the parameter\'s kind'
     if not isinstance(written, str):
         return parse(written, kind) / (abs(mean) if logarithmic else 1.0)

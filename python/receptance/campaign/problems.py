@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from receptance._text import did_you_mean, one_of, shown
 from receptance.campaign.lines import Path, line_of
-from receptance.campaign.quantities import shown
-from receptance.campaign.suggestions import did_you_mean, one_of
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from receptance.campaign.measurement_models import CampaignTable
+from receptance.campaign.format import CampaignTable
 
 __all__ = ["field_tables", "json_schema"]
 
@@ -13,27 +13,20 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _SECTIONS = (
     ("CampaignTable", "The file"),
     ("MaterialTable", "`[materials.NAME]`"),
-    ("MaterialSpread", "`[materials.NAME.tolerance]`"),
     ("PartTable", "`[parts.NAME]`"),
     ("SegmentTable", "`[[parts.NAME.segments]]`"),
-    ("SegmentSpread", "`tolerance` of a segment"),
     ("ModalPartTable", "`[modal_parts.NAME]`"),
     ("ModeTable", "`[[modal_parts.NAME.modes]]`"),
     ("PointJointTable", "`[joints.NAME]`"),
     ("SpreadJointTable", '`[joints.NAME]` with `kind = "spread"`'),
-    ("SectionTable", "`shank` and `sleeve` of a spread joint"),
+    ("SectionMemberTable", "`shank` and `sleeve` of a spread joint"),
     ("ColletJointTable", '`[joints.NAME]` with `kind = "collet"`'),
-    ("ColletSpringTable", "`inner` and `outer` of a collet"),
+    ("PointJointMemberTable", "`inner` and `outer` of a collet"),
     ("MicroslipJointTable", '`[joints.NAME]` with `kind = "micro-slip"`'),
-    ("SpringSpread", "`tolerance` of a joint or ground spring"),
-    ("SpreadJointSpread", "`tolerance` of a spread joint"),
-    ("SectionSpread", "`tolerance` of its sections"),
     ("SensorTable", "`[sensors.NAME]`"),
-    ("MassTable", '`[attachments.NAME]` with `kind = "mass"`'),
-    ("GroundTable", '`[attachments.NAME]` with `kind = "ground"`'),
+    ("PointMassTable", '`[attachments.NAME]` with `kind = "mass"`'),
+    ("GroundSpringTable", '`[attachments.NAME]` with `kind = "ground"`'),
     ("ResonatorTable", '`[attachments.NAME]` with `kind = "resonator"`'),
-    ("MassSpread", "`tolerance` of a sensor, a mass or a collet"),
-    ("ResonatorSpread", "`tolerance` of a resonator"),
     ("AssemblyTable", "`[assemblies.NAME]`"),
     ("FRFTable", '`[measurements.NAME]` with `kind = "frf"`'),
     ("HammerTable", '`[measurements.NAME]` with `kind = "hammer records"`'),
@@ -41,9 +34,7 @@ _SECTIONS = (
     ("CandidateFRFTable", '`[candidates.NAME]` with `kind = "frf"`'),
     ("CandidateFrequenciesTable", '`[candidates.NAME]` with `kind = "natural frequencies"`'),
     ("MillingTable", '`[cuts.NAME]` with `kind = "milling"`'),
-    ("MillingSpread", "`tolerance` of milling"),
     ("TurningTable", '`[cuts.NAME]` with `kind = "turning"`'),
-    ("TurningSpread", "`tolerance` of turning"),
     ("TipTable", "`x` and `y` of a cut"),
     ("EntryTable", "`entry` of a measurement or a tip"),
     ("CoordinateTable", "`response` and `excitation`"),
@@ -116,7 +107,8 @@ def field_tables() -> str:
     """
     schema = json_schema()
     definitions = {"CampaignTable": {**schema, **schema["anyOf"][0]}, **schema["$defs"]}
-    missing = definitions.keys() - {name for name, _ in _SECTIONS}
+    # The keys of a table of tolerances are those of the element.
+    missing = {name for name in definitions if not name.endswith("Tolerance")} - {name for name, _ in _SECTIONS}
     if missing:
         raise LookupError(f"tables without a heading: {', '.join(sorted(missing))}")
     blocks = [_block(heading, definitions[name]) for name, heading in _SECTIONS]

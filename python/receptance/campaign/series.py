@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.addresses import kind_of
-from receptance.campaign.conditions import parse_condition
+from receptance.campaign.quantities import parse_condition
 from receptance.errors import ReceptanceError
 from receptance.identification import identify
 from receptance.identification.laws import Law
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.measurement_models import SettingsTable
-    from receptance.campaign.series_models import SeriesTable
+    from receptance.campaign.format import SeriesTable, SettingsTable
     from receptance.identification import Identification
     from receptance.identification.task import Observation
     from receptance.report.table import Cell
@@ -212,7 +211,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     Examples
     --------
     >>> from receptance.campaign.series import level_unit
-    >>> from receptance.campaign.series_models import SeriesTable
+    >>> from receptance.campaign.format import SeriesTable
     >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
     ('kN', 1000.0)
     """

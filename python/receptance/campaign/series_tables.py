@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.conditions import parse_condition
-from receptance.campaign.quantities import shown
-from receptance.campaign.suggestions import did_you_mean
+from receptance._text import did_you_mean, shown
+from receptance.campaign.quantities import parse_condition
 
 if TYPE_CHECKING:
     from receptance.campaign.lines import Path

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.suggestions import did_you_mean
 from receptance.campaign.tips import Tips
 from receptance.stability import Lobes, Milling, Stability, critical_depths, semi_discretised_lobes, stability_lobes
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.cut_models import StabilityTable
+    from receptance.campaign.format import StabilityTable
     from receptance.identification import Identification
 
 __all__ = ["chosen_cuts", "described", "spindle_speeds", "stability_of_campaign"]

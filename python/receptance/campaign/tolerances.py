@@ -9,23 +9,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.addresses import kind_of
-from receptance.campaign.assembling import no_address
-from receptance.campaign.deviations import Deviation, parse_deviation
+from receptance.beams import Segment
+from receptance.campaign.builder import JOINTS, addresses_of, no_address
 from receptance.campaign.problems import path_text
-from receptance.campaign.unknown_building import addresses_of
+from receptance.campaign.quantities import Deviation
+from receptance.fields import Member
 from receptance.identification.laws import Tolerance
 from receptance.identification.unknowns import covered
+from receptance.materials import Material
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from receptance.assembly import Assembly
-    from receptance.campaign.building import Built
+    from receptance.campaign.builder import Builder, Built
+    from receptance.campaign.format import CampaignTable
     from receptance.campaign.lines import Path
-    from receptance.campaign.measurement_models import CampaignTable
     from receptance.campaign.observations import Measurement
-    from receptance.campaign.workshop import Workshop
+    from receptance.fields import Element
 
 __all__ = ["Effects", "assembly_effects", "effects_beside", "tolerances_of", "tolerances_of_measurements"]
 
@@ -47,7 +48,7 @@ def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Toleranc
     return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
 
 
-def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop: Workshop) -> Effects:
+def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: Builder) -> Effects:
     """Return the errors of an assembly.
 
     A value that the assembly sets errs on its own, by the tolerance of what it takes the place of; a tolerance of
@@ -61,16 +62,13 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, workshop:
     own_sets = {own for address in table.set for own in covered(address, assembly)}
     effects: Effects = {}
 
-    for address, written in table.tolerance.items():
+    for address, deviation in table.tolerance.items():
         path = (*here, "tolerance", address)
-        if workshop.problems.at(path):
-            continue
-        deviation = parse_deviation(written, kind_of(address))
         addresses = sorted(covered(address, assembly))
         if not addresses:
-            workshop.problems.add(path, no_address(address, assembly))
+            builder.problems.add(path, no_address(address, assembly))
         elif taken & set(addresses):
-            workshop.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
+            builder.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
         else:
             own = {a: deviation.of(assembly.get(a)) for a in addresses}
             effects.setdefault(deviation.name or path_text(path), {}).update(own)
@@ -103,35 +101,29 @@ def _inherited(
     """Yield address, place in the file and deviation of what the parts of an assembly bring with them."""
     for name in assembly.elements:
         if name in campaign.joints:
-            yield from _of_joint(name, campaign)
-            continue
-        if name not in campaign.parts:
-            continue  # a spindle known by its receptances brings its own errors
-        for index, segment in enumerate(campaign.parts[name].segments):
-            place: Path = ("parts", name, "segments", index)
-            first = f"{name}.segment[{index}]"
-            yield from _fields(place, first, segment.tolerance)
-            yield from _of_materials(first, segment, campaign)
+            joint = campaign.joints[name]
+            yield from _of_element(("joints", name), name, JOINTS[joint.kind], joint, campaign)
+        elif name in campaign.parts:  # a spindle known by its receptances brings its own errors
+            for index, segment in enumerate(campaign.parts[name].segments):
+                place: Path = ("parts", name, "segments", index)
+                yield from _of_element(place, f"{name}.segment[{index}]", Segment, segment, campaign)
     for name in attachments:
         yield from _fields(("attachments", name), name, campaign.attachments[name].tolerance)
 
 
-def _of_joint(name: str, campaign: CampaignTable) -> Iterator[tuple[str, Path, Deviation]]:
-    table = campaign.joints[name]
-    yield from _fields(("joints", name), name, table.tolerance)
-    for member in ("inner", "outer", "shank", "sleeve"):
-        inside = getattr(table, member, None)
-        if inside is not None:
-            yield from _fields(("joints", name, member), f"{name}.{member}", inside.tolerance)
-            if member in ("shank", "sleeve"):
-                yield from _of_materials(f"{name}.{member}", inside, campaign)
-
-
-def _of_materials(first: str, table: Any, campaign: CampaignTable) -> Iterator[tuple[str, Path, Deviation]]:
-    """Yield what the materials of a segment or section bring with them."""
-    for prefix, material in ((first, table.material), (f"{first}.core", table.core)):
-        if material in campaign.materials:
-            yield from _fields(("materials", material), prefix, campaign.materials[material].tolerance)
+def _of_element(
+    place: Path, first: str, kind: type[Element], table: Any, campaign: CampaignTable
+) -> Iterator[tuple[str, Path, Deviation]]:
+    """Yield the errors of an element, of its members and of its materials; addresses begin with `first`."""
+    yield from _fields(place, first, table.tolerance)
+    for name, member in kind.declared.items():
+        if not isinstance(member, Member):
+            continue
+        inside, own = getattr(table, name), f"{first}.{member.prefix}".removesuffix(".")
+        if member.kind is not Material:
+            yield from _of_element((*place, name), own, member.kind, inside, campaign)
+        elif inside in campaign.materials:
+            yield from _fields(("materials", inside), own, campaign.materials[inside].tolerance)
 
 
 def _fields(place: Path, owner: str, spread: Any) -> Iterator[tuple[str, Path, Deviation]]:

@@ -12,16 +12,15 @@ import numpy as np
 from receptance import _checks
 from receptance.assembly import Assembly
 from receptance.beams import Part, Segment
-from receptance.campaign.building import build_segment
-from receptance.campaign.catalogue_models import CatalogueTable
-from receptance.campaign.deviations import Deviation
+from receptance.campaign.builder import Builder, expected
+from receptance.campaign.element_tables import ElementTable, Of, table_of, tolerance_of
+from receptance.campaign.format import AssemblyTable, CatalogueTable, PartTable
 from receptance.campaign.lines import Path as Line
-from receptance.campaign.models import AssemblyTable, PartTable, SegmentSpread, SegmentTable
 from receptance.campaign.problems import CampaignError, Problems
+from receptance.campaign.quantities import Deviation
 from receptance.campaign.tolerances import Effects, assembly_effects
-from receptance.campaign.workshop import Workshop, expected
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
-from receptance.identification.places import Place
+from receptance.identification.mapping import Place
 from receptance.modal_parts import ModalPart
 from receptance.terminals import MeasuredPart
 
@@ -113,7 +112,7 @@ class Catalogue:
         as_table = AssemblyTable.model_construct(chain=chain, attachments=self.table.attachments, set={}, tolerance={})
         together = campaign.model_copy(update={"parts": {**self._holders, _TOOL: tool}, "assemblies": {name: as_table}})
         effects = assembly_effects(
-            name, together, replace(built, assemblies={name: assembly}), Workshop(Problems({}), {})
+            name, together, replace(built, assemblies={name: assembly}), Builder(Problems({}), {})
         )
         return Described(row, Place(assembly, row.name, "", row.conditions), {**effects, **self.errors})
 
@@ -124,7 +123,8 @@ class Catalogue:
         found = holders if isinstance(holders, Mapping) else read_holders(file)
         lines: dict[Line, int] = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
         problems = Problems(lines)
-        workshop = Workshop(problems, {"materials": list(self.campaign.table.materials)})
+        builder = Builder(problems, {"materials": list(self.campaign.table.materials)})
+        builder.built = self.campaign.built
         for name, rows in found.items():
             if name == _TOOL or name in self._parts or name in self.campaign.built.joints:
                 problems.add((name, 0), f'is "{name}", the name of something else, expected another')
@@ -133,15 +133,15 @@ class Catalogue:
                 at = (name, index)
                 for key, material in (("material", row.material), ("core", row.core)):
                     if material:
-                        workshop.known((*at, key), material, "materials")
-                one = SegmentTable.model_construct(
+                        builder.known((*at, key), material, "materials")
+                one = table_of(Of(Segment)).model_construct(
                     length=row.length,
                     outer_diameter=row.outer_diameter,
                     inner_diameter=row.inner_diameter,
                     material=row.material,
                     core=row.core or None,
                 )
-                segments.append((one, build_segment(at, one, self.campaign.built, workshop)))
+                segments.append((one, builder.segment(at, one)))
             self._holders[name] = PartTable.model_construct(segments=[one for one, _ in segments])
             self._parts[name] = Part([made for _, made in segments if made is not None], name=name)
         if problems.found:
@@ -230,7 +230,7 @@ def _source(given: object, written: str | None, campaign: Campaign, what: str) -
     return campaign.file.parent / written
 
 
-def _segments(row: ToolRow, table: CatalogueTable) -> list[SegmentTable]:
+def _segments(row: ToolRow, table: CatalogueTable) -> list[ElementTable]:
     """The fluted part and the shank, as far as there is any."""
     spread = table.tolerance
     shank = row.overhang - row.flute_length
@@ -244,12 +244,12 @@ def _segments(row: ToolRow, table: CatalogueTable) -> list[SegmentTable]:
     for index, (length, diameter, what, deviation) in enumerate(own):
         overhang = _named(spread.overhang, row, "overhang", row.overhang) if index == len(own) - 1 else None
         found.append(
-            SegmentTable.model_construct(
+            table_of(Of(Segment)).model_construct(
                 length=length,
                 outer_diameter=diameter,
                 inner_diameter=row.bore,
                 material=row.material,
-                tolerance=SegmentSpread.model_construct(
+                tolerance=tolerance_of(Of(Segment)).model_construct(
                     length=overhang, outer_diameter=_named(deviation, row, what, diameter), inner_diameter=None
                 ),
             )
@@ -264,7 +264,7 @@ def _named(deviation: Deviation | None, row: ToolRow, what: str, value: float) -
     return Deviation(deviation.of(value), False, deviation.name or f"{row.name}: {what}")
 
 
-def _segment(table: SegmentTable, campaign: Campaign) -> Segment:
+def _segment(table: ElementTable, campaign: Campaign) -> Segment:
     return Segment(
         length=table.length,
         outer_diameter=table.outer_diameter,

@@ -18,7 +18,7 @@ from receptance.errors import ReceptanceError
 from receptance.frf.low_frequency import low_frequency_rise
 from receptance.identification.spread import quantile
 from receptance.modal_parts import ModalPart
-from receptance.terminals import MeasuredPart
+from receptance.terminals import RESIDUALS, MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,7 +34,6 @@ __all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
 _LINES = 2000
 _WAITING = 4
 """Tools for each worker that are under way at a time."""
-_RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +185,7 @@ class _Work:
                 )
         if isinstance(spindle, MeasuredPart) and spindle.covariance is not None:
             owner = spindle.name or "part"
-            self.residuals = tuple(f"{owner}.{field}" for field in _RESIDUALS)
+            self.residuals = tuple(f"{owner}.{field}" for field in RESIDUALS)
             self.covariance = spindle.covariance[np.isin(spindle.frequency_hz, self.lines)]
 
     def predict(self, row: ToolRow) -> ToolPrediction:

@@ -11,36 +11,37 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from receptance import units
 from receptance._files import read_whole
-from receptance.campaign.conditions import parse_condition
+from receptance._text import did_you_mean, one_of, shown
 from receptance.campaign.problems import CampaignError, Problem, Problems
-from receptance.campaign.quantities import KINDS, parse, shown
-from receptance.campaign.suggestions import did_you_mean, one_of
+from receptance.campaign.quantities import parse_condition
+from receptance.units import Quantity, parse
 
 __all__ = ["HolderRow", "ToolRow", "read_holders", "read_tools"]
 
 _HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
-_TEXT = "text"
-_TOOL = {
-    "name": _TEXT,
-    "holder": _TEXT,
-    "joint": _TEXT,
-    "material": _TEXT,
-    "overhang": "a length",
-    "diameter": "a length",
-    "bore": "a length or zero",
-    "flute length": "a length or zero",
-    "effective diameter": "a length",
-    "teeth": "whole number",
+_Cell = Quantity | type[str] | type[int]
+_TOOL: dict[str, _Cell] = {
+    "name": str,
+    "holder": str,
+    "joint": str,
+    "material": str,
+    "overhang": units.LENGTH,
+    "diameter": units.LENGTH,
+    "bore": units.LENGTH_OR_ZERO,
+    "flute length": units.LENGTH_OR_ZERO,
+    "effective diameter": units.LENGTH,
+    "teeth": int,
 }
 _TOOL_NEEDED = ("name", "holder", "material", "overhang", "diameter")
-_HOLDER = {
-    "holder": _TEXT,
-    "length": "a length",
-    "outer diameter": "a length",
-    "inner diameter": "a length or zero",
-    "material": _TEXT,
-    "core": _TEXT,
+_HOLDER: dict[str, _Cell] = {
+    "holder": str,
+    "length": units.LENGTH,
+    "outer diameter": units.LENGTH,
+    "inner diameter": units.LENGTH_OR_ZERO,
+    "material": str,
+    "core": str,
 }
 _HOLDER_NEEDED = ("holder", "length", "outer diameter", "material")
 _MOST_TEETH = 1000
@@ -154,7 +155,7 @@ _Row = dict[str, tuple[str, str]]
 
 
 def _opened(
-    path: str | Path, columns: Mapping[str, str], needed: tuple[str, ...]
+    path: str | Path, columns: Mapping[str, _Cell], needed: tuple[str, ...]
 ) -> tuple[Path, Problems, Iterator[tuple[int, _Row]]]:
     file = Path(path)
     try:
@@ -197,7 +198,7 @@ def _split(lines: Any, problems: Problems) -> Iterator[tuple[int, list[str]]]:
 
 
 def _columns(
-    header: list[str], known: Mapping[str, str], needed: tuple[str, ...], problems: Problems
+    header: list[str], known: Mapping[str, _Cell], needed: tuple[str, ...], problems: Problems
 ) -> list[tuple[str, str]]:
     if not any(cell.strip().startswith(needed) for cell in header):
         # What stands there is not shown: the file may be anything.
@@ -210,7 +211,7 @@ def _columns(
         at = f"column {shown(cell.strip())}"
         if name in {other for other, _ in names}:
             problems.add((), f"{at} is there twice")
-        if name in known and known[name].startswith("a length"):
+        if name in known and isinstance(known[name], Quantity):
             if not unit:
                 problems.add((), f'{at} has no unit, expected one such as "{name} [mm]"')
             elif not (name == "effective diameter" and unit == "%"):
@@ -226,19 +227,19 @@ def _columns(
     return names
 
 
-def _example(columns: Mapping[str, str], needed: tuple[str, ...]) -> str:
-    return ",".join(f"{name} [mm]" if columns[name].startswith("a length") else name for name in needed)
+def _example(columns: Mapping[str, _Cell], needed: tuple[str, ...]) -> str:
+    return ",".join(f"{name} [mm]" if isinstance(columns[name], Quantity) else name for name in needed)
 
 
 def _check_unit(at: str, unit: str, problems: Problems) -> None:
     try:
-        parse(f"1 {unit}", KINDS["a length"])
+        parse(f"1 {unit}", units.LENGTH)
     except ValueError as error:
         problems.add((), f"{at} " + str(error).replace(f'"1 {unit}"', f'in "{unit}"'))
 
 
 def _values(
-    line: int, row: _Row, columns: Mapping[str, str], needed: tuple[str, ...], problems: Problems
+    line: int, row: _Row, columns: Mapping[str, _Cell], needed: tuple[str, ...], problems: Problems
 ) -> tuple[dict[str, Any] | None, dict[str, float]]:
     """The cells of a row as text, whole numbers and SI values, and the conditions; None with mistakes."""
     values: dict[str, Any] = {}
@@ -258,17 +259,17 @@ def _values(
     return (values if len(problems.found) == before else None), conditions
 
 
-def _value(cell: str, unit: str, kind: str, row: _Row) -> Any:
-    if kind == _TEXT:
+def _value(cell: str, unit: str, kind: _Cell, row: _Row) -> Any:
+    if kind is str:
         return cell
-    if kind == "whole number":
+    if not isinstance(kind, Quantity):
         if not cell.isdecimal() or not 1 <= int(cell) <= _MOST_TEETH:
             raise ValueError(f"is {shown(cell)}, expected a whole number from 1 to {_MOST_TEETH}")
         return int(cell)
     if unit == "%":
         whole, its_unit = row.get("diameter", ("1", "mm"))
-        return _share(cell) * parse(f"{whole} {its_unit}", KINDS["a length"])
-    return parse(f"{cell} {unit}", KINDS[kind])
+        return _share(cell) * parse(f"{whole} {its_unit}", units.LENGTH)
+    return parse(f"{cell} {unit}", kind)
 
 
 def _share(cell: str) -> float:

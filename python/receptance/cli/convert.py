@@ -134,7 +134,7 @@ def _first(found: Iterable[Any]) -> list[Any]:
 
 def _as_form(thing: FRF | TimeSeries | Coherence, form: str | None) -> Any:
     from receptance import FRF
-    from receptance.io.units import form_name
+    from receptance.units import form_name
 
     if form is None:
         return thing

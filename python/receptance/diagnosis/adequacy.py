@@ -139,8 +139,8 @@ def judge(fit: Fit) -> Adequacy:
     freedom = fit.freedom
     smooth = expected = 0.0
     worst = []
-    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
-    for one, residual in zip(fit.model.observations, parts, strict=False):
+    parts = fit.problem.parts(fit.residual)
+    for one, residual in zip(fit.model.observations, parts, strict=True):
         if isinstance(one, MeasuredFRF):
             pair = residual.reshape(2, -1)
             of_blocks = _blocks(one, pair)

@@ -94,8 +94,8 @@ class ModeResidual:
 
 def curves(fit: Fit) -> list[Curve]:
     """Return every observation, measured and fitted."""
-    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
-    return [curve_of(one, part) for one, part in zip(fit.model.observations, parts, strict=False)]
+    parts = fit.problem.parts(fit.residual)
+    return [curve_of(one, part) for one, part in zip(fit.model.observations, parts, strict=True)]
 
 
 def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:

@@ -27,7 +27,6 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 from receptance.identification.conclusion import conclude
 from receptance.identification.fit import identify
-from receptance.identification.minimise import minimise
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
 from receptance.identification.task import place_of
@@ -106,8 +105,8 @@ class Fit:
     def by_configuration(self) -> dict[str, float]:
         """Sum of squared residuals of each configuration, without priors."""
         sums = dict.fromkeys(self.model.configurations, 0.0)
-        parts = np.split(self.residual, np.cumsum([part.size for part in self.problem.residuals])[:-1])
-        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=False)):
+        parts = self.problem.parts(self.residual)
+        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=True)):
             sums[place_of(one, index).configuration] += float(part @ part)
         return sums
 
@@ -168,24 +167,19 @@ class Fit:
             converged=self.converged,
             message="converged" if self.converged else "the limit of evaluations was reached",
         )
-        return conclude(self.task, self.problem, self.problem, [start], loss=None, seed=seed, notes=list(notes))
+        return conclude(self.task, self.problem, [start], loss=None, seed=seed, notes=list(notes))
 
 
 def problem_of(model: Model, threads: int | None) -> tuple[Task, Problem]:
-    """Return a model as a task, and its residuals, in the core where it has all elements."""
+    """Return a model as a task, and its residuals."""
     task = model.task(threads)
-    problem = task.problem()
-    return task, task.modelled(problem) or problem
+    return task, task.problem()
 
 
 def _few(model: Model, threads: int | None) -> tuple[Task, Problem]:
     """Return the same on the most informative lines."""
     task = model.task(threads)
-    problem = task.modelled(task.problem(), informative_lines(model))
-    if problem is not None:
-        return task, problem
-    task = thin(model).task(threads)
-    return task, task.problem()
+    return task, task.problem(informative_lines(model))
 
 
 def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
@@ -263,11 +257,12 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
     """
     task, problem = _few(model, threads)
     found: list[tuple[float, NDArray[np.float64]]] = []
-    begun = [minimise(problem, _vector(task, values), most=EVALUATIONS_OF_START, least=CONVERGED) for values in starts]
+    vectors = [_vector(task, values) for values in starts]
+    begun = problem.fit(np.array(vectors), EVALUATIONS_OF_START, least=CONVERGED) if vectors else []
     ranked = sorted((end for end in begun if np.isfinite(end.cost)), key=lambda end: end.cost)
     for end in ranked[:CONTINUED_STARTS]:
         if not end.converged:
-            end = minimise(problem, end.x, most=EVALUATIONS_EXPLORING, least=CONVERGED)
+            end = problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
         found.append((2.0 * end.cost, end.x))
     found.sort(key=lambda pair: pair[0])
     different: list[tuple[float, NDArray[np.float64]]] = []
@@ -281,7 +276,7 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
 def chi_square_on_few_lines(fit: Fit, threads: int | None = None) -> float:
     """Return chi-square of a fit on few lines, after a short fit to these."""
     _, problem = _few(fit.model, threads)
-    return 2.0 * minimise(problem, fit.x, most=EVALUATIONS_OF_START, least=CONVERGED).cost
+    return 2.0 * problem.fit_one(fit.x, EVALUATIONS_OF_START, least=CONVERGED).cost
 
 
 def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:
@@ -296,9 +291,9 @@ def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> b
 
 def _finish(model: Model, values: Mapping[str, float], threads: int | None, before: int) -> Fit:
     task, problem = problem_of(model, threads)
-    end = minimise(problem, _vector(task, values), most=EVALUATIONS, least=CONVERGED)
+    end = problem.fit_one(_vector(task, values), EVALUATIONS, least=CONVERGED)
     if not np.isfinite(end.cost):
-        raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason}")
+        raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     regained = 2.0 * (end.first - end.cost)
     return Fit(model, task, problem, end.x, 2.0 * end.cost, end.converged, before + end.evaluations, regained)
 

@@ -13,20 +13,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.diagnosis.causes import Step
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
-from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import error_of
-from receptance.identification.mapping import Addresses, MappedResidual
-from receptance.identification.minimise import Found, minimise
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.problem import Problem
-from receptance.identification.residuals import FRFResidual, InfeasibleError, Pair, Residual, Unit
+from receptance.identification.problem import End, Observed, Problem
+from receptance.identification.residuals import InfeasibleError
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Variables
 
@@ -48,29 +45,6 @@ def with_causes(model: Model, steps: Sequence[Step]) -> Model:
     for step in steps:
         model = step.transfer(model)
     return model
-
-
-class _Known:
-    """What the fit knows of its variables, and that new errors are standard normal, as residuals."""
-
-    unit: Unit = "standard deviations"
-
-    def __init__(self, root: NDArray[np.float64], centre: NDArray[np.float64], variables: Variables) -> None:
-        self._root, self._centre, self._variables = root, centre, variables
-
-    @property
-    def size(self) -> int:
-        """One for each variable."""
-        return self._centre.size
-
-    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
-        """Return residuals and their derivatives; see `residuals.Residual`."""
-        return self.value(values), self._root
-
-    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals alone."""
-        result: NDArray[np.float64] = self._root @ (self._variables.from_values(values) - self._centre)
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,23 +95,20 @@ class Foresight:
         root = np.eye(known + len(names))
         root[:known, :known] = np.linalg.qr(np.vstack([self.fit.jacobian, spans]), mode="r")
         start = np.append(self.fit.x, np.zeros(len(names)))
-        residuals: list[Residual] = [
-            _residual(one, own) for one, own in zip(self.model.observations, placed, strict=True)
+        observed = [
+            Observed(one, own, "standard deviations") for one, own in zip(self.model.observations, placed, strict=True)
         ]
-        return Problem([*residuals, _Known(root, start, variables)], variables), start, root
+        return Problem(variables, observed, known=(root, start)), start, root
 
-    def _end(self, everything: bool) -> Found:
+    def _end(self, everything: bool) -> End:
         problem, start, _ = self._problem
         free = np.ones(start.size, dtype=np.bool_)
         if not everything:
             free[: self.fit.x.size] = False
-        if not free.any():
-            half = 0.5 * float(np.square(problem.residual(start)).sum())
-            return Found(start, half, np.eye(start.size), 1, True)
-        return minimise(problem, start, free=free, most=_STEPS, least=_LEAST)
+        return problem.fit_one(start, _STEPS, free=free, least=_LEAST)
 
     @cached_property
-    def _own_fitted(self) -> Found:
+    def _own_fitted(self) -> End:
         return self._end(False)
 
     @cached_property
@@ -147,9 +118,7 @@ class Foresight:
         problem, _, _ = self._problem
         if not np.isfinite(end.cost):
             return []
-        residual = problem.residual(end.x)
-        parts = np.split(residual, np.cumsum([part.size for part in problem.residuals])[:-1])
-        return [part.copy() for part in parts[: len(self.model.observations)]]
+        return [part.copy() for part in problem.parts(problem.residual(end.x))]
 
     @property
     def unfitted(self) -> list[NDArray[np.float64]]:
@@ -157,9 +126,8 @@ class Foresight:
         problem, start, _ = self._problem
         residual = problem.residual(start)
         if not np.isfinite(residual).all():
-            raise InfeasibleError(problem.reason)
-        parts = np.split(residual, np.cumsum([part.size for part in problem.residuals])[:-1])
-        return [part.copy() for part in parts[: len(self.model.observations)]]
+            raise InfeasibleError(problem.reason(start))
+        return [part.copy() for part in problem.parts(residual)]
 
     @cached_property
     def assemblies(self) -> list[Assembly]:
@@ -169,7 +137,7 @@ class Foresight:
         return [own.apply(one.assembly, values) for one, own in zip(self.model.observations, placed, strict=True)]
 
     @cached_property
-    def _refitted(self) -> Found:
+    def _refitted(self) -> End:
         return self._end(True)
 
     @property
@@ -190,17 +158,6 @@ class Foresight:
         spreads = [np.asarray(_spread(one), dtype=np.float64) for one in self.model.observations]
         scale = sum(float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi)))) for spread in spreads)
         return -end.cost - 0.5 * float(volume) - scale
-
-
-def _residual(one: Observation, placed: Placed) -> Residual:
-    addressed = Addresses(placed.addresses)
-    unit: Unit = "standard deviations"
-    inner: Any
-    if isinstance(one, MeasuredFRF):
-        inner = FRFResidual(one, addressed, unit, None, None)
-    else:
-        inner = FrequencyResidual(one, addressed, unit)
-    return MappedResidual(inner, placed)
 
 
 def _spread(one: Observation) -> NDArray[np.float64]:

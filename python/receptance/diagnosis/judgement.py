@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.thresholds import LEAST_FREEDOM, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE
+from receptance.diagnosis.thresholds import LEAST_FREEDOM, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
 from receptance.diagnosis.verdict import Answer
 
 __all__ = ["Judgement", "conclude"]
@@ -131,9 +131,9 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     base, name = selection.base, one.title
     if one.evidence <= limit + MARGIN:
         yield f"{name} is suspected only: its evidence is close to the limit of detection"
-    alternative = next((other for other in selection.alternatives if other.evidence >= one.evidence), None)
+    alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
-        yield f"{name} is suspected only: {_describe(alternative)} has as much evidence"
+        yield f"{name} is suspected only: {_describe(alternative)} has more evidence"
     if one.fit.left < LEAST_FREEDOM:
         yield f"{name} is suspected only: {_freedom(one.fit)}"
     strain = one.adequacy.strain

@@ -24,11 +24,11 @@ from receptance.diagnosis.thresholds import (
     TRUNCATION_WINDOW,
     UNEVEN_LINES,
 )
-from receptance.frf.forms import FORMS
 from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
 from receptance.joints import GroundSpring, PointMass
+from receptance.units import FORMS
 
 __all__ = ["MEASUREMENT_CAUSES", "truncation_time"]
 

@@ -24,9 +24,8 @@ from receptance.diagnosis.thresholds import (
     SHORTENED,
     TIP_STEP,
 )
-from receptance.identification.priors import Prior
 from receptance.identification.task import place_of
-from receptance.identification.unknowns import covered
+from receptance.identification.unknowns import Prior, covered
 from receptance.joints import PointMass
 
 __all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]

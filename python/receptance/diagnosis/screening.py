@@ -92,10 +92,10 @@ def list_variants(
 
 def _is_other_quantity(fit: Fit) -> bool:
     """Return whether receptances differ by factors, which only another measured quantity explains."""
-    parts = np.split(fit.residual, np.cumsum([part.size for part in fit.problem.residuals])[:-1])
+    parts = fit.problem.parts(fit.residual)
     errors = [
         float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
-        for one, residual in zip(fit.model.observations, parts, strict=False)
+        for one, residual in zip(fit.model.observations, parts, strict=True)
         if isinstance(one, MeasuredFRF)
     ]
     return bool(errors) and max(errors) > OTHER_QUANTITY
@@ -152,8 +152,7 @@ def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray
     fresh = np.array([u.name in names for u in unknowns])
     x = task.variables.from_values(values)
     rows = problem.slopes(x, fresh) / task.variables.slopes(values)[fresh]
-    data = sum(part.size for part in problem.residuals[: len(task.observed)])
-    return rows[:data], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
+    return rows[: sum(problem.sizes)], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
 
 
 def _estimate(

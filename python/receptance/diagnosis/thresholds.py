@@ -26,6 +26,8 @@ EXPLORING_LINES = 120
 
 CONVERGED = 1e-3
 """Predicted decrease of chi-square by the next step below which a fit has converged."""
+TIE = 0.01
+"""Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 SAME_END = 4.0
 """Difference of chi-square on few lines below which two end points are both fitted on all lines."""
 DIFFERENT_END = 1e-2

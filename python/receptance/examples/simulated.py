@@ -109,7 +109,7 @@ def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
 
 def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the FRFs of the example taper by file name: the virtual BT50 rig at every force, along and across."""
-    from receptance.studies.bt50.rig import load_rig
+    from receptance.examples.virtual_rig import load_rig
 
     files = {}
     for number, rig in enumerate(load_rig()):

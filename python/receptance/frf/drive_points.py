@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.frf.forms import FORMS, Form
+from receptance.units import FORMS, Form
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,10 +1,12 @@
-"""Forms of a frequency response function, and their units."""
+"""Forms of a frequency response function: conversion and units."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from receptance.units import FORMS, Form, FRFKind, frf_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -12,12 +14,7 @@ if TYPE_CHECKING:
     from receptance.coordinates import Coordinate
     from receptance.frf.frf import FRF
 
-__all__ = ["FORMS", "Form", "check_form", "conversion", "converted", "unit_of"]
-
-Form = Literal["receptance", "mobility", "accelerance"]
-"""Displacement, velocity or acceleration per load."""
-FORMS: tuple[Form, ...] = get_args(Form)
-"""In the order of time derivatives: the place is the power of i w that a receptance is multiplied with."""
+__all__ = ["check_form", "conversion", "converted", "unit_of"]
 
 
 def check_form(owner: str, form: Any) -> Form:
@@ -68,6 +65,4 @@ def unit_of(form: Form, response: Coordinate, excitation: Coordinate) -> str:
     >>> unit_of("mobility", Coordinate(direction="theta"), Coordinate())
     'rad/s/N'
     """
-    motion = "m" if response.direction == "y" else "rad"
-    rate = ("", "/s", "/s^2")[FORMS.index(form)]
-    return f"{motion}{rate}/{'N' if excitation.direction == 'y' else '(N m)'}"
+    return frf_unit(FRFKind(form, response.direction, excitation.direction))

@@ -13,12 +13,13 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.frf import arrays
 from receptance.frf.creation import checked
-from receptance.frf.forms import Form, converted, unit_of
+from receptance.frf.forms import converted, unit_of
 from receptance.frf.places import picked
 from receptance.frf.record import Record, set_fields
 from receptance.frf.resampling import resampled
 from receptance.frf.showing import as_dataset, describing_table
 from receptance.frf.variance import half_width_of, pool_entries, variance_from_coherence
+from receptance.units import Form
 
 if TYPE_CHECKING:
     import xarray

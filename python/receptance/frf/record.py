@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.coordinates import Coordinate
-    from receptance.frf.forms import Form
+    from receptance.units import Form
 
 
 __all__ = ["Record", "set_fields"]

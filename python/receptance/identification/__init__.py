@@ -14,13 +14,12 @@ from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.next_measurement import next_measurement
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.prediction import PredictedReceptance, Scatter
-from receptance.identification.priors import Prior
 from receptance.identification.profiles import Profile, Profiles
 from receptance.identification.result import Identification, Start
 from receptance.identification.sampling import Samples
 from receptance.identification.transfer import transfer
 from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Prior, Unknown
 
 __all__ = [
     "Candidate",

@@ -38,27 +38,25 @@ _UNEXPLAINED = 2.0
 def conclude(
     task: Task,
     problem: Problem,
-    quick: Problem,
     runs: Sequence[Start],
     *,
     loss: float | None,
     seed: int,
     notes: list[str],
 ) -> Identification:
-    """Return the result of the best run; `quick` has the residuals and the curvature of `problem`, for less work."""
+    """Return the result of the best run."""
     variables, observed = problem.variables, task.observed
     known = "standard deviations" in task.units
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
-    residual = quick.value(best.variables)
-    inverse, correlation = covariance_of(quick.jacobian(best.variables))
+    residual = problem.value(best.variables)
+    inverse, correlation = covariance_of(problem.curvature_root(best.variables))
     factor = 1.0 if known else variance_factor(residual, count, loss)
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
     values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
-    cuts = np.cumsum([part.size for part in problem.residuals])
     # What is reported is counted in the standard deviations that were stated.
-    parts = [task.noise_factor * part for part in np.split(residual, cuts[:-1])[: len(observed)]]
+    parts = [task.noise_factor * part for part in problem.parts(residual)]
     rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
     same, elsewhere = _agreement(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
     if not known and residual.size == count:

@@ -1,4 +1,4 @@
-"""The fit: SciPy's least squares on the residuals and derivatives of all observations together."""
+"""Identification: the least-squares fit of parameters to all observations together."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification
-from receptance.identification.staging import fit_staged
+from receptance.identification.search import fit_direct, fit_staged
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance.identification.problem import Problem
     from receptance.identification.residuals import Unit
 
 __all__ = ["identify"]
 
 Objective = Literal["log", "percentage"]
 Strategy = Literal["direct", "staged"]
+_APPROACH = 1e-4
+"""Tolerance of the fit of logarithms that begins a fit of percentages."""
 _SMOOTHING_PERCENT = 0.1
 """Percentages well above this count by their absolute value, those below by their square."""
 _REWEIGHTINGS = 10
@@ -58,9 +61,8 @@ def identify(
     """Identify parameters of assemblies from what was measured on them.
 
     One least-squares problem over all observations: an unknown is shared by every observation whose assembly has
-    its address. The fit runs from several starts on analytic derivatives, and the best end is kept: SciPy's
-    trust-region reflective method, or, where all observations are receptances of which only one joint is unknown and
-    the objective is "log", the same method in the core, all starts in one call.
+    its address. The fit runs from several starts on analytic derivatives, with the trust-region reflective method
+    (Branch, Coleman and Li 1999), and the best end is kept.
 
     Parameters
     ----------
@@ -75,8 +77,8 @@ def identify(
 
         "percentage": the absolute percentage difference between the magnitudes of calculated and measured
         receptance in bands around several resonances (Matthias et al. 2016, fig. 3), and natural frequencies in
-        percent. The sum of absolute values is not smooth where a residual is zero, so SciPy's `soft_l1` loss stands
-        in for it: the absolute value for what is well above 0.1 %, the square below. Standard deviations are not
+        percent. The sum of absolute values is not smooth where a residual is zero, so it is smoothed: a residual well
+        above 0.1 % counts by its absolute value, one below by its square. Standard deviations are not
         used, phases neither.
     bands : sequence of (float, float), optional
         Bands in Hz, the same for all receptances; only lines inside count. By default all lines with "log", and
@@ -161,35 +163,29 @@ def identify(
             'all observations one, and the objective "log"'
         )
     task = Task(observed, parameters, tuple(units), chosen, band_width_percent, threads)
-    variables = task.variables
-    size = task.problem().size
+    smoothing = _SMOOTHING_PERCENT if objective == "percentage" else None
+    variables, problem = task.variables, task.problem(smoothing=smoothing)
     free = sum(unknown.prior is None for unknown in variables.unknowns)
-    seen = size - (len(variables.unknowns) - free)
+    seen = problem.size - (len(variables.unknowns) - free)
     if seen < free:
         raise ValueError(f"there are {free} unknowns but only {seen} observed numbers; measure more or fix some")
     notes = [note for observation in observed for note in getattr(observation, "notes", ())]
     notes += [*parameters.notes, *_on_weights(observed, units, objective)]
 
-    def fitted(task: Task, x: NDArray[np.float64]) -> Identification:
-        problem = quick = task.problem()
-        if objective == "percentage":
-            near = task.approach()
-            runs = [problem.fit(start, _SMOOTHING_PERCENT, max_evaluations, tolerance, near) for start in x]
-        elif strategy == "staged":
-            quick = task.quick(problem)
-            runs = fit_staged(task, quick, x, seed, max_evaluations, tolerance)
+    def fitted(task: Task, problem: Problem, x: NDArray[np.float64]) -> Identification:
+        if strategy == "staged":
+            runs = fit_staged(task, problem, x, seed, max_evaluations, tolerance)
         else:
-            quick = task.quick(problem)
-            runs = quick.fit_all(x, max_evaluations, tolerance)
+            begun = task.approach().fit(x, max_evaluations, tolerance=_APPROACH) if smoothing is not None else None
+            runs = fit_direct(problem, x, max_evaluations, tolerance, begun)
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(
                 f"the model has no value at any of the {len(x)} starts; at the first: {runs[0].message}"
             )
-        loss = _SMOOTHING_PERCENT if objective == "percentage" else None
-        return conclude(task, problem, quick, runs, loss=loss, seed=seed, notes=list(notes))
+        return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
     x = variables.draw(starts, seed)
-    found = fitted(task, x)
+    found = fitted(task, problem, x)
     if not parameters.errors:
         return found
     # Errors that are fitted take up what they can, so chi-square with their priors has as many degrees of freedom as
@@ -205,7 +201,8 @@ def identify(
             break
         last = (factor, ratio)
         factor = max(factor * ratio ** (-1.0 / slope), 1.0)
-        found = fitted(task.noisier(factor), x)
+        noisier = task.noisier(factor)
+        found = fitted(noisier, noisier.problem(smoothing=smoothing), x)
         if factor != last[0]:
             slope = math.log(max(_chi_square(found) / left, 1e-9) / last[1]) / math.log(factor / last[0])
             slope = min(max(slope, -2.0), _LEAST_SLOPE)

@@ -11,7 +11,6 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.identification.minimise import minimise
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -21,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Held", "hold"]
 
+_LEAST = 1e-6
+"""Decrease of the cost that is not worth another step."""
 _BETTER = 0.01
 """Fall of -2 log L below that of the fit beyond which the fit was not the best one."""
 
@@ -96,7 +97,7 @@ def hold(found: Identification, values: Mapping[str, float], *, starts: int = 8)
         u == "percent" and isinstance(o, MeasuredFRF) for u, o in zip(found.units, found.task.observed, strict=True)
     ):
         raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
-    problem = found.task.quick(found.task.problem())
+    problem = found.task.problem()
     variables = problem.variables
     best_x = variables.from_values(np.array(list(found.values.values())))
     given = best_x.copy()
@@ -113,9 +114,9 @@ def hold(found: Identification, values: Mapping[str, float], *, starts: int = 8)
             )
         given[index] = np.log10(number) if unknown.scale == "log" else number
         free[index] = False
-    best = minimise(problem, best_x, least=1e-9)
+    best = problem.fit_one(best_x, least=1e-9)
     scatter = 1.0 if found.known_scatter else 2.0 * best.cost / max(found.degrees_of_freedom, 1)
-    ends = [minimise(problem, x, free=free) for x in _begin(found, given, free, starts)]
+    ends = problem.fit(np.array(_begin(found, given, free, starts)), free=free, least=_LEAST)
     end = min(ends, key=lambda one: one.cost)
     rise = 2.0 * (end.cost - best.cost) / scatter if np.isfinite(end.cost) and scatter > 0.0 else np.inf
     if rise < -_BETTER:

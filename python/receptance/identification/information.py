@@ -51,8 +51,7 @@ class Surroundings:
         task = found.task
         self.parameters = task.parameters
         self.variables: Variables = task.variables
-        whole = task.problem()
-        self.problem: Problem = task.quick(whole)
+        self.problem: Problem = task.problem()
         self.scatter = 1.0
         if not found.known_scatter:
             rest = np.concatenate(found.residuals)
@@ -72,7 +71,7 @@ class Surroundings:
         Bounds count as a prior of the width that they have, so that nothing is infinite.
         """
         if not np.isfinite(self.problem.residual(x)).all():
-            raise ReceptanceError(self.problem.reason)
+            raise ReceptanceError(self.problem.reason(x))
         jacobian = self.problem.jacobian(x)
         information = jacobian.T @ jacobian / self.scatter
         low, high = self.variables.limits

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.identification.constant_joint import coarse_joints, constant_joint
 from receptance.identification.inverse_coupling import InverseCoupling
 from receptance.identification.inversion_input import (
     check_joint,
@@ -21,7 +20,13 @@ from receptance.identification.inversion_input import (
     not_apart,
     notes_on,
 )
-from receptance.identification.line_solutions import TERMS, Equations, solve_lines
+from receptance.identification.line_solutions import (
+    TERMS,
+    Equations,
+    coarse_joints,
+    constant_joint,
+    solve_lines,
+)
 from receptance.identification.mapping import Parameters, Place
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Unknown

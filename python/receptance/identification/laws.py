@@ -8,8 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from receptance import _checks
-from receptance.identification.priors import Prior
-from receptance.identification.unknowns import Unknown, listed
+from receptance.identification.unknowns import Prior, Unknown, listed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

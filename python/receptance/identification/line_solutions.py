@@ -1,4 +1,4 @@
-"""The complex stiffness of a joint from receptances, on each line by itself: roots in closed form, then least squares.
+"""The complex stiffness of a joint from receptances: on each line by itself, and one joint for all lines.
 
 With the joint rigid let H be the receptance, F the force in the joint under the unit load and Y the force per gap
 imposed in it. A joint of the stiffness K adds its compliance in series, so that
@@ -18,27 +18,43 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance import _core
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-__all__ = ["GRID", "STEPS", "TERMS", "Equations", "linear_solution", "names_of", "polished", "roots", "solve_lines"]
+__all__ = [
+    "TERMS",
+    "Equations",
+    "coarse_joints",
+    "constant_joint",
+    "linear_solution",
+    "names_of",
+    "polished",
+    "roots",
+    "solve_lines",
+]
 
 TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 """Terms of the joint's stiffness and where they stand in it."""
-STEPS = 40
+_STEPS = 40
 _FARTHEST = 1e16
 """A stiffness that no joint has; a search goes no further."""
 _SETTLED = 1e-12
 """Relative step at which a line is left as it is."""
-GRID = (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
+_GRID = (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
 """Shares of the surroundings' stiffness at which a search begins that no closed form can begin."""
 _BEST = 3
 """How many of them are followed."""
 _AS_GOOD = 4.0
 """A solution whose sum of squares is so much larger, in variances, may be the right one all the same."""
 _AGAIN = 2
+_FOLLOWED = 6
+"""Points of a grid from which fits of all lines together begin."""
+_TOLERANCE = 1e-8
+"""Relative change of misfit and joint at which such a fit has converged."""
 _CENTRES = 40
 """Lines of which each solution is tried as the one that the others are to agree with."""
 
@@ -260,7 +276,7 @@ def _best_of_grid(eq: Equations) -> list[NDArray[np.complex128]]:
     around = {"k_y": y[:, 0, 0], "k_theta": y[:, 1, 1]}
     free = [term for term in eq.terms if term in around]
     points = []
-    for shares in np.stack(np.meshgrid(*[GRID] * len(free)), -1).reshape(-1, len(free)):
+    for shares in np.stack(np.meshgrid(*[_GRID] * len(free)), -1).reshape(-1, len(free)):
         values = dict(zip(free, shares, strict=True))
         columns = [
             around[t] * values[t] * (1.0 + 0.02j) if t in values else np.zeros(len(y), np.complex128) for t in eq.terms
@@ -277,7 +293,7 @@ def polished(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.complex128]
     result = np.where(np.isfinite(x), x, 1.0)
     lines = np.arange(len(x))
     x, cost, damping = result, eq.cost(result), np.full(len(x), 1e-3)
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         step = _step(eq, x, damping)
         tried = x + step
         new = eq.cost(tried)
@@ -374,6 +390,58 @@ def _inverse(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
     rows = [np.stack([t, -both], axis=-1), np.stack([-both, s], axis=-1)]
     result: NDArray[np.complex128] = np.stack(rows, axis=-2) / determinant[..., None, None]
     return result
+
+
+def constant_joint(
+    equations: Equations, start: NDArray[np.float64], lines: NDArray[np.bool_]
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the k + i w c near a start `(m, 2)` that fits the lines best: misfit, stiffnesses, dashpots `(m,)`.
+
+    Least squares of the logarithm. Stiffnesses but the coupling's keep their signs.
+    """
+    w, count = equations.angular_frequency, len(equations.terms)
+    begun = start.T.reshape(-1)
+    # Variables of about one: stiffnesses and dashpots differ by orders of magnitude.
+    scale = np.where(begun != 0.0, np.abs(begun), np.median(np.abs(begun)) + 1e-300)
+
+    def evaluate(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        v = scale * x
+        with np.errstate(all="ignore"):
+            h, slope = equations.evaluate(v[:count] + 1j * w[:, None] * v[count:])
+            residual = np.log(h / equations.measured) / equations.deviation
+            slope = slope / (h * equations.deviation)[..., None]
+            slope = np.concatenate([slope, 1j * w[:, None, None] * slope], axis=-1)[lines].reshape(-1, 2 * count)
+        flat = residual[lines].reshape(-1)
+        return np.concatenate([flat.real, flat.imag]), np.concatenate([slope.real, slope.imag]) * scale
+
+    limits = np.array([[-np.inf], [np.inf]]) * np.ones(2 * count)
+    for column, term in enumerate(equations.terms):
+        if term != "k_ytheta":
+            limits[0 if begun[column] >= 0.0 else 1, column] = 0.0
+    problem = _core.Problem(np.zeros(2 * count, dtype=np.bool_), limits, np.zeros((0, 3)), 1)
+    problem.add_function(evaluate)
+    free = np.ones(2 * count, dtype=np.bool_)
+    end = problem.fit((begun / scale)[None], free, np.array([_STEPS]), _TOLERANCE)
+    v = scale * end.x[0]
+    return 2.0 * float(end.cost[0]), v[:count], v[count:]
+
+
+def coarse_joints(equations: Equations, lines: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+    """Return the few points of a grid of constant joints that fit the lines best, as starts `(m, 2)`."""
+    around = np.median(np.abs(equations.surroundings), axis=(0, 1))
+    free = [term for term in equations.terms if term != "k_ytheta"]
+    w = equations.angular_frequency
+    chosen = equations.on(lines)
+    starts, costs = [], []
+    for shares in np.stack(np.meshgrid(*[_GRID] * len(free)), -1).reshape(-1, len(free)):
+        values = dict(zip(free, shares, strict=True))
+        k = np.array([values[t] * around[TERMS[t]] if t in values else 0.0 for t in equations.terms])
+        start = np.stack([k, 0.02 * k / float(np.median(w.real))], axis=1)
+        h, _ = chosen.evaluate(start[:, 0] + 1j * w[lines][:, None] * start[:, 1])
+        cost = np.sum(np.abs(np.log(h / chosen.measured) / chosen.deviation) ** 2)
+        starts.append(start)
+        costs.append(cost if np.isfinite(cost) else np.inf)
+    return [starts[i] for i in np.argsort(costs)[:_FOLLOWED]]
 
 
 def names_of(terms: Sequence[str]) -> str:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
     from receptance.frf import FRF
-    from receptance.frf.forms import Form
     from receptance.identification.floor import Floor
+    from receptance.units import Form
 
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
 

@@ -1,25 +1,88 @@
-"""Least squares over several residuals: the part that knows SciPy, and nothing of assemblies."""
+"""A least-squares problem of the core: observations and priors as a function of the fitted variables.
+
+Residuals, normal matrices and fits are computed in the core. A receptance of which one joint is unknown is reduced to
+that joint, so that the rest of the assembly is evaluated once. Observations that the core cannot evaluate are given to
+it as functions; the fit is the same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from receptance.identification.reduced import JointResidual
-from receptance.identification.residuals import InfeasibleError, Pair, Residual
-from receptance.identification.result import Start
+from receptance import _checks, _core
+from receptance._evaluation import by_line
+from receptance._ties import Tied, tie
+from receptance.errors import ReceptanceError
+from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
+from receptance.identification.frequency_residuals import FrequencyResidual
+from receptance.identification.mapping import Addresses, MappedResidual
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.residuals import FRFResidual, InfeasibleError, Pair, Unit
+from receptance.joints import PointJoint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.unknowns import Variables
+    from receptance.coordinates import Coordinate
+    from receptance.identification.mapping import Placed
+    from receptance.identification.unknowns import Unknown, Variables
 
-__all__ = ["Normal", "Problem", "split_normal"]
+    _Reals = NDArray[np.float64]
 
-_APPROACH_TOLERANCE = 1e-4
-"""An approach only has to end near."""
+__all__ = ["End", "Normal", "Observed", "Problem", "prior_table"]
+
+_STATUS = {
+    -1: "the model has no value there",
+    0: "the evaluations were used up",
+    1: "no slope is left",
+    2: "the cost changes no more",
+    3: "the variables change no more",
+}
+"""Why a fit ended, by its status in the core."""
+_TOLERANCE = 1e-10
+"""Relative change at which a fit from one start has converged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """An observation with the parameters of its assembly and the meaning of its residuals.
+
+    Attributes
+    ----------
+    observation : MeasuredFRF or MeasuredFrequencies
+        The measured values.
+    placed : Placed
+        The parameters of its assembly as functions of the unknowns.
+    unit : {"standard deviations", "percent", "logarithm", "relative"}
+        What a residual of 1 means.
+    chosen : ndarray, optional
+        Lines that are used, as a mask or as indices; by default all.
+    """
+
+    observation: MeasuredFRF | MeasuredFrequencies
+    placed: Placed
+    unit: Unit
+    chosen: NDArray[Any] | None = None
+
+    @property
+    def points(self) -> tuple[Coordinate, ...]:
+        """Response and excitation of a receptance."""
+        one = self.observation
+        return (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
+
+    def residual(self, threads: int | None) -> MappedResidual:
+        """Return the residuals as a function of the unknowns, evaluated with assemblies instead of in the core."""
+        addresses, one = Addresses(self.placed.addresses), self.observation
+        if isinstance(one, MeasuredFRF):
+            inner: Any = FRFResidual(one, addresses, self.unit, self.chosen, threads)
+        else:
+            inner = FrequencyResidual(one, addresses, self.unit)
+        return MappedResidual(inner, self.placed)
 
 
 class Normal(NamedTuple):
@@ -30,170 +93,463 @@ class Normal(NamedTuple):
     curvature: NDArray[np.float64]
 
 
-def split_normal(matrix: NDArray[np.float64]) -> Normal | None:
-    """Return the parts of A^T A of A = [J | r]; None where it is not finite."""
-    if not np.isfinite(matrix).all():
-        return None
-    return Normal(0.5 * float(matrix[-1, -1]), matrix[:-1, -1], matrix[:-1, :-1])
+class End(NamedTuple):
+    """The end of one fit.
+
+    Attributes
+    ----------
+    x : ndarray
+        `(p,)` the fitted variables.
+    cost, first : float
+        Half the sum of squares at the end and at the start; infinite where the model has no value.
+    evaluations : int
+        Evaluations of all observations.
+    status : int
+        As of SciPy's `least_squares`; -1 where the model has no value at the start.
+    normal : ndarray
+        `(p + 1, p + 1)` A^T A of A = [J | r], at the end or a step from it that lowers the cost by less than the
+        tolerance.
+    """
+
+    x: NDArray[np.float64]
+    cost: float
+    first: float
+    evaluations: int
+    status: int
+    normal: NDArray[np.float64]
+
+    @property
+    def converged(self) -> bool:
+        """Whether nothing changed any more."""
+        return self.status > 0
+
+    @property
+    def message(self) -> str:
+        """Why the fit ended."""
+        return _STATUS[self.status]
+
+    @property
+    def curvature(self) -> NDArray[np.float64]:
+        """J^T J, `(p, p)`."""
+        return self.normal[:-1, :-1]
 
 
 class Problem:
-    """All residuals as a function of the fitted variables, evaluated once for value and derivative."""
+    """All residuals as a function of the fitted variables.
 
-    def __init__(self, residuals: Sequence[Residual], variables: Variables) -> None:
-        self.residuals = residuals
-        self.variables = variables
-        self.size = sum(residual.size for residual in residuals)
-        self.evaluations = 0
-        self._at: NDArray[np.float64] | None = None
-        self._residual = np.empty(0)
-        self._jacobian = np.empty((0, 0))
-        self.reason = ""
+    Parameters
+    ----------
+    variables : Variables
+        The fitted vector.
+    observed : sequence of Observed
+        The observations.
+    threads : int, optional
+        As in `Assembly.receptance`.
+    smoothing : float, optional
+        Residuals well above it count by their absolute value; not for logarithms of receptances.
+    known : tuple of ndarray, optional
+        R and c of the residuals R (x - c), in the place of the priors of the unknowns.
 
-    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the residuals, all infinite where the model has no value: SciPy then takes a shorter step."""
-        self._evaluate(x)
-        return self._residual
+    Attributes
+    ----------
+    sizes : tuple of int
+        Number of residuals of each observation.
+    evaluations : int
+        How often all observations were evaluated.
+    """
 
-    def value(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the residuals at a point where the model has a value, without their derivatives."""
-        values = self.variables.to_values(x)
-        return np.concatenate([residual.value(values) for residual in self.residuals])
-
-    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives of the residuals with respect to the variables."""
-        self._evaluate(x)
-        return self._jacobian
-
-    def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the derivatives by some variables; raises `InfeasibleError` where the model has no value."""
-        return self._parts(x)[1][:, free]
-
-    def normal(self, x: NDArray[np.float64]) -> Normal | None:
-        """Return what a step needs to know of a point; None where the model has no value."""
-        residual, jacobian = self.residual(x), self.jacobian(x)
-        if not np.isfinite(residual).all():
-            return None
-        return Normal(0.5 * float(residual @ residual), jacobian.T @ residual, jacobian.T @ jacobian)
-
-    def _evaluate(self, x: NDArray[np.float64]) -> None:
-        if self._at is not None and np.array_equal(self._at, x):
-            return
-        self._at = None
-        self.evaluations += 1
-        self.reason = "a residual or its derivative is not finite"
-        try:
-            self._residual, self._jacobian = self._parts(x)
-        except InfeasibleError as error:
-            self.reason = str(error)
-            self._residual, self._jacobian = np.full(self.size, np.inf), np.zeros((self.size, x.size))
-        if not (np.isfinite(self._jacobian).all() and np.isfinite(self._residual).all()):
-            self._residual = np.full(self.size, np.inf)
-        self._residual.setflags(write=False)
-        self._jacobian.setflags(write=False)
-        self._at = x.copy()
-
-    def _parts(self, x: NDArray[np.float64]) -> Pair:
-        values = self.variables.to_values(x)
-        slopes = self.variables.slopes(values)
-        parts = [residual.evaluate(values, slopes) for residual in self.residuals]
-        if len(parts) == 1:
-            return parts[0]
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
-    def fit(
+    def __init__(
         self,
-        x: NDArray[np.float64],
-        smoothing: float | None,
-        most: int,
-        tolerance: float,
-        approach: Problem | None,
-    ) -> Start:
-        """Run one fit from a start, by way of the optimum of another problem if there is one."""
-        first = self.named(x)
-        before = 0
-        if approach is not None:
-            end = approach.fit(x, None, most, _APPROACH_TOLERANCE, None)
-            x, before = end.variables, end.evaluations
-        fresh = self.evaluations
-        if not np.isfinite(self.residual(x)).all():
-            return Start(
-                start=first,
-                values=self.named(x),
-                variables=x,
-                cost=np.inf,
-                evaluations=before + 1,
-                converged=False,
-                message=self.reason,
-            )
-        found = self._minimise(x, smoothing, most, tolerance)
-        return Start(
-            start=first,
-            values=self.named(found.x),
-            variables=found.x,
-            cost=float(found.cost),
-            evaluations=before + self.evaluations - fresh,
-            converged=bool(found.status > 0),
-            message=str(found.message),
+        variables: Variables,
+        observed: Sequence[Observed],
+        threads: int | None = None,
+        *,
+        smoothing: float | None = None,
+        known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    ) -> None:
+        self.variables = variables
+        self.evaluations = 0
+        self._observed, self._threads = tuple(observed), threads
+        priors = prior_table(variables.unknowns) if known is None else np.zeros((0, 3))
+        core = _core.Problem(
+            variables.logarithmic,
+            np.ascontiguousarray(variables.limits),
+            priors,
+            _checks.thread_count(threads),
+            smoothing,
         )
+        self._builder = _Builder(core, variables, threads)
+        for index, one in enumerate(self._observed):
+            self._builder.add(index, one)
+        self._builder.finish()
+        self.core = core
+        self.sizes = tuple(size for _, size in sorted(self._builder.sizes.items()))
+        self.size = sum(self.sizes) + (len(priors) if known is None else known[1].size)
+        if known is not None:
+            root, centre = known
+            core.add_function(lambda x: (root @ (x - centre), root))
+        begins = np.cumsum([0, *self.sizes])
+        order = [np.arange(begins[i], begins[i + 1]) for i in self._builder.order]
+        places = np.concatenate([*order, np.arange(begins[-1], self.size)])
+        self._places = None if np.array_equal(places, np.arange(self.size)) else places
+        self._at: NDArray[np.float64] | None = None
+        self._rows: Pair = np.empty(0), np.empty((0, 0))
+        self._end: End | None = None
 
-    def fit_all(self, starts: NDArray[np.float64], most: int, tolerance: float) -> list[Start]:
-        """Run the fits from all starts, in the core where it knows all residuals."""
-        joints = [residual for residual in self.residuals if isinstance(residual, JointResidual)]
-        if len(joints) < len(self.residuals):
-            return [self.fit(x, None, most, tolerance, None) for x in starts]
-        ends = JointResidual.fit_together(joints, self.variables, starts, most, tolerance)
-        best = min(ends, key=lambda end: end.cost)
-        if np.isfinite(best.cost):
-            # The curvature there was found on the way.
-            factor = best.factor
-            self._at, self._residual, self._jacobian = best.x.copy(), factor[:, -1], factor[:, :-1]
-        return [
-            Start(
-                start=self.named(x),
-                values=self.named(end.x),
-                variables=end.x,
-                cost=end.cost,
-                evaluations=end.evaluations,
-                converged=end.status > 0,
-                message=self._why_not(x) if end.status < 0 else end.message,
-            )
-            for x, end in zip(starts, ends, strict=True)
-        ]
-
-    def _why_not(self, x: NDArray[np.float64]) -> str:
-        self._evaluate(x)
-        return self.reason
-
-    def _minimise(self, x: NDArray[np.float64], smoothing: float | None, most: int, tolerance: float) -> Any:
-        from scipy.optimize import least_squares  # slow to import
-
-        residual, jacobian = self.residual, self.jacobian
-        options: dict[str, Any] = {}
-        if smoothing is not None:
-            options = {"loss": "soft_l1", "f_scale": smoothing}
-
-            # With a loss SciPy scales what it is given in place.
-            def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
-                return self.residual(x).copy()
-
-            def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
-                return self.jacobian(x).copy()
-
-        return least_squares(
-            residual,
-            x,
-            jac=jacobian,
-            bounds=tuple(self.variables.limits),
-            method="trf",
-            x_scale="jac",
-            ftol=tolerance,
-            xtol=tolerance,
-            gtol=tolerance,
-            max_nfev=most,
-            **options,
-        )
+    @property
+    def lines(self) -> int:
+        """Lines of all receptances that the core evaluates."""
+        return self.core.lines
 
     def named(self, x: NDArray[np.float64]) -> dict[str, float]:
         """Return the values in SI units by name."""
         return dict(zip(self.variables.names, self.variables.to_values(x).tolist(), strict=True))
+
+    def parts(self, residual: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return the residuals of each observation, without those of priors."""
+        return np.split(residual, np.cumsum(self.sizes))[:-1]
+
+    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals, priors last; all infinite where the model has no value."""
+        return self._evaluate(x)[0]
+
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of the residuals with respect to the variables; zero where the model has no value."""
+        return self._evaluate(x)[1]
+
+    def value(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residuals at a point where the model has a value, without their derivatives."""
+        return self._some(x, np.zeros(x.size, dtype=np.bool_))[0]
+
+    def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the derivatives by some variables; raises `InfeasibleError` where the model has no value."""
+        return self._some(x, free)[1]
+
+    def normal(self, x: NDArray[np.float64]) -> Normal | None:
+        """Return cost, slope and curvature at a point; None where the model has no value."""
+        self.evaluations += 1
+        matrix = self.core.normal_matrix(np.ascontiguousarray(x))
+        if not np.isfinite(matrix).all():
+            return None
+        return Normal(0.5 * float(matrix[-1, -1]), matrix[:-1, -1], matrix[:-1, :-1])
+
+    def curvature_root(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a matrix R with R^T R = J^T J at a point.
+
+        Where all observations are reduced to a joint and a fit has ended there, R follows from the normal matrix of
+        that fit: it is small, and the derivatives of thousands of lines are not formed. Elsewhere it is J, whose
+        singular values keep all digits.
+        """
+        if self._end is not None and self._builder.reduced == len(self._observed) and np.array_equal(self._end.x, x):
+            return _root(self._end.normal)[:, :-1]
+        return self.jacobian(x)
+
+    def thinned(self, lines: int) -> Problem | None:
+        """Return the same problem with about so many lines of each receptance, for fits; None if it has no more."""
+        fewer = self.core.thinned(lines)
+        if fewer.lines == self.core.lines:
+            return None
+        found = object.__new__(Problem)
+        found.__dict__.update(self.__dict__)
+        found.core, found.evaluations = fewer, 0
+        return found
+
+    def fit(
+        self,
+        starts: NDArray[np.float64],
+        most: int | NDArray[np.int64] = 100,
+        *,
+        free: NDArray[np.bool_] | None = None,
+        tolerance: float = _TOLERANCE,
+        least: float = 0.0,
+        of_all: bool = False,
+    ) -> list[End]:
+        """Return the ends of fits from all starts.
+
+        Parameters
+        ----------
+        starts : ndarray
+            `(n, p)` within the bounds.
+        most : int or ndarray, optional
+            Most evaluations of each fit.
+        free : ndarray of bool, optional
+            Which variables are fitted; the others are held where they start. By default all.
+        tolerance : float, optional
+            Relative change of the cost and of the variables at which a fit has converged.
+        least : float, optional
+            A fit has also converged where the next step promises to lower the cost by no more than this.
+        of_all : bool, optional
+            Whether the normal matrices have the rows and columns of held variables.
+        """
+        moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
+        limits = np.array(np.broadcast_to(most, len(starts)), dtype=np.int64)
+        found = self.core.fit(np.ascontiguousarray(starts), moving, limits, tolerance, least, of_all)
+        numbers = zip(
+            found.x,
+            found.cost.tolist(),
+            found.first.tolist(),
+            found.evaluations.tolist(),
+            found.status.tolist(),
+            found.normal,
+            strict=True,
+        )
+        ends = [End(*one) for one in numbers]
+        self.evaluations += sum(end.evaluations for end in ends)
+        self._end = min(ends, key=lambda end: end.cost, default=None)
+        return ends
+
+    def fit_one(self, start: NDArray[np.float64], most: int = 100, **settings: Any) -> End:
+        """Return the end of the fit from one start, which may be outside of the bounds; `settings` as of `fit`."""
+        (end,) = self.fit(np.clip(start, *self.variables.limits)[None], most, **settings)
+        return end
+
+    def reason(self, x: NDArray[np.float64]) -> str:
+        """Return why the model has no value at a point."""
+        values = self.variables.to_values(x)
+        for one in self._observed:
+            try:
+                one.residual(self._threads).value(values)
+            except InfeasibleError as error:
+                return str(error)
+        return "a residual or its derivative is not finite"
+
+    def _evaluate(self, x: NDArray[np.float64]) -> Pair:
+        if self._at is None or not np.array_equal(self._at, x):
+            self.evaluations += 1
+            try:
+                self._rows = self._some(x, np.ones(x.size, dtype=np.bool_))
+            except InfeasibleError:
+                self._rows = np.full(self.size, np.inf), np.zeros((self.size, x.size))
+            for array in self._rows:
+                array.setflags(write=False)
+            self._at = x.copy()
+        return self._rows
+
+    def _some(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> Pair:
+        found = self.core.rows(np.ascontiguousarray(x), free)
+        if found is None:
+            raise InfeasibleError(self.reason(x))
+        if self._places is None:
+            return found
+        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
+        residual[self._places], slopes[self._places] = found
+        return residual, slopes
+
+
+@dataclass(eq=False)
+class _Receptance:
+    """Records of one receptance of one model."""
+
+    w: NDArray[np.complex128]
+    model: _core.TiedModel
+    points: NDArray[np.float64]
+    percent: bool
+    by_line: _core.ByLine | None
+    indices: list[int] = field(default_factory=list)
+    measured: list[NDArray[np.complex128]] = field(default_factory=list)
+    weights: list[NDArray[np.float64]] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class _Builder:
+    """Adds observations to a problem of the core.
+
+    Attributes
+    ----------
+    sizes : dict of int to int
+        Number of residuals of each observation.
+    order : list of int
+        Observations in the order in which the core has their residuals.
+    reduced : int
+        How many are reduced to one joint.
+    """
+
+    core: _core.Problem
+    variables: Variables
+    threads: int | None
+    sizes: dict[int, int] = field(default_factory=dict)
+    order: list[int] = field(default_factory=list)
+    reduced: int = 0
+    receptances: dict[tuple[bytes, ...], _Receptance] = field(default_factory=dict)
+
+    def add(self, index: int, one: Observed) -> None:
+        """Add an observation; receptances of one model on the same lines are records of one observation of the core."""
+        if isinstance(one.observation, MeasuredFRF):
+            if not self._add_receptance(index, one, one.observation):
+                self._add_function(index, one)
+        elif not self._add_frequencies(index, one, one.observation):
+            self._add_function(index, one)
+
+    def finish(self) -> None:
+        """Add the receptances that were collected."""
+        for one in self.receptances.values():
+            self.core.add_receptance(
+                one.model,
+                _core.Lines(one.w),
+                one.points,
+                np.stack(one.measured),
+                np.stack(one.weights),
+                one.percent,
+                one.by_line,
+            )
+            self.order += one.indices
+
+    def _add_receptance(self, index: int, one: Observed, frf: MeasuredFRF) -> bool:
+        if frf.ends is not None:
+            return False
+        percent = one.unit == "percent"
+        select: Any = slice(None) if one.chosen is None else one.chosen
+        measured = np.ascontiguousarray(frf.receptance[select])
+        weights = np.ones(measured.size)
+        if one.unit == "standard deviations" and frf.standard_deviation is not None:
+            weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
+        if not percent and self._add_reduced(
+            index, one, frf, np.ascontiguousarray(frf.frequency_hz[select]), measured, weights
+        ):
+            return True
+        tied = _tied(one)
+        if tied is None:
+            return False
+        model, addresses, factors = tied
+        w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz[select], dtype=np.complex128)
+        try:
+            tables = by_line(model.flat, w / math.tau)
+        except ValueError:
+            return False
+        key = (one.unit.encode(), w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
+        if key not in self.receptances:
+            self.receptances[key] = _Receptance(w, model.model(addresses, factors), model.points, percent, tables)
+        own = self.receptances[key]
+        own.indices.append(index)
+        own.measured.append(measured)
+        own.weights.append(weights)
+        self.sizes[index] = measured.size if percent else 2 * measured.size
+        return True
+
+    def _add_reduced(
+        self,
+        index: int,
+        one: Observed,
+        frf: MeasuredFRF,
+        lines: NDArray[Any],
+        measured: NDArray[np.complex128],
+        weights: NDArray[np.float64],
+    ) -> bool:
+        """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
+        joint = only_joint(one)
+        if joint is None:
+            return False
+        fields = [address.split(".", 1)[1] for address in one.placed.addresses]
+        columns = [PointJoint.columns_of.index(name) for name in fields]
+        bounds = [self.variables.unknowns[i] for i in one.placed.base]
+        try:
+            stiff = _stiffest(frf, joint, dict(zip(fields, bounds, strict=True)))
+            reduction = frf.assembly.reduced_to_joint(
+                joint, lines, response=frf.response, excitation=frf.excitation, at=stiff, threads=self.threads
+            )
+        except (ReceptanceError, ValueError):
+            # The joint at the bounds has no value; the fit itself may never go there.
+            return False
+        numbers = np.full(len(PointJoint.columns_of), -1.0)
+        numbers[columns] = one.placed.base
+        self.core.add_joint_receptance(reduction, np.array(stiff.columns()), numbers, measured, weights)
+        self.order.append(index)
+        self.sizes[index] = 2 * measured.size
+        self.reduced += 1
+        return True
+
+    def _add_frequencies(self, index: int, one: Observed, measured: MeasuredFrequencies) -> bool:
+        arrays = FrequencyResidual(measured, Addresses(one.placed.addresses), one.unit).arrays()
+        tied = None if arrays is None else _tied(one)
+        if arrays is None or tied is None:
+            return False
+        model, addresses, factors = tied
+        self.core.add_frequencies(model.model(addresses, factors), *arrays)
+        self.order.append(index)
+        self.sizes[index] = arrays[0].size
+        return True
+
+    def _add_function(self, index: int, one: Observed) -> None:
+        residual = one.residual(self.threads)
+        self.core.add_function(_function(residual, self.variables))
+        self.order.append(index)
+        self.sizes[index] = residual.size
+
+
+def _function(
+    residual: MappedResidual, variables: Variables
+) -> Callable[[NDArray[np.float64]], tuple[_Reals, _Reals] | None]:
+    """Return residuals and their derivatives as a function of the variables; None where the model has no value."""
+
+    def rows(x: NDArray[np.float64]) -> tuple[_Reals, _Reals] | None:
+        values = variables.to_values(x)
+        try:
+            found, slopes = residual.evaluate(values, variables.slopes(values))
+        except InfeasibleError:
+            return None
+        return np.ascontiguousarray(found), np.ascontiguousarray(slopes)
+
+    return rows
+
+
+def only_joint(one: Observed) -> str | None:
+    """Return the joint whose terms are all that is unknown of an observation, each an unknown by itself, if any is."""
+    placed = one.placed
+    owners = {name.split(".", 1)[0] for name in placed.addresses}
+    name = owners.pop() if len(owners) == 1 else ""
+    if type(one.observation.assembly.elements.get(name)) is not PointJoint:
+        return None
+    alone = np.all(placed.base >= 0) and np.all(placed.scale == 1.0) and np.all(placed.second < 0)
+    return name if alone and not placed.exponents.any() and not placed.shifts.any() else None
+
+
+def _stiffest(frf: MeasuredFRF, joint: str, unknowns: dict[str, Unknown]) -> PointJoint:
+    """Return the joint as stiff as the bounds allow: any other one adds compliance to it, which costs no digits."""
+    values: dict[str, Any] = {name: getattr(frf.assembly.elements[joint], name) for name in PointJoint.columns_of}
+    for name, unknown in unknowns.items():
+        values[name] = unknown.upper if name in ("k_y", "k_theta") else max(0.0, unknown.lower)
+    for kind in "kc":
+        limit = np.sqrt(values[f"{kind}_y"] * values[f"{kind}_theta"])
+        values[f"{kind}_ytheta"] = float(np.clip(values[f"{kind}_ytheta"], -0.5 * limit, 0.5 * limit))
+    return PointJoint(**values)
+
+
+def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
+    assembly, placed = one.observation.assembly, one.placed
+    if np.any(placed.second >= 0):
+        return None
+    factors = [(FACTORS.index(name), i) for i, name in enumerate(placed.addresses) if name in FACTORS]
+    windowed = not set(DECAY_RATES).isdisjoint(placed.addresses)
+    powers = frequency_powers(assembly) if windowed else {}
+    tied = tie(assembly, placed.addresses, one.points, others=FACTORS, powers=powers)
+    if tied is None:
+        return None
+    start = np.where(placed.base >= 0, placed.scale, placed.fixed)
+    addresses = np.column_stack([placed.base, start, placed.exponents, placed.shifts]).astype(np.float64)
+    return tied, np.ascontiguousarray(addresses), np.array(factors, dtype=np.float64).reshape(-1, 2)
+
+
+def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:
+    """Return the priors as residuals a x - b of variables x: rows of the variable's number, a and b, `(k, 3)`."""
+    rows = []
+    for index, unknown in enumerate(unknowns):
+        if unknown.prior is None:
+            continue
+        deviation, mean = unknown.prior.standard_deviation, unknown.prior.mean
+        if unknown.scale == "log":
+            rows.append((index, math.log(10.0) / deviation, math.log(mean) / deviation))
+        else:
+            rows.append((index, 1.0 / deviation, mean / deviation))
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _root(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return R with R^T R = N for a positive semidefinite N, singular ones included."""
+    if not np.isfinite(normal).all():
+        return np.full_like(normal, np.inf)
+    scale = np.sqrt(np.diag(normal))
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    squares, vectors = np.linalg.eigh(normal / np.outer(divisor, divisor))
+    root: NDArray[np.float64] = np.sqrt(np.maximum(squares, 0.0))[:, None] * vectors.T * scale
+    return root

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.identification.minimise import Found, minimise
 from receptance.identification.spread import quantile
 from receptance.identification.statements import Tie, state
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import Problem
+    from receptance.identification.problem import End, Problem
     from receptance.identification.result import Identification
 
 __all__ = ["Profile", "Profiles", "profile_likelihoods"]
@@ -204,12 +203,10 @@ class _Run:
     def __init__(self, found: Identification, level: float, start: NDArray[np.float64]) -> None:
         self.found = found
         self.level = level
-        whole = found.task.problem()
-        self.problem: Problem = found.task.quick(whole)
+        self.problem: Problem = found.task.problem()
         self.variables = self.problem.variables
         self.limits = self.variables.limits
-        # A compressed residual has the same sum of squares, so its cost and curvature are those of all lines.
-        self.best = minimise(self.problem, start, least=1e-12)
+        self.best = self.problem.fit_one(start, least=1e-12)
         self.scatter = 1.0 if found.known_scatter else 2.0 * self.best.cost / max(found.degrees_of_freedom, 1)
         reach = quantile(level, None if found.known_scatter else found.degrees_of_freedom)
         self.threshold = reach**2
@@ -259,7 +256,7 @@ class _Run:
         bound = float(self.limits[0 if side < 0.0 else 1][index])
         root = float(np.sqrt(self.threshold))
         inside = (self.best, 0.0)
-        outside: tuple[Found, float] | None = None
+        outside: tuple[End, float] | None = None
         points: list[tuple[NDArray[np.float64], float]] = []
         step = self._first_step(index) * root
         wall = np.inf
@@ -307,7 +304,7 @@ class _Run:
         """Return the standard error of a variable, or a tenth of its range where there is none or it is more."""
         most = 0.1 * float(self.limits[1][index] - self.limits[0][index])
         others = np.arange(self.best.x.size) != index
-        normal = self.best.normal
+        normal = self.best.curvature
         slope = self._follow(normal, index)
         curvature = float(normal[index, index] + normal[index, others] @ slope) / self.scatter if self.scatter else 0.0
         if not curvature > 0.0:
@@ -327,28 +324,28 @@ class _Run:
         )
         return result
 
-    def _held(self, index: int, at: float, near: Found) -> Found:
+    def _held(self, index: int, at: float, near: End) -> End:
         """Fit everything else with one variable held, from where the last fit says that the others go."""
         free = np.ones(near.x.size, dtype=np.bool_)
         free[index] = False
         guess = near.x.copy()
-        guess[free] += self._follow(near.normal, index) * (at - near.x[index])
+        guess[free] += self._follow(near.curvature, index) * (at - near.x[index])
         guess[index] = at
         plain = near.x.copy()
         plain[index] = at
         least = _ACCURACY * (self.scatter if self.scatter > 0.0 else 1.0)
-        fit = minimise(self.problem, guess, free=free, least=least)
+        fit = self.problem.fit_one(guess, free=free, least=least, of_all=True)
         if not np.isfinite(fit.cost):
-            fit = minimise(self.problem, plain, free=free, least=least)
+            fit = self.problem.fit_one(plain, free=free, least=least, of_all=True)
         if fit.cost < self.best.cost - _BETTER * max(self.scatter, 1e-300):
-            better = minimise(self.problem, fit.x, least=1e-12)
+            better = self.problem.fit_one(fit.x, least=1e-12)
             if better.converged:
                 raise BetterOptimumError(better)
         return fit
 
     def _tie(self, index: int, paths: NDArray[np.float64]) -> Tie | None:
         """Return the parameter that goes along most where this one moves, in spreads that it has on its own."""
-        own = 1.0 / np.sqrt(np.maximum(np.diag(self.best.normal) / max(self.scatter, 1e-300), 1e-300))
+        own = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.scatter, 1e-300), 1e-300))
         moved = paths[:, : self.found.task.parameters.count]
         way = np.ptp(moved, axis=0) / own[: moved.shape[1]]
         reach = np.ptp(moved, axis=0) / (self.limits[1] - self.limits[0])[: moved.shape[1]]
@@ -363,7 +360,7 @@ class _Run:
 class BetterOptimumError(Exception):
     """A fit on the way went below the optimum that was to be profiled."""
 
-    def __init__(self, better: Found) -> None:
+    def __init__(self, better: End) -> None:
         super().__init__("a better optimum was found while profiling")
         self.better = better
 
@@ -382,7 +379,7 @@ def _ordered(
     return sorted(points, key=lambda point: side * float(point[0][index]))
 
 
-def _nearest(at: float, index: int, first: Found, second: Found) -> Found:
+def _nearest(at: float, index: int, first: End, second: End) -> End:
     return first if abs(first.x[index] - at) <= abs(second.x[index] - at) else second
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.identification.mapping import Place
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.places import Place
 from receptance.identification.prediction import Forecast, PredictedReceptance, Scatter
 from receptance.identification.spread import quantile
 from receptance.identification.unknowns import Unknown
@@ -502,6 +502,7 @@ class Identification(Result):
             "rms": self.rms,
             "degrees_of_freedom": self.degrees_of_freedom,
             "known_scatter": self.known_scatter,
+            "noise_factor": self.noise_factor,
             "starts": len(self.starts),
             "starts_agreeing": self.agreeing,
             "evaluations": self.evaluations,

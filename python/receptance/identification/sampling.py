@@ -171,7 +171,7 @@ def sample_posterior(
     number = max(4 * count, 16) if walkers is None else walkers
     if isinstance(number, bool) or not isinstance(number, int) or number < 2 * count:
         raise ValueError(f"walkers is {number!r}, expected a whole number of at least {2 * count}, two a parameter")
-    problem: Problem = found.task.quick(found.task.problem())
+    problem: Problem = found.task.problem()
     scatter = 1.0 if found.known_scatter else 2.0 * _best(found) / max(found.degrees_of_freedom, 1)
     if not scatter > 0.0:
         raise ValueError("the residuals are all zero and no standard deviations are given: nothing has a spread")

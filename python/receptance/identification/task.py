@@ -7,18 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from receptance.errors import ReceptanceError
 from receptance.identification.bands import find_bands, within
 from receptance.identification.factors import FACTORS
-from receptance.identification.frequency_residuals import FrequencyResidual
 from receptance.identification.laws import Law
-from receptance.identification.mapping import Addresses, MappedResidual, Parameters, Place, Placed
-from receptance.identification.models import ModelledProblem, Models
+from receptance.identification.mapping import Parameters, Place, Placed
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, on_lines
-from receptance.identification.priors import PriorResidual
-from receptance.identification.problem import Problem
-from receptance.identification.reduced import JointResidual, only_joint
-from receptance.identification.residuals import FRFResidual, Residual, Unit
+from receptance.identification.problem import Observed, Problem
+from receptance.identification.residuals import Unit
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -79,28 +74,16 @@ class Task:
         """The parameters of each observation's assembly."""
         return self.parameters.of([place_of(o, i) for i, o in enumerate(self.observed)])
 
-    def problem(self) -> Problem:
-        """Return all residuals on all lines."""
-        return self._joined([self._residual(i) for i in range(len(self.observed))])
+    def problem(
+        self, lines: Sequence[NDArray[np.intp] | None] | None = None, smoothing: float | None = None
+    ) -> Problem:
+        """Return the residuals as a problem of the core.
 
-    def quick(self, problem: Problem) -> Problem:
-        """Return the same problem with its fits in the core, compressed where only one joint is unknown."""
-        if self.parameters.plain:
-            pairs = zip(self.observed, problem.residuals, strict=False)
-            reduced = [self._reduced(observation, residual) for observation, residual in pairs]
-            if all(isinstance(residual, JointResidual) for residual in reduced):
-                return self._joined(reduced)
-        return self.modelled(problem) or problem
-
-    def modelled(
-        self, problem: Problem, lines: Sequence[NDArray[np.intp] | None] | None = None
-    ) -> ModelledProblem | None:
-        """Return the same problem with whole models in the core, if it knows all that is in them.
-
-        `lines` are those of each observation that count; by default all.
+        `lines` are those of each observation that are used, by default all that count; `smoothing` as of `Problem`.
         """
-        models = Models.of(self, problem, lines)
-        return None if models is None else ModelledProblem(problem, models)
+        chosen = [self.chosen(i) for i in range(len(self.observed))] if lines is None else lines
+        observed = [Observed(*one) for one in zip(self.observed, self.placed, self.units, chosen, strict=True)]
+        return Problem(self.variables, observed, self.threads, smoothing=smoothing)
 
     def approach(self) -> Problem:
         """Return the residuals that bring a start near, before percentages in bands are fitted.
@@ -126,17 +109,6 @@ class Task:
         """Return the same parameters on other data of the same places, one observation for one."""
         return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
 
-    def _joined(self, residuals: list[Residual]) -> Problem:
-        if any(unknown.prior is not None for unknown in self.parameters.unknowns):
-            residuals = [*residuals, PriorResidual(self.parameters.unknowns)]
-        return Problem(residuals, self.variables)
-
-    def _residual(self, index: int) -> Residual:
-        if self.parameters.plain:
-            return self._own(index, self.variables)
-        placed = self.placed[index]
-        return MappedResidual(self._own(index, Addresses(placed.addresses)), placed)
-
     def independent_numbers(self) -> list[float]:
         """Return how many independent numbers each observation has: two a line, over `correlated_lines`."""
         found = []
@@ -156,24 +128,3 @@ class Task:
         if bands is None and self.units[index] == "percent":
             bands = find_bands(observation, width_percent=self.band_width_percent)
         return None if bands is None else within(observation, bands)
-
-    def _own(self, index: int, addressed: Variables | Addresses) -> Residual:
-        observation, unit = self.observed[index], self.units[index]
-        if isinstance(observation, MeasuredFrequencies):
-            return FrequencyResidual(observation, addressed, unit)
-        return FRFResidual(observation, addressed, unit, self.chosen(index), self.threads)
-
-    def _reduced(self, observation: Observation, residual: Residual) -> Residual:
-        """Return the same residual compressed, where only one joint of the observation's assembly is unknown."""
-        variables = self.variables
-        if isinstance(observation, MeasuredFrequencies) or residual.size <= 2 * len(variables.addresses):
-            return residual
-        joint = only_joint(observation, variables)
-        if joint is None:
-            return residual
-        chosen = None if self.bands is None else within(observation, self.bands)
-        try:
-            return JointResidual(observation, variables, residual.unit, chosen, joint, self.threads)
-        except (ReceptanceError, ValueError):
-            # The joint at the bounds has no value; the fit itself may never go there.
-            return residual

@@ -344,7 +344,7 @@ class Transfer(Result):
             parts.append(f"{self.bias_percent:+.2f} % on average")
             parts.append(f"{hits} of {count} in their {100.0 * self.level:g} % intervals")
             if len(self.modes) > count:
-                parts.append(f"{len(self.modes) - count} without an interval or with one that is {SAYS_NOTHING}")
+                parts.append(f"{len(self.modes) - count} without an interval, or with one too wide to be useful")
         if self.frfs:
             worst = max(frf.distance_decibel for frf in self.frfs)
             parts.append(f"{len(self.frfs)} FRFs at most {worst:.3g} dB off")

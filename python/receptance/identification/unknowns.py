@@ -12,16 +12,50 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from receptance import _checks
-from receptance.identification.priors import Prior
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.assembly import Assembly
 
-__all__ = ["Unknown", "Variables", "covered"]
+__all__ = ["Prior", "Unknown", "Variables", "covered"]
 
 Scale = Literal["log", "linear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prior:
+    """What is known of an unknown beforehand: a Gaussian on the scale of the fit.
+
+    Parameters
+    ----------
+    mean : float
+        Most likely value, in SI units.
+    standard_deviation : float
+        In SI units where the value itself is fitted; where its logarithm is, of the natural logarithm: 0.1 is about
+        10 %, log(3) a factor of three.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A mean that is not finite, or a standard deviation that is not above zero.
+
+    Examples
+    --------
+    >>> import math
+    >>> from receptance.identification import Prior, Unknown
+    >>> about = Prior(mean=1e8, standard_deviation=math.log(3))
+    >>> Unknown(address="joint.k_y", lower=1e6, upper=1e10, prior=about).prior.mean
+    100000000.0
+    """
+
+    mean: float
+    standard_deviation: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", _checks.number("Prior", "mean", self.mean))
+        spread = _checks.positive("Prior", "standard_deviation", self.standard_deviation)
+        object.__setattr__(self, "standard_deviation", spread)
 
 
 @dataclass(frozen=True, kw_only=True)

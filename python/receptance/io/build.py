@@ -18,7 +18,7 @@ from receptance.io.options import ReadOptions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.frf.forms import Form
+    from receptance.units import Form
 
 __all__ = ["in_si", "joined", "make_frf", "outside", "sampled", "without_phase"]
 

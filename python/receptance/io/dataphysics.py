@@ -9,7 +9,7 @@ from receptance.io.build import in_si, joined, make_frf
 from receptance.io.errors import FileFormatError
 from receptance.io.options import ReadOptions, resolve_frf
 from receptance.io.text import check_ascending, check_count, decode, doubts_of_end, rows_of_numbers
-from receptance.io.units import UnitError, parse_unit
+from receptance.units import UnitError, parse_unit
 
 __all__ = ["dataphysics_bytes", "looks_like_dataphysics", "read_dataphysics"]
 

@@ -20,7 +20,7 @@ from receptance.io.coherence import Coherence, refuse_above_one
 from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
 from receptance.io.time_series import TimeSeries
-from receptance.io.units import parse_unit
+from receptance.units import parse_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,9 +9,8 @@ from typing import Any, TypedDict
 
 from receptance import _checks
 from receptance.coordinates import Coordinate, as_coordinates
-from receptance.frf.forms import Form
 from receptance.io.errors import FileFormatError
-from receptance.io.units import FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
+from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
 __all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "resolve_frf", "several_channels"]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.io.units import channel_kind, parse_unit
+from receptance.units import channel_kind, parse_unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

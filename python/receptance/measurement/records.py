@@ -11,7 +11,7 @@ import numpy as np
 from receptance import _checks
 from receptance.coordinates import Coordinate
 from receptance.frf.places import places
-from receptance.measurement.units import factor_to_si
+from receptance.units import channel_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -325,11 +325,11 @@ def _factors(
     responses: tuple[Coordinate, ...],
 ) -> tuple[float, NDArray[np.float64]]:
     load = "force" if excitation.direction == "y" else "moment"
-    force = 1.0 if force_unit is None else factor_to_si(owner, "force_unit", load, force_unit)
+    force = 1.0 if force_unit is None else channel_factor(owner, "force_unit", load, force_unit)
     kinds = [quantity if place.direction == "y" else _ROTATIONS[quantity] for place in responses]
     if response_unit is None:
         return force, np.ones(len(kinds))
-    factors = [factor_to_si(owner, "response_unit", kind, response_unit) for kind in kinds]
+    factors = [channel_factor(owner, "response_unit", kind, response_unit) for kind in kinds]
     return force, np.array(factors)
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
-from receptance.frf.forms import FORMS
 from receptance.frf.variance import additive_share
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

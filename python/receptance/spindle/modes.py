@@ -59,7 +59,7 @@ class SpindleModes:
     @property
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the modes' parameters in any assembly that ends with `part`."""
-        return tuple(f"{self.part.name}.{quantity}" for quantity in self.part.columns_of)
+        return tuple(f"{self.part.name}.{quantity}" for quantity in self.part.addresses)
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -185,7 +185,7 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
     """
     from scipy.optimize import minimize_scalar
 
-    own = [f"{part.name}.{quantity}" for quantity in part.columns_of]
+    own = [f"{part.name}.{quantity}" for quantity in part.addresses]
     ends = [np.log([one.frequency_hz[i].real for one in observed]) for i in (0, -1)]
     low, high = float(ends[0].min()), float(ends[1].max())
     nodes = np.linspace(low, high, int(np.ceil((high - low) / _SPACING)) + 1)

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import numpy as np
 
-from receptance import _checks
+from receptance import _checks, units
+from receptance.fields import Choice, Count, Element, Number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["Milling", "Turning"]
 
-Feed = Literal["up", "down"]
-_MOST_TEETH = 1000
+Feed = Literal["down", "up"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Milling:
+class Milling(Element):
     """A milling cut with straight teeth at equal distances.
 
     x is the direction of feed, y is across it; angles of a tooth count from y to x, the way the spindle turns. The
@@ -27,16 +27,7 @@ class Milling:
 
     Parameters
     ----------
-    teeth : int
-        Number of teeth.
-    k_t : float
-        Tangential cutting coefficient in N/m^2, more than zero.
-    k_n : float
-        Normal cutting coefficient in N/m^2, zero or more.
-    immersion : float, optional
-        Radial immersion, width of cut over diameter of the tool: over 0, up to 1; 1 is a slot.
-    feed : {"down", "up"}, optional
-        Down-milling (climb) or up-milling (conventional); a slot is both.
+    {fields}
 
     Raises
     ------
@@ -54,27 +45,23 @@ class Milling:
     [1.5708, 3.1416]
     """
 
-    teeth: int
-    k_t: float
-    k_n: float
-    immersion: float = 1.0
-    feed: Feed = "down"
+    teeth: Annotated[int, Count("number of teeth")]
+    k_t: Annotated[
+        float, Number(units.CUTTING_COEFFICIENT, "tangential cutting coefficient; force over depth and chip thickness")
+    ]
+    k_n: Annotated[float, Number(units.CUTTING_COEFFICIENT_OR_ZERO, "normal (radial) cutting coefficient")]
+    immersion: Annotated[
+        float,
+        Number(
+            units.IMMERSION, "radial immersion; width of cut over diameter of the tool, 1 for a slot", parameter=False
+        ),
+    ] = 1.0
+    feed: Annotated[
+        Feed, Choice("down-milling (climb) or up-milling (conventional); a slot is both", get_args(Feed))
+    ] = "down"
 
     def __post_init__(self) -> None:
-        owner = "Milling"
-        whole = isinstance(self.teeth, (int, np.integer)) and not isinstance(self.teeth, bool)
-        if not whole or not 1 <= self.teeth <= _MOST_TEETH:
-            raise ValueError(f"{owner}: teeth is {self.teeth!r}, expected a whole number from 1 to {_MOST_TEETH}")
-        object.__setattr__(self, "k_t", _checks.positive(owner, "k_t", self.k_t, unit="N/m^2"))
-        object.__setattr__(self, "k_n", _checks.not_negative(owner, "k_n", self.k_n, unit="N/m^2"))
-        immersion = _checks.positive(owner, "immersion", self.immersion)
-        if immersion > 1.0:
-            raise ValueError(
-                f"{owner}: immersion is {immersion:g}, expected at most 1: the width of cut over the diameter"
-            )
-        object.__setattr__(self, "immersion", immersion)
-        if self.feed not in get_args(Feed):
-            raise ValueError(f"{owner}: feed is {self.feed!r}, expected one of {', '.join(map(repr, get_args(Feed)))}")
+        self.check()
 
     @property
     def engagement(self) -> tuple[float, float]:
@@ -170,15 +157,12 @@ class Milling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Turning:
+class Turning(Element):
     """A turning cut: one tooth, always in the cut.
 
     Parameters
     ----------
-    k : float
-        Cutting coefficient in N/m^2, more than zero: force over depth and chip thickness.
-    angle_deg : float, optional
-        Angle in degrees between the force and the direction of the chip's thickness, in the plane of the receptance.
+    {fields}
 
     Raises
     ------
@@ -195,15 +179,20 @@ class Turning:
     1.0
     """
 
-    k: float
-    angle_deg: float = 0.0
+    k: Annotated[float, Number(units.CUTTING_COEFFICIENT, "cutting coefficient; force over depth and chip thickness")]
+    angle_deg: Annotated[
+        float,
+        Number(
+            units.DIRECTION,
+            "angle between the force and the direction of the chip's thickness, in the plane of the receptance",
+            parameter=False,
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "k", _checks.positive("Turning", "k", self.k, unit="N/m^2"))
-        angle = _checks.number("Turning", "angle_deg", self.angle_deg, unit="degrees")
-        if not -90.0 < angle < 90.0:
-            raise ValueError(f"Turning: angle_deg is {angle:g}, expected between -90 and 90 degrees")
-        object.__setattr__(self, "angle_deg", angle)
+        self.check()
+        if not -90.0 < self.angle_deg < 90.0:
+            raise ValueError(f"Turning: angle_deg is {self.angle_deg:g}, expected between -90 and 90 degrees")
 
     def drawn(self, draws: int, *, k: float = 0.0, seed: int = 0) -> tuple[Turning, ...]:
         """Return cuts whose coefficient may be the true one; as `Milling.drawn`."""

@@ -252,7 +252,7 @@ class Lobes(Result):
             found = f"stable{sure} at every speed from {low:.0f} to {high:.0f} rpm: {least:.3g} mm"
         else:
             found = f"no calculated depth is unstable from {low:.0f} to {high:.0f} rpm"
-        return [f"{self.title_of_cut()}: {found}."]
+        return [self.title_of_cut(), f"  {found}"]
 
     def title_of_cut(self) -> str:
         """Return name, kind and tips of the cut in words."""

@@ -11,7 +11,7 @@ from receptance import _checks
 from receptance.taper.body import Body
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
 __all__ = ["AxialJoint", "RadialJoint", "RigidModes"]
 
@@ -153,32 +153,6 @@ class RadialJoint:
         shapes = (vectors / root[:, None]).astype(np.complex128)
         return RigidModes(np.sqrt(squares) / (2.0 * np.pi), np.zeros(2), shapes)
 
-    def receptance(
-        self, frequency_hz: ArrayLike, *, response: float | ArrayLike = 0.0, excitation: float = 0.0
-    ) -> NDArray[np.complex128]:
-        """Receptance in m/N between places of the body.
-
-        Parameters
-        ----------
-        frequency_hz : array_like
-            `(n,)` lines in Hz, real or complex.
-        response, excitation : float, optional
-            Where motion is seen and where the force acts, as z in m; several responses are allowed.
-
-        Returns
-        -------
-        ndarray
-            `(n,)`, or `(n, n_responses)`.
-        """
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
-        mass, damping, stiffness = self.matrices()
-        dynamic = stiffness + 1j * w[:, None, None] * damping - w[:, None, None] ** 2 * mass
-        motion = np.linalg.solve(dynamic, np.array([1.0, excitation], dtype=np.complex128)[:, None])[:, :, 0]
-        places = np.asarray(response, dtype=np.float64)
-        return np.asarray(
-            motion[:, 0] + motion[:, 1] * places if places.ndim == 0 else motion @ [np.ones_like(places), places]
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class AxialJoint:
@@ -213,8 +187,3 @@ class AxialJoint:
         w = np.sqrt(self.k_z1 / self.body.mass)
         ratio = self.c_z1 / (2.0 * np.sqrt(self.k_z1 * self.body.mass))
         return RigidModes(np.array([w / (2.0 * np.pi)]), np.array([ratio]), np.ones((1, 1), dtype=np.complex128))
-
-    def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
-        """Receptance of any point along the axis, in m/N."""
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
-        return np.asarray(1.0 / (self.k_z1 + 1j * w * self.c_z1 - w**2 * self.body.mass))

@@ -121,3 +121,35 @@ pub enum Error {
 
 /// Result of the core.
 pub type Result<T> = core::result::Result<T, Error>;
+
+/// Checks the length of an array.
+///
+/// # Errors
+/// Another one than expected.
+pub(crate) fn same_length(what: &'static str, index: usize, length: usize, expected: usize) -> Result<()> {
+    if length == expected {
+        return Ok(());
+    }
+    Err(Error::Index { what, index, value: length as f64, expected: format!("{expected} values") })
+}
+
+/// Checks that there are a measured value and a weight for each line.
+///
+/// # Errors
+/// More or fewer of either.
+pub(crate) fn one_a_line(measured: usize, weights: usize, lines: usize) -> Result<()> {
+    same_length("measured receptance", 0, measured, lines)?;
+    same_length("weights", 0, weights, lines)
+}
+
+/// A result that is nothing where a model has no value.
+///
+/// # Errors
+/// An error of the machine instead of the model: no threads, or a caller that wants the call to end.
+pub(crate) fn if_any<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(error @ (Error::Threads { .. } | Error::Interrupted)) => Err(error),
+        Err(_) => Ok(None),
+    }
+}

@@ -33,7 +33,7 @@ mod threads;
 
 pub use error::{Error, Result};
 pub use fit::least_squares::{End, Status, Stop};
-pub use fit::problem::{Observation, OfJoint, Prior, Problem, Variables};
+pub use fit::problem::{Observation, OfJoint, Prior, Problem, Residuals, Settings, Variables};
 pub use interrupt::interruptible;
 pub use joint::reduction::{Form, JointReduction, reduce_joint};
 pub use joint::sweep::{JointSweep, Misfit};
@@ -49,6 +49,6 @@ pub use model::{overlap, section};
 pub use modes::determinant::log_determinant;
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};
 pub use observe::lines::Rows;
-pub use observe::observed::{Modelled, Record, Seen};
+pub use observe::observed::{Measure, Modelled, Record, Seen};
 pub use observe::sweep::ModelSweep;
 pub use observe::ties::{Factor, Rate, Tied};

@@ -13,12 +13,16 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use receptance_core::{End, Modelled, Observation, OfJoint, Prior, Record, SPRING_COLUMNS, Seen, Variables};
+use receptance_core::{
+    End, Error, Measure, Modelled, Observation, OfJoint, Prior, Record, Residuals, Rows, SPRING_COLUMNS,
+    Seen, Settings, Variables,
+};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Everything that is fitted: observations as functions of variables, with bounds and priors.
 ///
 /// Residuals are the weighted complex logarithm of measured over calculated receptance, calculated less measured
-/// natural frequencies times their weights, and `scale` x - `offset` for each prior.
+/// natural frequencies times their weights, given functions of the variables, and `scale` x - `offset` for each prior.
 ///
 /// Parameters
 /// ----------
@@ -28,9 +32,52 @@ use receptance_core::{End, Modelled, Observation, OfJoint, Prior, Record, SPRING
 ///     Of the variables.
 /// priors : (k, 3)
 ///     Variable, scale, offset.
+/// threads : int
+///     Most threads; 0 for all that the process may use.
+/// smoothing : float, optional
+///     Residuals well above it count by their absolute value, those below by their square; not for complex logarithms.
 #[pyclass(module = "receptance._core")]
 pub struct Problem {
     problem: receptance_core::Problem,
+    threads: usize,
+    raised: Raised,
+}
+
+/// The exception that a given function has raised.
+type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// Residuals from a Python function.
+#[derive(Debug)]
+struct Function {
+    function: Py<PyAny>,
+    raised: Raised,
+}
+
+/// Residuals (n,) and their derivatives by all variables (n, p).
+type Returned<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>);
+
+impl Function {
+    fn call(&self, py: Python<'_>, x: &[f64]) -> PyResult<Option<Rows>> {
+        let found = self.function.call1(py, (PyArray1::from_slice(py, x),))?;
+        let Some((residual, jacobian)) = found.extract::<Option<Returned<'_>>>(py)? else { return Ok(None) };
+        let residual = contiguous("residual", residual.as_slice())?.to_vec();
+        if jacobian.shape() != [residual.len(), x.len()] {
+            let (found, expected) = (jacobian.shape(), [residual.len(), x.len()]);
+            return Err(PyValueError::new_err(format!(
+                "jacobian: shape is {found:?}, expected {expected:?}"
+            )));
+        }
+        Ok(Some(Rows { residual, jacobian: c_contiguous("jacobian", &jacobian)?.to_vec() }))
+    }
+}
+
+impl Residuals for Function {
+    fn rows(&self, x: &[f64]) -> receptance_core::Result<Option<Rows>> {
+        Python::attach(|py| self.call(py, x)).map_err(|error| {
+            self.raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            Error::Interrupted
+        })
+    }
 }
 
 /// Where fits ended.
@@ -39,18 +86,19 @@ pub struct Problem {
 /// ----------
 /// x : (n_starts, p)
 ///     The variables.
-/// cost : (n_starts,)
-///     Half the sum of squares.
+/// cost, first : (n_starts,)
+///     Half the sum of squares at the ends and at the starts.
 /// evaluations : (n_starts,)
 ///     Of the normal matrix.
 /// status : (n_starts,)
 ///     As SciPy's `least_squares`; -1 where the model has no value at the start.
 /// normal : (n_starts, p + 1, p + 1)
-///     A^T A with A = [J | r] where it was evaluated last; NaN where there is none, or where variables were held.
+///     A^T A with A = [J | r] at the ends or a last step away; NaN where there is none.
 #[pyclass(frozen, get_all, module = "receptance._core")]
 pub struct Ends {
     x: Py<PyArray2<f64>>,
     cost: Py<PyArray1<f64>>,
+    first: Py<PyArray1<f64>>,
     evaluations: Py<PyArray1<i64>>,
     status: Py<PyArray1<i64>>,
     normal: Py<PyArray3<f64>>,
@@ -59,10 +107,13 @@ pub struct Ends {
 #[pymethods]
 impl Problem {
     #[new]
+    #[pyo3(signature = (logarithmic, bounds, priors, threads, smoothing=None))]
     fn new(
         logarithmic: PyReadonlyArray1<'_, bool>,
         bounds: PyReadonlyArray2<'_, f64>,
         priors: PyReadonlyArray2<'_, f64>,
+        threads: usize,
+        smoothing: Option<f64>,
     ) -> PyResult<Self> {
         let logarithmic = contiguous("logarithmic", logarithmic.as_slice())?.to_vec();
         let (count, bounds) = (logarithmic.len(), c_contiguous("bounds", &bounds)?);
@@ -78,8 +129,8 @@ impl Problem {
             known.push(Prior { variable: index("priors", row[0])?, scale: row[1], offset: row[2] });
         }
         let variables = Variables { logarithmic, lower, upper };
-        let problem = receptance_core::Problem::new(variables, known).map_err(CoreError::from)?;
-        Ok(Self { problem })
+        let problem = receptance_core::Problem::new(variables, known, smoothing).map_err(CoreError::from)?;
+        Ok(Self { problem, threads, raised: Raised::default() })
     }
 
     /// Number of lines of all receptances.
@@ -89,8 +140,9 @@ impl Problem {
     }
 
     /// Adds receptances between two coordinates (response, excitation) of a model: `measured` and `weights` are
-    /// (n_records, n_freq), records of the same receptance. `by_line` has tables of terminals.
-    #[pyo3(signature = (model, lines, points, measured, weights, by_line=None))]
+    /// (n_records, n_freq), records of the same receptance. `percent` compares magnitudes, in percent of the measured one;
+    /// `by_line` has tables of terminals.
+    #[pyo3(signature = (model, lines, points, measured, weights, percent=false, by_line=None))]
     #[allow(clippy::too_many_arguments)]
     fn add_receptance(
         &mut self,
@@ -100,6 +152,7 @@ impl Problem {
         points: PyReadonlyArray2<'_, f64>,
         measured: PyReadonlyArray2<'_, Complex64>,
         weights: PyReadonlyArray2<'_, f64>,
+        percent: bool,
         by_line: Option<&ByLine>,
     ) -> PyResult<()> {
         if measured.shape() != weights.shape() {
@@ -120,6 +173,7 @@ impl Problem {
             weights: weights.to_vec(),
         };
         let seen = Seen::Receptance {
+            measure: if percent { Measure::Percent } else { Measure::Logarithm },
             w,
             records: measured.zip(weights).map(record).collect(),
             response,
@@ -168,9 +222,15 @@ impl Problem {
         self.add(Observation::Joint(OfJoint { reduction, record, joint, variables: numbers }))
     }
 
+    /// Adds residuals that a function of the variables (p,) returns: residuals (n,) and their derivatives (n, p), or None
+    /// where there are none.
+    fn add_function(&mut self, function: Py<PyAny>) -> PyResult<()> {
+        self.add(Observation::Given(Arc::new(Function { function, raised: self.raised.clone() })))
+    }
+
     /// The same problem with about so many lines of each receptance.
     fn thinned(&self, lines: usize) -> Self {
-        Self { problem: self.problem.thinned(lines) }
+        Self { problem: self.problem.thinned(lines), threads: self.threads, raised: self.raised.clone() }
     }
 
     /// A^T A with A = [J | r], (p + 1, p + 1); NaN where a model has no value.
@@ -178,27 +238,28 @@ impl Problem {
         &self,
         py: Python<'py>,
         x: PyReadonlyArray1<'py, f64>,
-        threads: usize,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let x = self.point(&x)?;
         let size = x.len() + 1;
-        let found = detached(py, || self.problem.normal_matrix(x, &vec![true; x.len()], threads))?
+        let found = self
+            .detached(py, || self.problem.normal_matrix(x, &vec![true; x.len()], self.threads))?
             .unwrap_or(vec![f64::NAN; size * size]);
         Ok(shaped(Array2::from_shape_vec((size, size), found))?.into_pyarray(py))
     }
 
-    /// Residuals, those of priors left out, and their derivatives by the variables that are `free`; None where a model
-    /// has no value.
+    /// Residuals, those of priors last, and their derivatives by the variables that are `free`; None where a model has no
+    /// value.
     #[allow(clippy::type_complexity)]
     fn rows<'py>(
         &self,
         py: Python<'py>,
         x: PyReadonlyArray1<'py, f64>,
         free: PyReadonlyArray1<'py, bool>,
-        threads: usize,
     ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
         let (x, free) = (self.point(&x)?, self.free(&free)?);
-        let Some(found) = detached(py, || self.problem.rows(x, free, threads))? else { return Ok(None) };
+        let Some(found) = self.detached(py, || self.problem.rows(x, free, self.threads))? else {
+            return Ok(None);
+        };
         let shape = (found.residual.len(), free.iter().filter(|free| **free).count());
         let jacobian = shaped(Array2::from_shape_vec(shape, found.jacobian))?;
         Ok(Some((Array1::from_vec(found.residual).into_pyarray(py), jacobian.into_pyarray(py))))
@@ -206,15 +267,20 @@ impl Problem {
 
     /// Fits from each row of `starts` (n_starts, p), with at most so many `evaluations` (n_starts,) from each; variables
     /// that are not `free` are held where they start.
+    ///
+    /// A fit ends where cost or variables change by less than `tolerance`, relatively, or where the next step promises to
+    /// lower the cost by no more than `least`. `of_all` keeps the rows and columns of held variables in normal matrices.
+    #[pyo3(signature = (starts, free, evaluations, tolerance, least=0.0, of_all=false))]
     #[allow(clippy::too_many_arguments)]
     fn fit(
         &self,
         py: Python<'_>,
         starts: PyReadonlyArray2<'_, f64>,
         free: PyReadonlyArray1<'_, bool>,
-        tolerance: f64,
         evaluations: PyReadonlyArray1<'_, i64>,
-        threads: usize,
+        tolerance: f64,
+        least: f64,
+        of_all: bool,
     ) -> PyResult<Ends> {
         let count = self.problem.count();
         if starts.shape()[1] != count {
@@ -223,8 +289,8 @@ impl Problem {
         let (starts, free) = (c_contiguous("starts", &starts)?, self.free(&free)?);
         let most = contiguous("evaluations", evaluations.as_slice())?;
         let most: Vec<usize> = most.iter().map(|&most| usize::try_from(most).unwrap_or(0)).collect();
-        let ends = detached(py, || self.problem.fit(starts, free, tolerance, &most, threads))?
-            .map_err(CoreError::from)?;
+        let settings = Settings { tolerance, least, of_all };
+        let ends = self.detached(py, || self.problem.fit(starts, free, &most, settings, self.threads))?;
         let x: Vec<f64> = ends.iter().flat_map(|end| end.x.iter().copied()).collect();
         let size = (count + 1) * (count + 1);
         let mut normal = vec![f64::NAN; ends.len() * size];
@@ -238,6 +304,7 @@ impl Problem {
         Ok(Ends {
             x: shaped(Array2::from_shape_vec((ends.len(), count), x))?.into_pyarray(py).unbind(),
             cost: ends.iter().map(|end| end.cost).collect::<Array1<f64>>().into_pyarray(py).unbind(),
+            first: ends.iter().map(|end| end.first).collect::<Array1<f64>>().into_pyarray(py).unbind(),
             evaluations: Array1::from_vec(integers(|end| end.evaluations as i64)).into_pyarray(py).unbind(),
             status: Array1::from_vec(integers(|end| end.status as i64)).into_pyarray(py).unbind(),
             normal: normal.into_pyarray(py).unbind(),
@@ -248,6 +315,17 @@ impl Problem {
 impl Problem {
     fn add(&mut self, one: Observation) -> PyResult<()> {
         Ok(self.problem.add(one).map_err(CoreError::from)?)
+    }
+
+    /// Does the work without holding the interpreter; raises what a given function has raised.
+    fn detached<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce() -> receptance_core::Result<T> + Send,
+    ) -> PyResult<T> {
+        let found = detached(py, work)?;
+        let raised = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+        raised.map_or_else(|| Ok(found.map_err(CoreError::from)?), Err)
     }
 
     fn point<'a>(&self, x: &'a PyReadonlyArray1<'_, f64>) -> PyResult<&'a [f64]> {

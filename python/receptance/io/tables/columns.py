@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from receptance.frf.forms import Form
-from receptance.io.units import form_name
+from receptance.units import Form, form_name
 
 __all__ = ["QUALITIES", "Column", "parse_column"]
 

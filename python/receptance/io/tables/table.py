@@ -15,7 +15,7 @@ from receptance.io.limits import check_fields, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.tables.columns import Column, parse_column
 from receptance.io.text import check_count, decode, doubts_of_end, number, numbered_lines
-from receptance.io.units import Unit, UnitError, parse_unit
+from receptance.units import Unit, UnitError, parse_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,9 +18,9 @@ from receptance.coordinates import Coordinate
 from receptance.frf import FRF, Unplaced
 from receptance.io.coherence import Coherence
 from receptance.io.time_series import TimeSeries
+from receptance.io.uff.axes import MOTIONS, code_of
 from receptance.io.uff.header import WIDTH, coordinates_line, values_line
 from receptance.io.uff.sets import Point
-from receptance.io.uff.units import MOTIONS, code_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,268 +1,504 @@
-"""The study: the paper's procedure on the virtual rig, then the same with an elastic holder."""
+"""The study: the procedure of the paper on the virtual rig, the same with an elastic holder, and a diagnosis."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.errors import ReceptanceWarning
+from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, VirtualRig, holder, load_rig
+from receptance.identification import Floor, Law, MeasuredFRF
+from receptance.modal import circle_fit, fit_modes, half_power
 from receptance.provenance import versions
-from receptance.studies._data import read_toml
-from receptance.studies.bt50.diagnosed import Diagnosed, diagnosed
-from receptance.studies.bt50.levels import (
-    RADIAL_CONTACT,
-    AxialLevel,
-    RadialLevel,
-    axial_hz,
-    measure_axial,
-    measure_radial,
-    radial_hz,
+from receptance.report.plain import plain
+from receptance.studies.bt50.report import PROVENANCE, RESPONSE_HZ, SOURCE, findings
+from receptance.taper import (
+    ForceSeries,
+    Holder,
+    Shape,
+    axial_from_mode,
+    fit_axial,
+    fit_radial,
+    radial_from_modes,
 )
-from receptance.studies.bt50.observations import seed_of
-from receptance.studies.bt50.rig import Motion, load_holder, load_rig
-from receptance.studies.bt50.settings import BT50Settings
-from receptance.taper import ForceSeries, Holder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
-__all__ = ["BT50Study", "DampingIgnored", "LeftOut", "run"]
+    from receptance.diagnosis import Gain, Verdict
+    from receptance.frf import FRF
 
+__all__ = ["MOTIONS", "PUBLISHED", "diagnose_rigid", "observations", "response_without_damping", "run"]
+
+PUBLISHED: dict[str, Any] = {
+    "forces_kn": [0.0, 25.0],
+    "sample_rate_hz": 20480.0,
+    "spacing_hz": 20.0,
+    "impacts": 10,
+    "axial_stiffness_n_per_m": [4.8e9, 5.0e9],
+    "axial_damping_ns_per_m": [1000.0, 2000.0],
+    "unstable_above_kn": 10.0,
+    "simulated_below_experiment_percent": 10.0,
+}
+"""Statements of the paper in its text (sections 4 to 6); values in its figures are not read off."""
+MOTIONS: dict[str, tuple[str, ...]] = {"axial": ("axial",), "radial": ("radial",), "both": ("axial", "radial")}
+BANDS_HZ = {"axial": (3000.0, 6200.0), "radial": (500.0, 6200.0)}
+SPRINGS = {"axial": ("taper",), "radial": ("big_end", "small_end")}
+SHOWN_KN = 20.0
+"""Force of the paper's figure 9."""
 _SAME = 0.05
-"""Relative difference up to which two magnitudes are called the same."""
-_DIAGNOSED: tuple[Motion, ...] = ("axial", "radial")
-_SHOWN_KN = 20.0
-"""The force of the paper's figure 9."""
+"""Relative difference up to which two magnitudes count as the same."""
+_NORMAL = 1.96
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOut:
-    """Natural frequencies at force levels that took no part: laws from every other level, errors at those between.
+def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """Measure the virtual rig at all forces, identify, predict the levels that were left out, and diagnose.
 
-    Attributes
+    Parameters
     ----------
-    motion : {"axial", "radial"}
-        Which motion.
-    force_kn : tuple of float
-        The levels that were left out.
-    rigid_percent, elastic_percent : tuple of tuple of float
-        100 (predicted / measured - 1) for each level and mode: the elastic holder on the rigid holder's springs, as the
-        paper simulates it, and on its own.
+    step_kn : int, optional
+        Step of the drawbar force from 0 to 25 kN: 1 as in the paper, or 2.
+    seed : int, optional
+        Seed of hits and noise.
+    progress : callable, optional
+        Called with a line of text before each step.
+
+    Returns
+    -------
+    dict
+        All results as JSON holds them; all measurements in it are virtual.
+
+    Raises
+    ------
+    ValueError
+        Another step, or a negative seed.
     """
-
-    motion: str
-    force_kn: tuple[float, ...]
-    rigid_percent: tuple[tuple[float, ...], ...]
-    elastic_percent: tuple[tuple[float, ...], ...]
-
-    @property
-    def rigid_rms_percent(self) -> float:
-        """Root mean square over levels and modes, before."""
-        return float(np.sqrt(np.mean(np.square(self.rigid_percent))))
-
-    @property
-    def elastic_rms_percent(self) -> float:
-        """The same, after."""
-        return float(np.sqrt(np.mean(np.square(self.elastic_percent))))
-
-
-@dataclass(frozen=True, kw_only=True)
-class DampingIgnored:
-    """Where the magnitude of the harmonic response is the same within 5 % without damping.
-
-    Attributes
-    ----------
-    motion : {"axial", "radial"}
-        Which motion; at the tip, where it is hit.
-    frequency_hz, damped, undamped : ndarray
-        The response of the identified elastic model, `(n,)` each.
-    differs_hz : tuple of (float, float)
-        Bands in which it is not the same.
-    """
-
-    motion: str
-    frequency_hz: NDArray[np.float64]
-    damped: NDArray[np.float64]
-    undamped: NDArray[np.float64]
-    differs_hz: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class BT50Study:
-    """Everything that the study found; all measurements in it are virtual.
-
-    Attributes
-    ----------
-    settings : BT50Settings
-        What was chosen.
-    holder : Holder
-        As drawn; what was measured is a finer model of the same holder.
-    published : dict
-        What the paper states in its text.
-    axial, radial : tuple
-        The levels of force.
-    series : dict of str to ForceSeries
-        Parameters over force: of the rigid holder ("rigid k_z1") and of the elastic one ("elastic k_z1", "elastic
-        k_x1" and so on), and the axial damping from half-power points ("half-power c_z1").
-    bonded_hz : dict of str to tuple of float
-        Modes of the bonded holder, axial and radial.
-    left_out : tuple of LeftOut
-        Axial and radial.
-    damping_ignored : tuple of DampingIgnored
-        Axial and radial, at the force of the paper's figure 9.
-    diagnosed : tuple of Diagnosed
-        What a diagnosis says of the rigid holder.
-    versions : dict of str to str
-        What the numbers come from.
-    """
-
-    settings: BT50Settings
-    holder: Holder
-    published: dict[str, Any]
-    axial: tuple[AxialLevel, ...]
-    radial: tuple[RadialLevel, ...]
-    series: dict[str, ForceSeries]
-    bonded_hz: dict[str, tuple[float, ...]]
-    left_out: tuple[LeftOut, ...]
-    damping_ignored: tuple[DampingIgnored, ...]
-    diagnosed: tuple[Diagnosed, ...]
-    versions: dict[str, str] = field(default_factory=versions)
-
-
-def run(settings: BT50Settings | None = None, *, progress: Callable[[str], None] | None = None) -> BT50Study:
-    """Measure the virtual rig at all forces, identify, and predict the levels that were left out."""
-    chosen = settings or BT50Settings()
     say = progress or (lambda _: None)
-    holder = load_holder()
-    axial: list[AxialLevel] = []
-    radial: list[RadialLevel] = []
-    for number, rig in enumerate(load_rig()):
-        if round(rig.force_kn) % chosen.step_kn:
-            continue
+    own, levels = holder(), _levels(step_kn, seed)
+    rows: dict[str, list[dict[str, Any]]] = {"axial": [], "radial": []}
+    for rig, own_seed in levels:
         say(f"{rig.force_kn:g} kN, {rig.motion}")
-        seed = seed_of(chosen, number)
-        if rig.motion == "axial":
-            axial.append(measure_axial(holder, rig, seed, axial[-1].elastic.values if axial else None))
-        else:
-            radial.append(measure_radial(holder, rig, seed, radial[-1].elastic.values if radial else None))
+        before = rows[rig.motion][-1]["elastic"]["values"] if rows[rig.motion] else None
+        identify = _axial if rig.motion == "axial" else _radial
+        rows[rig.motion].append(identify(own, rig, own_seed, before))
     say("series, laws and predictions")
-    series = _series(axial, radial)
-    shown = int(np.argmin([abs(level.force_kn - _SHOWN_KN) for level in axial]))
-    return BT50Study(
-        settings=chosen,
-        holder=holder,
-        published=read_toml("bt50_holder.toml")["published"],
-        axial=tuple(axial),
-        radial=tuple(radial),
-        series=series,
-        bonded_hz={"axial": (axial_hz(holder, _bonded(holder)),), "radial": radial_hz(holder, *[_bonded(holder)] * 2)},
-        left_out=(_left_out_axial(holder, axial, series), _left_out_radial(holder, radial, series)),
-        damping_ignored=(
-            _damping_ignored("axial", holder, axial[shown].elastic.values),
-            _damping_ignored("radial", holder, radial[shown].elastic.values),
-        ),
-        diagnosed=tuple(
-            diagnosed(motion, chosen, progress=lambda text: say(f"diagnosis: {text}")) for motion in _DIAGNOSED
+    series = _series(rows["axial"], rows["radial"])
+    shown = int(np.argmin([abs(level["force_kn"] - SHOWN_KN) for level in rows["axial"]]))
+    bonded = own.bonded("axial").get("taper.k_y")
+    matters, diagnoses = {}, []
+    for motion, levels_of in rows.items():
+        lines, damped, undamped = response_without_damping(motion, levels_of[shown]["elastic"]["values"])
+        differs = np.abs(undamped / damped - 1.0) > _SAME
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], differs.astype(int), [0]])))
+        matters[motion] = [[float(lines[a]), float(lines[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        verdict, seen, left_out, gains = diagnose_rigid(
+            motion, step_kn, seed, progress=lambda text: say(f"diagnosis: {text}")
+        )
+        diagnoses.append(
+            {
+                "motion": motion,
+                "model": "rigid holder",
+                "seen_kn": seen,
+                "left_out_kn": left_out,
+                "in_every_explanation": [c.id for c in verdict.causes if c.id not in verdict.ambiguous_between],
+                **verdict.to_dict(),
+                "gains": [asdict(gain) for gain in gains],
+            }
+        )
+    found: dict[str, Any] = {
+        "study": "bt50",
+        "source": SOURCE,
+        "provenance": PROVENANCE,
+        "settings": {
+            "step_kn": step_kn,
+            "seed": seed,
+            "sample_rate_hz": SAMPLE_RATE_HZ,
+            "spacing_hz": SPACING_HZ,
+            "hits": HITS,
+            "exponential_window_per_s": DECAY_RATE,
+        },
+        "versions": versions(),
+        "published": PUBLISHED,
+        "virtual": {
+            "holder": {**asdict(own.body), "z1": own.z1, "z2": own.z2},
+            **rows,
+            "trends": plain({name: one.data() for name, one in series.items()}),
+            "damping_errors": _damping_errors(rows["axial"]),
+            "bonded_hz": {"axial": _axial_hz(own, bonded), "radial": _radial_hz(own, bonded, bonded)},
+            "left_out": [_left_out_axial(own, rows["axial"], series), _left_out_radial(own, rows["radial"], series)],
+            "diagnosis": diagnoses,
+            "damping_matters_hz": matters,
+        },
+    }
+    return {**found, "findings": findings(found)}
+
+
+def _levels(step_kn: int, seed: int) -> list[tuple[VirtualRig, int]]:
+    """Return the rig at all levels with the seed of each measurement."""
+    if isinstance(step_kn, bool) or not isinstance(step_kn, int) or step_kn not in (1, 2):
+        raise ValueError(f"bt50: step_kn is {step_kn!r}, expected 1 or 2: laws need six levels, and as many between")
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise ValueError(f"bt50: seed is {seed!r}, expected a whole number from 0 on")
+    return [
+        (rig, int(np.random.SeedSequence([seed, number]).generate_state(1)[0]))
+        for number, rig in enumerate(load_rig())
+        if round(rig.force_kn) % step_kn == 0
+    ]
+
+
+def _quiet(estimate: Callable[..., Any], frf: FRF, low_hz: float, high_hz: float) -> Any:
+    with warnings.catch_warnings():
+        # The small number of lines in the half-power band is a result of the study.
+        warnings.filterwarnings("ignore", ".*lines in the half-power band", ReceptanceWarning)
+        return estimate(frf, low_hz=low_hz, high_hz=high_hz)
+
+
+def _mode(mode: Any) -> dict[str, Any]:
+    names = ("frequency_hz", "frequency_standard_error_hz", "damping_ratio", "damping_standard_error", "lines_in_band")
+    return {name: getattr(mode, name) for name in names}
+
+
+def _estimated(found: Any, names: Sequence[str]) -> dict[str, Any]:
+    values = {name: getattr(found.joint, name) for name in names}
+    return {"values": values, "intervals": {name: list(ends) for name, ends in found.intervals.items()}}
+
+
+def _fitted(fit: Any) -> dict[str, Any]:
+    intervals = {name: list(ends) for name, ends in fit.intervals.items()}
+    return {"values": dict(fit.values), "intervals": intervals, "rms": fit.rms, "errors": dict(fit.standard_errors)}
+
+
+def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> dict[str, Any]:
+    """Identify one axial level.
+
+    The first mode from half-power points, as in the paper, and from a circle; K_Z1 and C_Z1 of eqs. 14 and 15 from
+    either; the elastic and the rigid holder fitted to the FRF, the first from the values of the level before.
+    """
+    plain, windowed, left_out = rig.measure(seed)
+    low, high = BANDS_HZ["axial"]
+    modes = {
+        "half_power": _quiet(half_power, plain, low, high),
+        "circle": circle_fit(windowed, low_hz=low, high_hz=high),
+    }
+    rigid_half_power, rigid = (
+        axial_from_mode(
+            own.body,
+            mode.frequency_hz,
+            mode.damping_ratio,
+            frequency_standard_error_hz=mode.frequency_standard_error_hz,
+            damping_standard_error=mode.damping_standard_error,
+        )
+        for mode in modes.values()
+    )
+    band: dict[str, Any] = {"low_hz": low, "high_hz": high}
+    first = {"k_z1": rigid.joint.k_z1, "c_z1": max(rigid.joint.c_z1, 1.0)}
+    elastic = fit_axial(own, windowed, **band, start=start or first, left_out=left_out)
+    names = ("k_z1", "c_z1")
+    return {
+        "force_kn": rig.force_kn,
+        **{name: _mode(mode) for name, mode in modes.items()},
+        "rigid_half_power": _estimated(rigid_half_power, names),
+        "rigid": _estimated(rigid, names),
+        "rigid_rms": fit_axial(own, windowed, body="rigid", contact="ends", **band, start=first).rms,
+        "elastic": _fitted(elastic),
+        "experiment_hz": modes["circle"].frequency_hz,
+        "simulated_hz": _axial_hz(own, rigid.joint.k_z1)[0],
+        "elastic_hz": _axial_hz(own, elastic.values["k_z1"])[0],
+        "truth": {"frequency_hz": float(rig.frequency_hz[0]), "damping_ratio": float(rig.damping_ratio[0])},
+    }
+
+
+def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> dict[str, Any]:
+    """Identify one radial level: both modes, the joints of the rigid holder, and the elastic holder's four values."""
+    plain, windowed, left_out = rig.measure(seed)
+    low, high = BANDS_HZ["radial"]
+    modes = fit_modes(windowed.select(low_hz=low, high_hz=high), 2)
+    # Ratio of the constants at both points for the one hit, with its standard error to first order.
+    first, second = modes.modal_constant[:, 0, 0], modes.modal_constant[:, 1, 0]
+    ratio = first / second
+    errors = np.hypot(
+        np.abs(modes.modal_constant_standard_error[:, 0, 0] / second),
+        np.abs(modes.modal_constant_standard_error[:, 1, 0] * ratio / second),
+    )
+    places = [own.body.position(float(one.position)) for one in rig.seen]
+    rigid = radial_from_modes(
+        own.body,
+        own.z1,
+        own.z2,
+        modes.frequency_hz,
+        modes.damping_ratio,
+        frequency_standard_error_hz=modes.frequency_standard_error_hz,
+        damping_standard_error=modes.damping_standard_error,
+        shape=Shape(
+            first=places[0],
+            second=places[1],
+            ratio=(complex(ratio[0]), complex(ratio[1])),
+            standard_error=(float(errors[0]), float(errors[1])),
         ),
     )
+    names = ("k_x1", "k_x2", "c_x1", "c_x2")
+    simulated: tuple[float, ...] = ()
+    if rigid.nearest is not None:
+        joint = rigid.solutions[rigid.nearest].joint
+        simulated = _radial_hz(own, joint.k_x1, joint.k_x2)
+        start = start or {name: max(getattr(joint, name), 1.0) for name in names}
+    elastic = fit_radial(own, windowed, contact="fading", low_hz=low, high_hz=high, start=start, left_out=left_out)
+    points: list[dict[str, Any] | None] = []
+    for frequency in modes.frequency_hz.tolist():
+        try:
+            points.append(_mode(_quiet(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)))
+        except ValueError:  # no half-power points
+            points.append(None)
+    return {
+        "force_kn": rig.force_kn,
+        "half_power": points,
+        "modes": [_mode(modes.mode(i)) for i in range(len(modes.frequency_hz))],
+        "rigid": {
+            "statement": rigid.statement,
+            "of_neither": rigid.of_neither,
+            "discriminant": rigid.discriminant,
+            "discriminant_standard_error": rigid.discriminant_standard_error,
+            "nearest": rigid.nearest,
+            "solutions": [
+                {
+                    **_estimated(one, names),
+                    "exact": None if one.exact is None else {name: getattr(one.exact, name) for name in names},
+                    "notes": list(one.notes),
+                }
+                for one in rigid.solutions
+            ],
+        },
+        "elastic": _fitted(elastic),
+        "experiment_hz": modes.frequency_hz.tolist(),
+        "simulated_hz": list(simulated),
+        "elastic_hz": list(_radial_hz(own, elastic.values["k_x1"], elastic.values["k_x2"])),
+        "truth": {"frequency_hz": rig.frequency_hz[:2].tolist(), "damping_ratio": rig.damping_ratio[:2].tolist()},
+    }
 
 
-def _bonded(holder: Holder) -> float:
-    return holder.bonded("axial").get("taper.k_y")
+def _axial_hz(own: Holder, k_z1: float) -> tuple[float, ...]:
+    """Return the first mode of the elastic holder."""
+    return tuple(own.axial(k_z1).lowest_natural_frequencies(1)[0].tolist())
 
 
-def _series(axial: Sequence[AxialLevel], radial: Sequence[RadialLevel]) -> dict[str, ForceSeries]:
-    """Every parameter over force; where a model leaves more than the noise, standard errors are that much larger."""
-    force = np.array([level.force_kn for level in axial])
-    found: dict[str, tuple[list[float], list[float]]] = {}
+def _radial_hz(own: Holder, k_x1: float, k_x2: float) -> tuple[float, ...]:
+    """Return the first two modes of the elastic holder."""
+    return tuple(own.radial(k_x1, k_x2, contact="fading").lowest_natural_frequencies(2)[0].tolist())
 
-    def add(name: str, value: float, error: float) -> None:
-        own = found.setdefault(name, ([], []))
-        own[0].append(value)
-        own[1].append(error)
 
-    for level in axial:
-        for title, solution in (("rigid", level.rigid), ("half-power", level.rigid_half_power)):
-            for name in ("k_z1", "c_z1"):
-                low, high = solution.intervals[name]
-                add(f"{title} {name}", getattr(solution.joint, name), (high - low) / (2.0 * 1.96))
-        for name, value in level.elastic.values.items():
-            add(f"elastic {name}", value, level.elastic.standard_errors[name] * max(level.elastic.rms, 1.0))
-    for across in radial:
-        for name, value in across.elastic.values.items():
-            add(f"elastic {name}", value, across.elastic.standard_errors[name] * max(across.elastic.rms, 1.0))
+def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -> dict[str, ForceSeries]:
+    """Return every parameter over force; residuals above the noise increase the standard errors."""
+    force = np.array([level["force_kn"] for level in axial])
+    found = {}
+    for title in ("rigid", "half-power"):
+        for name in ("k_z1", "c_z1"):
+            own = [level[{"rigid": "rigid", "half-power": "rigid_half_power"}[title]] for level in axial]
+            errors = [np.ptp(one["intervals"][name]) / (2.0 * _NORMAL) for one in own]
+            found[f"{title} {name}"] = ([one["values"][name] for one in own], errors)
+    for levels in (axial, radial):
+        for name in levels[0]["elastic"]["values"]:
+            own = [level["elastic"] for level in levels]
+            errors = [one["errors"][name] * max(one["rms"], 1.0) for one in own]
+            found[f"elastic {name}"] = ([one["values"][name] for one in own], errors)
     return {
         name: ForceSeries(name=name, force=force, values=np.array(values), standard_errors=np.array(errors))
         for name, (values, errors) in found.items()
     }
 
 
-def _halves(series: ForceSeries) -> tuple[ForceSeries, NDArray[np.intp]]:
-    """Every other level, and the numbers of those between."""
-    kept = np.arange(0, series.force.size, 2)
+def _predicted_between(series: ForceSeries) -> NDArray[np.float64]:
+    """Return the values at every second level from the law of the others."""
     half = ForceSeries(
         name=series.name,
-        force=series.force[kept],
-        values=series.values[kept],
-        standard_errors=series.standard_errors[kept],
+        force=series.force[::2],
+        values=series.values[::2],
+        standard_errors=series.standard_errors[::2],
     )
-    return half, np.arange(1, series.force.size, 2)
+    return np.asarray(half.law.at(series.force[1::2]))
 
 
-def _left_out_axial(holder: Holder, levels: Sequence[AxialLevel], series: Mapping[str, ForceSeries]) -> LeftOut:
-    errors = {}
-    for model in ("rigid", "elastic"):
-        half, between = _halves(series[f"{model} k_z1"])
-        predicted = half.law.at(series[f"{model} k_z1"].force[between])
-        errors[model] = tuple(
-            (100.0 * (axial_hz(holder, float(k)) / levels[i].circle.frequency_hz - 1.0),)
-            for i, k in zip(between, predicted, strict=True)
-        )
-    forces = tuple(levels[i].force_kn for i in between)
-    return LeftOut(motion="axial", force_kn=forces, rigid_percent=errors["rigid"], elastic_percent=errors["elastic"])
+def _left_out_axial(own: Holder, levels: Sequence[dict[str, Any]], series: Mapping[str, ForceSeries]) -> dict[str, Any]:
+    between = levels[1::2]
+    errors = {
+        model: [
+            [100.0 * (_axial_hz(own, float(k))[0] / level["experiment_hz"] - 1.0)]
+            for level, k in zip(between, _predicted_between(series[f"{model} k_z1"]), strict=True)
+        ]
+        for model in ("rigid", "elastic")
+    }
+    return _left_out("axial", between, errors["rigid"], errors["elastic"])
 
 
-def _left_out_radial(holder: Holder, levels: Sequence[RadialLevel], series: Mapping[str, ForceSeries]) -> LeftOut:
-    laws = []
-    for name in ("elastic k_x1", "elastic k_x2"):
-        half, between = _halves(series[name])
-        laws.append(half.law.at(series[name].force[between]))
+def _left_out_radial(
+    own: Holder, levels: Sequence[dict[str, Any]], series: Mapping[str, ForceSeries]
+) -> dict[str, Any]:
+    between = levels[1::2]
 
-    def errors(level: RadialLevel, predicted: Sequence[float]) -> tuple[float, ...]:
-        return tuple(
-            100.0 * (f / measured - 1.0) for f, measured in zip(predicted, level.modes.frequency_hz, strict=True)
-        )
+    def errors(level: dict[str, Any], predicted: Sequence[float]) -> list[float]:
+        pairs = zip(predicted, level["experiment_hz"], strict=True)
+        return [100.0 * (f / measured - 1.0) for f, measured in pairs]
 
-    # The rigid holder's springs of the level itself: the best that the paper's way can do there. A level at which no
-    # rigid joint exists has none.
-    chosen = [i for i in between if levels[i].simulated_hz]
-    return LeftOut(
-        motion="radial",
-        force_kn=tuple(levels[i].force_kn for i in between),
-        rigid_percent=tuple(errors(levels[i], levels[i].simulated_hz) for i in chosen),
-        elastic_percent=tuple(
-            errors(levels[i], radial_hz(holder, float(k1), float(k2))) for i, k1, k2 in zip(between, *laws, strict=True)
-        ),
-    )
+    springs = zip(*(_predicted_between(series[f"elastic {name}"]) for name in ("k_x1", "k_x2")), strict=True)
+    elastic = [
+        errors(level, _radial_hz(own, float(k1), float(k2))) for level, (k1, k2) in zip(between, springs, strict=True)
+    ]
+    # The rigid holder has the springs of the level itself, its best case; a level without a rigid joint has none.
+    rigid = [errors(level, level["simulated_hz"]) for level in between if level["simulated_hz"]]
+    return _left_out("radial", between, rigid, elastic)
 
 
-def _damping_ignored(motion: str, holder: Holder, values: Mapping[str, float]) -> DampingIgnored:
-    lines = np.arange(100.0, 8000.0, 5.0)
+def _left_out(motion: str, levels: Sequence[dict[str, Any]], rigid: Any, elastic: Any) -> dict[str, Any]:
+    return {
+        "motion": motion,
+        "force_kn": [level["force_kn"] for level in levels],
+        "rigid_percent": rigid,
+        "elastic_percent": elastic,
+        "before_rms_percent": float(np.sqrt(np.mean(np.square(rigid)))),
+        "after_rms_percent": float(np.sqrt(np.mean(np.square(elastic)))),
+    }
+
+
+def _damping_errors(axial: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Return mean and scatter of the relative error of the axial damping ratio in percent.
+
+    At all forces, and at those at which the paper calls its damping unstable.
+    """
+    high = np.array([level["force_kn"] for level in axial]) > PUBLISHED["unstable_above_kn"]
+    found = {}
+    for name in ("half_power", "circle"):
+        ratio = [level[name]["damping_ratio"] / level["truth"]["damping_ratio"] for level in axial]
+        error = 100.0 * (np.array(ratio) - 1.0)
+        found[name] = {
+            "mean_percent": float(error.mean()),
+            "scatter_percent": float(error.std()),
+            "mean_above_percent": float(error[high].mean()),
+            "scatter_above_percent": float(error[high].std()),
+        }
+    return found
+
+
+def response_without_damping(
+    motion: str, values: Mapping[str, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies in Hz and the magnitude at the tip with and without damping, `(n,)` each."""
+    own, lines = holder(), np.arange(RESPONSE_HZ[0], RESPONSE_HZ[1] + 2.5, 5.0)
     found = []
     for factor in (1.0, 0.0):
-        own: dict[str, float] = {name: value * (factor if name[0] == "c" else 1.0) for name, value in values.items()}
-        if motion == "axial":
-            assembly = holder.axial(own["k_z1"], own["c_z1"])
-        else:
-            assembly = holder.radial(own["k_x1"], own["k_x2"], own["c_x1"], own["c_x2"], contact=RADIAL_CONTACT)
+        k, c = ([v * f for name, v in values.items() if name[0] == kind] for kind, f in (("k", 1.0), ("c", factor)))
+        assembly = own.axial(*k, *c) if motion == "axial" else own.radial(*k, *c, contact="fading")
         found.append(np.abs(assembly.receptance(lines)))
-    differs = np.abs(found[1] / found[0] - 1.0) > _SAME
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], differs.astype(int), [0]])))
-    bands = [(float(lines[a]), float(lines[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return DampingIgnored(
-        motion=motion, frequency_hz=lines, damped=found[0], undamped=found[1], differs_hz=tuple(bands)
-    )
+    return lines, found[0], found[1]
+
+
+def observations(motion: str, step_kn: int = 1, seed: int = 0) -> tuple[MeasuredFRF, ...]:
+    """Return the windowed FRFs of all levels as observations of the rigid holder of the paper.
+
+    Parameters
+    ----------
+    motion : {"axial", "radial"}
+        Radially, springs are lumped at the ends of the taper. Axially, the place of the spring makes no difference on a
+        rigid holder, so it lies along the taper.
+    step_kn, seed : int, optional
+        As in `run`, which measures the same.
+
+    Returns
+    -------
+    tuple of MeasuredFRF
+        One for each level and place; the configuration is the level, the condition "drawbar force" is in N.
+
+    Examples
+    --------
+    >>> from receptance.studies import bt50
+    >>> found = bt50.observations("axial", 2)
+    >>> len(found), found[-1].configuration, found[-1].conditions
+    (13, 'axial 24 kN', {'drawbar force': 24000.0})
+    """
+    own = holder()
+    if motion == "axial":
+        assembly = own.axial(5e9, 1e3, body="rigid", contact="spread")
+    else:
+        assembly = own.radial(1e9, 1e9, 5e3, 5e3, body="rigid", contact="ends")
+    low, high = BANDS_HZ[motion]
+    found = []
+    for rig, own_seed in _levels(step_kn, seed):
+        if rig.motion != motion:
+            continue
+        frf = rig.windowed(own_seed)
+        found += [
+            MeasuredFRF.from_frf(
+                assembly,
+                frf.select(responses=i),
+                low_hz=low,
+                high_hz=high,
+                configuration=f"{motion} {rig.force_kn:g} kN",
+                conditions={"drawbar force": 1e3 * rig.force_kn},
+                floor=Floor(),
+            )
+            for i in range(len(rig.seen))
+        ]
+    return tuple(found)
+
+
+def diagnose_rigid(
+    motion: str,
+    step_kn: int = 1,
+    seed: int = 0,
+    *,
+    levels: int = 3,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Verdict, list[float], list[float], tuple[Gain, ...]]:
+    """Diagnose the rigid holder on some of the force levels, and measure the improvement on those between.
+
+    Parameters
+    ----------
+    motion : {"axial", "radial", "both"}
+        Motions; with "both" one body has the springs of either.
+    step_kn, seed : int, optional
+        As in `run`.
+    levels : int, optional
+        Number of forces that are used, from the lowest on, evenly spaced; at least two.
+    progress : callable, optional
+        Called with a line of text before each step.
+
+    Returns
+    -------
+    verdict : Verdict
+        With all causes of the catalogue.
+    seen_kn, left_out_kn : list of float
+        Forces that were used, and those on which the improvement is measured.
+    gains : tuple of Gain
+        Improvement in several metrics.
+
+    Raises
+    ------
+    ValueError
+        An unknown motion; levels that are not from two to their number.
+    """
+    from receptance.diagnosis import diagnose
+    from receptance.diagnosis.held_out import improvement
+
+    if motion not in MOTIONS:
+        raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
+    observed = [one for own in MOTIONS[motion] for one in observations(own, step_kn, seed)]
+    forces = sorted({one.conditions["drawbar force"] for one in observed})
+    if not 2 <= levels <= len(forces):
+        raise ValueError(f"bt50: levels is {levels!r}, expected from 2 to the {len(forces)} that are measured")
+    chosen = forces[:: (len(forces) - 1) // (levels - 1)][:levels]
+    seen = [one for one in observed if one.conditions["drawbar force"] in chosen]
+    # Nothing is predicted beyond the last level.
+    between = {force for force in forces if force not in chosen and force < chosen[-1]}
+    rest = [one for one in observed if one.conditions["drawbar force"] in between]
+    unknowns = [
+        Law(address=f"{spring}.{name}", lower=low, upper=high, free=True, along="drawbar force")
+        for own in MOTIONS[motion]
+        for spring in SPRINGS[own]
+        for name, (low, high) in {"k_y": (1e7, 1e12), "c_y": (1e1, 1e6)}.items()
+    ]
+    verdict = diagnose(seen, unknowns, progress=progress)
+    gains = improvement(verdict.selection, verdict.explanation, rest, ()).gains if rest else ()
+    left_out = list(dict.fromkeys(1e-3 * one.conditions["drawbar force"] for one in rest))
+    return verdict, [1e-3 * force for force in chosen], left_out, gains

@@ -1,33 +1,26 @@
-"""The joint of an ER32 collet holder: Matthias, Ozsahin, Altintas, Denkena 2016, from its printed tables.
+"""The joint of an ER32 collet holder: Matthias, Ozsahin, Altintas, Denkena 2016, from its printed tables."""
 
-Examples
---------
->>> from receptance.studies.er32 import ER32Settings, run
->>> study = run(ER32Settings(starts=1, draws=1))
->>> round(study.published_predictions_rms_percent, 2)
-0.49
-"""
-
-from receptance.studies.er32.bias import ChanceModel, LongToolBias
-from receptance.studies.er32.findings import findings
-from receptance.studies.er32.form import as_dict
-from receptance.studies.er32.holder import HolderModel, load_holder
-from receptance.studies.er32.joints import IdentifiedJoint, Resolution
-from receptance.studies.er32.study import ER32Settings, ER32Study, run
-from receptance.studies.er32.tables import Published, load
+from receptance.studies.er32.bias import ChanceModel
+from receptance.studies.er32.figure import draw
+from receptance.studies.er32.joints import Resolution, find_trends, follow_joint, identify_joints, joint_of
+from receptance.studies.er32.report import sections
+from receptance.studies.er32.study import ER32Settings, run
+from receptance.studies.er32.tables import SOURCE, Published, assembly, campaign, load
 
 __all__ = [
+    "SOURCE",
     "ChanceModel",
     "ER32Settings",
-    "ER32Study",
-    "HolderModel",
-    "IdentifiedJoint",
-    "LongToolBias",
     "Published",
     "Resolution",
-    "as_dict",
-    "findings",
+    "assembly",
+    "campaign",
+    "draw",
+    "find_trends",
+    "follow_joint",
+    "identify_joints",
+    "joint_of",
     "load",
-    "load_holder",
     "run",
+    "sections",
 ]

@@ -1,36 +1,56 @@
-"""The first mode of the long tools: its bias, what chance gives, and what it would take to remove it."""
+"""The bias of the first mode of the long tools: its size under chance, and single causes that would remove it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.studies.er32.determination import Consistency
-from receptance.studies.er32.holder import HolderModel, mode_slopes
-from receptance.studies.er32.joints import IdentifiedJoint, Resolution, joint_of
-from receptance.studies.er32.tables import Published, Transfer
+from receptance.studies.er32.joints import (
+    BOUNDS,
+    JOINT,
+    SHARED,
+    Resolution,
+    follow_joint,
+    joint_of,
+    mode_slopes,
+    varied,
+)
+from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["ChanceModel", "LongToolBias", "Propagation", "find_bias", "propagate", "sign_test"]
+__all__ = [
+    "ChanceModel",
+    "Slopes",
+    "find_bias",
+    "find_slopes",
+    "predict_transfers",
+    "rank_causes",
+    "rms",
+    "sign_test",
+    "simulate_chance",
+]
 
-_FIRST_MODE = 1
+Stiffness = Mapping[float, Sequence[float]]
+"""(k_y, k_theta) by diameter in mm."""
+_LARGE = 0.3
+"""Relative change beyond which the linear slopes are not used to predict table 2."""
 
 
 @dataclass(frozen=True)
 class ChanceModel:
-    """Standard deviations that say what chance means here.
+    """Standard deviations that define chance.
 
-    Readings are uniform over the step they are printed in, independent of each other. Every overhang errs on its
-    own, in the identifying and in the long assembly. The holder and the carbide err once for all tools together.
-    The defaults for the carbide are the standard deviations of uniform distributions over the common ranges 550 to
-    630 GPa and 13 800 to 15 000 kg/m3, for the steel over 200 to 210 GPa; the holder's shape is inferred, so 2 % of
-    every dimension and 10 % of the two factors of the nose.
+    Readings are uniform over the step in which they are printed. Every overhang has an independent error, in the
+    identifying and in the long assembly. The errors of holder and carbide are shared by all tools. The defaults for
+    the carbide are the standard deviations of uniform distributions over the common ranges 550 to 630 GPa and 13 800
+    to 15 000 kg/m3, for the steel over 200 to 210 GPa; the holder's shape is inferred, so 2 % for every dimension
+    and 10 % for the two factors of the nose.
     """
 
     overhang_mm: float = 0.1
@@ -42,7 +62,7 @@ class ChanceModel:
     nose_factor_percent: float = 10.0
 
     def deviation(self, name: str) -> float:
-        """Relative standard deviation of a shared quantity."""
+        """Return the relative standard deviation of a shared quantity."""
         owner, quantity = name.split(" ", 1)
         if owner in ("carbide", "steel"):
             return 0.01 * float(getattr(self, f"{owner}_{quantity}_percent"))
@@ -50,15 +70,14 @@ class ChanceModel:
 
 
 @dataclass(frozen=True)
-class Propagation:
-    """Linear propagation to the long tools' first modes; everything relative except the overhang, which is in mm.
+class Slopes:
+    """Relative derivatives of the first modes of the long tools; the joint follows the identifying frequencies.
 
-    `shared` is `(n_tools, n_shared)` with the joint identified anew for every change, `joint` `(n_tools, 2)` for k_y
-    and k_theta of the long clamping alone, `overhang` and `identifying_overhang` `(n_tools,)` for the long and for
-    the identifying assembly, `reading` `(n_tools, 2)` for the two frequencies that identify.
+    `shared` is `(n_tools, n_shared)`; `joint` `(n_tools, 2)` for the joint of the long assembly alone; `overhang` and
+    `identifying_overhang` `(n_tools,)` per mm for the long and the identifying assembly; `reading` `(n_tools, 2)` for
+    the identifying frequencies.
     """
 
-    names: tuple[str, ...]
     shared: NDArray[np.float64]
     joint: NDArray[np.float64]
     overhang: NDArray[np.float64]
@@ -66,124 +85,123 @@ class Propagation:
     reading: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class LongToolBias:
-    """Bias of the first mode of the long tools, 100 (predicted / measured - 1), and what chance gives.
-
-    `deviations_percent` are standard deviations of the mean bias by source; `p_value` is two-sided, for the mean
-    bias, a normal distribution and all sources together; `p_value_without_shared` leaves out what all tools share,
-    and `p_value_with_inference` puts the standard errors and correlations of the inference in the place of the
-    stated tolerances of carbide and holder.
-    """
-
-    diameter_mm: tuple[float, ...]
-    overhang_mm: tuple[float, ...]
-    percent: tuple[float, ...]
-    published_percent: tuple[float, ...]
-    tool_deviation_percent: tuple[float, ...]
-    mean_percent: float
-    deviations_percent: dict[str, float]
-    mean_deviation_percent: float
-    mean_correlation: float
-    p_value: float
-    p_value_without_shared: float
-    p_value_with_inference: float
-    inference_deviation_percent: float
-    sign_test_p_value: float
+def rms(values: Sequence[float]) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
-def propagate(
-    model: HolderModel, published: Published, joints: Sequence[IdentifiedJoint], torque_nm: float
-) -> Propagation:
-    """Derivatives of the long tools' predicted first modes with respect to everything that may err.
+def predict_transfers(published: Published, stiffness: Stiffness) -> list[dict[str, Any]]:
+    """Predict the natural frequencies of table 2, one dictionary for each mode."""
+    rows = []
+    for transfer in published.transfers:
+        own = assembly(transfer.diameter_mm, transfer.overhang_mm, *stiffness[transfer.diameter_mm])
+        found = own.lowest_natural_frequencies(len(transfer.measured_hz))[0].tolist()
+        for mode, (measured, paper, ours) in enumerate(
+            zip(transfer.measured_hz, transfer.predicted_hz, found, strict=True), 1
+        ):
+            rows.append(
+                {
+                    "diameter_mm": transfer.diameter_mm,
+                    "overhang_mm": transfer.overhang_mm,
+                    "mode": mode,
+                    "measured_hz": measured,
+                    "published_hz": paper,
+                    "predicted_hz": ours,
+                    "error_percent": 100.0 * (ours / measured - 1.0),
+                    "published_error_percent": 100.0 * (paper / measured - 1.0),
+                }
+            )
+    return rows
 
-    The joint follows its two identifying frequencies: d ln k = J^-1 (d ln f - dependence of f on the rest).
-    """
-    parts: list[tuple[NDArray[np.float64], ...]] = []
+
+def find_slopes(published: Published, joints: Sequence[dict[str, Any]]) -> Slopes:
+    """Return the derivatives of the long tools' first modes: d ln k = J^-1 (d ln f - dependence of f on the rest)."""
+    parts = []
     for long in published.long_tools:
-        joint = joint_of(joints, long.diameter_mm, torque_nm)
         mount = published.mount(long.diameter_mm)
-        stiffness = (joint.k_y, joint.k_theta)
-        identifying = model.assembly(long.diameter_mm, mount.overhang_mm, mount.holder_length_mm, *stiffness)
-        assembly = model.assembly(long.diameter_mm, long.overhang_mm, mount.holder_length_mm, *stiffness)
-        _, shared_1, joint_1, overhang_1 = mode_slopes(model, identifying, (1, 2), model.shared)
-        _, shared_2, joint_2, overhang_2 = mode_slopes(model, assembly, (_FIRST_MODE,), model.shared)
-        follow = np.linalg.solve(joint_1.T, joint_2[0])
-        parts.append(
-            (shared_2[0] - follow @ shared_1, joint_2[0], overhang_2, -np.atleast_1d(follow @ overhang_1), follow)
-        )
-    shared, stiff, overhang, before, reading_slopes = (np.array([part[i] for part in parts]) for i in range(5))
-    return Propagation(model.shared, shared, stiff, overhang.ravel(), before.ravel(), reading_slopes)
+        joint = joint_of(joints, long.diameter_mm, published.torque_nm)
+        stiffness = (joint["k_y"], joint["k_theta"])
+        identifying = assembly(long.diameter_mm, mount.overhang_mm, *stiffness)
+        _, shared, own, overhang = mode_slopes(identifying, (1, 2), list(SHARED))
+        transferred = assembly(long.diameter_mm, long.overhang_mm, *stiffness)
+        _, shared_long, joint_long, overhang_long = mode_slopes(transferred, (1,), list(SHARED))
+        follow = np.linalg.solve(own.T, joint_long[0])
+        parts.append((shared_long[0] - follow @ shared, joint_long[0], overhang_long[0], -follow @ overhang, follow))
+    return Slopes(*(np.array(column) for column in zip(*parts, strict=True)))
 
 
 def find_bias(
     published: Published,
-    predicted_hz: Mapping[float, float],
-    slopes: Propagation,
+    transfers: Sequence[dict[str, Any]],
+    slopes: Slopes,
     chance: ChanceModel,
     resolution: Resolution,
-    consistency: Consistency,
-    torque_nm: float,
-) -> LongToolBias:
-    """Bias of the long tools' first mode beside what chance gives.
+    inferred: NDArray[np.float64],
+) -> dict[str, Any]:
+    """Return the bias of the long tools' first mode and its distribution under chance.
 
     Parameters
     ----------
     published : Published
         The tables.
-    predicted_hz : mapping
-        Predicted first mode of the long tool by diameter in mm.
-    slopes : Propagation
-        From `propagate`.
-    chance : ChanceModel
-        Tolerances.
-    resolution : Resolution
-        Reading errors.
-    consistency : Consistency
-        How well the holder and the carbide are inferred.
-    torque_nm : float
-        Torque at which the joints were identified.
+    transfers : sequence of dict
+        From `predict_transfers`.
+    slopes : Slopes
+        From `find_slopes`.
+    chance, resolution
+        Tolerances and reading errors.
+    inferred : ndarray
+        Covariance of the logarithms of the inferred quantities: all of `SHARED` but the steel's.
+
+    Returns
+    -------
+    dict
+        `percent` is 100 (predicted / measured - 1) by tool; `deviations_percent` the standard deviation of the mean by
+        source. P values are two-sided, for the mean and a normal distribution: with all sources, without the shared
+        ones, and with the covariance of the inference in place of the tolerances of carbide and holder.
     """
     tools = published.long_tools
-    percent = np.array([_percent(predicted_hz[tool.diameter_mm], tool) for tool in tools])
-    paper = [_percent(tool.predicted_hz[_FIRST_MODE - 1], tool) for tool in tools]
+    rows = [
+        next(r for r in transfers if (r["diameter_mm"], r["overhang_mm"], r["mode"]) == (*tool[:2], 1))
+        for tool in tools
+    ]
+    percent = [row["error_percent"] for row in rows]
+    mean = float(np.mean(percent))
     sources = {
-        "reading": _reading_covariance(published, tools, slopes, resolution, torque_nm),
+        "reading": _reading_covariance(published, slopes, resolution),
         "overhang": np.diag(chance.overhang_mm**2 * (slopes.overhang**2 + slopes.identifying_overhang**2)),
     }
     for owner in ("carbide", "steel", "holder"):
-        chosen = [i for i, name in enumerate(slopes.names) if _owner(name) == owner]
-        scaled = slopes.shared[:, chosen] * [chance.deviation(slopes.names[i]) for i in chosen]
+        columns = [i for i, name in enumerate(SHARED) if _owner(name) == owner]
+        scaled = slopes.shared[:, columns] * [chance.deviation(list(SHARED)[i]) for i in columns]
         sources[owner] = scaled @ scaled.T
     total = sum(sources.values(), np.zeros_like(sources["reading"]))
-    count = len(tools)
     alone = sources["reading"] + sources["overhang"]
-    mean = float(percent.mean())
+    fitted = slopes.shared[:, [i for i, name in enumerate(SHARED) if _owner(name) != "steel"]]
+    inference = fitted @ inferred @ fitted.T
     deviations = np.sqrt(np.diag(total))
-    chosen = [slopes.names.index(quantity.name) for quantity in consistency.quantities]
-    inferred = slopes.shared[:, chosen] @ consistency.covariance @ slopes.shared[:, chosen].T
-    with_inference = _mean_deviation(alone + sources["steel"] + inferred)
     correlation = total / np.outer(deviations, deviations)
-    return LongToolBias(
-        diameter_mm=tuple(tool.diameter_mm for tool in tools),
-        overhang_mm=tuple(tool.overhang_mm for tool in tools),
-        percent=tuple(percent.tolist()),
-        published_percent=tuple(paper),
-        tool_deviation_percent=tuple((100.0 * deviations).tolist()),
-        mean_percent=mean,
-        deviations_percent={name: _mean_deviation(matrix) for name, matrix in sources.items()},
-        mean_deviation_percent=_mean_deviation(total),
-        mean_correlation=float((correlation.sum() - count) / (count * (count - 1))),
-        p_value=_two_sided(mean, _mean_deviation(total)),
-        p_value_without_shared=_two_sided(mean, _mean_deviation(alone)),
-        p_value_with_inference=_two_sided(mean, with_inference),
-        inference_deviation_percent=_mean_deviation(inferred),
-        sign_test_p_value=sign_test(percent.tolist()),
-    )
+    count = len(tools)
+    return {
+        "diameter_mm": [tool.diameter_mm for tool in tools],
+        "overhang_mm": [tool.overhang_mm for tool in tools],
+        "percent": percent,
+        "published_percent": [row["published_error_percent"] for row in rows],
+        "tool_deviation_percent": (100.0 * deviations).tolist(),
+        "mean_percent": mean,
+        "deviations_percent": {name: _mean_deviation(matrix) for name, matrix in sources.items()},
+        "mean_deviation_percent": _mean_deviation(total),
+        "mean_correlation": float((correlation.sum() - count) / (count * (count - 1))),
+        "p_value": _two_sided(mean, _mean_deviation(total)),
+        "p_value_without_shared": _two_sided(mean, _mean_deviation(alone)),
+        "p_value_with_inference": _two_sided(mean, _mean_deviation(alone + sources["steel"] + inference)),
+        "inference_deviation_percent": _mean_deviation(inference),
+        "sign_test_p_value": sign_test(percent),
+    }
 
 
 def sign_test(values: Sequence[float]) -> float:
-    """Two-sided sign test: how likely as uneven a split of signs is where both are as likely; zeros do not count.
+    """Return the two-sided p value of the sign test; zeros do not count.
 
     Examples
     --------
@@ -197,15 +215,12 @@ def sign_test(values: Sequence[float]) -> float:
     return min(1.0, 2.0 * tail / 2.0**count)
 
 
-def _reading_covariance(
-    published: Published, tools: Sequence[Transfer], slopes: Propagation, resolution: Resolution, torque_nm: float
-) -> NDArray[np.float64]:
+def _reading_covariance(published: Published, slopes: Slopes, resolution: Resolution) -> NDArray[np.float64]:
     variances = []
-    for row, tool in zip(slopes.reading, tools, strict=True):
-        identifying = np.array(published.reading(tool.diameter_mm, torque_nm).frequency_hz)
+    for row, tool in zip(slopes.reading, published.long_tools, strict=True):
+        identifying = np.array(published.reading(tool.diameter_mm).frequency_hz)
         errors = row * resolution.standard_deviation(identifying) / identifying
-        measured = tool.measured_hz[_FIRST_MODE - 1]
-        own = float(resolution.standard_deviation([measured])[0]) / measured
+        own = float(resolution.standard_deviation(tool.measured_hz[0])) / tool.measured_hz[0]
         variances.append(float(np.sum(errors**2)) + own**2)
     return np.diag(variances)
 
@@ -215,14 +230,125 @@ def _owner(name: str) -> str:
     return owner if owner in ("carbide", "steel") else "holder"
 
 
-def _percent(predicted: float, tool: Transfer) -> float:
-    return 100.0 * (predicted / tool.measured_hz[_FIRST_MODE - 1] - 1.0)
-
-
 def _mean_deviation(covariance: NDArray[np.float64]) -> float:
-    """Return the standard deviation of the mean, in percent, from a relative covariance."""
+    """Return the standard deviation of the mean in percent from a relative covariance."""
     return 100.0 * float(np.sqrt(covariance.sum())) / len(covariance)
 
 
 def _two_sided(value: float, deviation: float) -> float:
     return math.erfc(abs(value) / deviation / math.sqrt(2.0)) if deviation > 0.0 else 0.0
+
+
+def simulate_chance(
+    published: Published,
+    stiffness: Stiffness,
+    mean_percent: float,
+    chance: ChanceModel,
+    resolution: Resolution,
+    *,
+    draws: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Simulate the whole procedure: draw errors, identify all joints, predict the long tools.
+
+    The true assemblies are those with the identified joints. Errors of holder, carbide, overhangs and readings enter
+    the identification. `share_as_large` is the share of draws whose mean bias is at least as large as the one observed.
+    """
+    random = np.random.default_rng(seed)
+    deviations = np.array([chance.deviation(name) for name in SHARED])
+    limits = np.array(list(BOUNDS.values())).T * [[1.0 + 1e-6], [1.0 - 1e-6]]
+    tools = [
+        (
+            assembly(long.diameter_mm, long.overhang_mm, *stiffness[long.diameter_mm]),
+            np.array([published.mount(long.diameter_mm).overhang_mm, long.overhang_mm]),
+            np.array(published.reading(long.diameter_mm).frequency_hz),
+            long.measured_hz[0],
+        )
+        for long in published.long_tools
+    ]
+    true_hz = [float(own.lowest_natural_frequencies(1)[0][0]) for own, *_ in tools]
+    at_bound, means = 0, []
+    for _ in range(draws):
+        factors = dict(zip(SHARED, np.exp(deviations * random.standard_normal(deviations.size)).tolist(), strict=True))
+        errors = []
+        for (own, overhangs, frequency, measured_hz), true in zip(tools, true_hz, strict=True):
+            read = frequency + resolution.half_step(frequency) * random.uniform(-1.0, 1.0, 2)
+            lengths = (1e-3 * (overhangs + chance.overhang_mm * random.standard_normal(2))).tolist()
+            identifying, long = (varied(own, factors, {"tool.segment[0].length": length}) for length in lengths)
+            found = follow_joint(identifying, read)
+            at_bound += bool(np.any(found <= limits[0]) or np.any(found >= limits[1]))
+            with_joint = long.replace(dict(zip(JOINT, found.tolist(), strict=True)))
+            predicted = float(with_joint.lowest_natural_frequencies(1)[0][0])
+            half = float(resolution.half_step(measured_hz))
+            errors.append(100.0 * (predicted / (true + half * random.uniform(-1.0, 1.0)) - 1.0))
+        means.append(float(np.mean(errors)))
+    return {
+        "draws": draws,
+        "seed": seed,
+        "deviation_percent": rms(means),
+        "share_as_large": float(np.mean(np.abs(means) >= abs(mean_percent))),
+        "joints_at_bound": at_bound,
+    }
+
+
+def rank_causes(
+    published: Published, stiffness: Stiffness, percent: Sequence[float], slopes: Slopes, chance: ChanceModel
+) -> list[dict[str, Any]]:
+    """Return for each single cause the change that removes the mean bias, the least surprising first.
+
+    The change is linear. That it removes the bias proves nothing: one number always removes one mean. `rms_percent` is
+    the error of all of table 2 with the change in place, the joints identified again, None for a change beyond 30 %;
+    `deviations` is the change in standard deviations of the chance model, None where the model has none.
+    """
+    offset = float(np.mean(np.log1p(0.01 * np.array(percent))))
+    lengths = {t.diameter_mm: t.overhang_mm for t in published.long_tools}
+    causes = []
+
+    def add(name: str, change: float, unit: str, deviations: float | None, after: float | None) -> None:
+        causes.append({"name": name, "change": change, "unit": unit, "deviations": deviations, "rms_percent": after})
+
+    for name, slope in zip(SHARED, slopes.shared.mean(axis=0).tolist(), strict=True):
+        change = -offset / slope if slope else np.inf
+        after = _rms_with(published, stiffness, {name: 1.0 + change}) if abs(change) <= _LARGE else None
+        add(name, 100.0 * change, "%", abs(change) / chance.deviation(name), after)
+    for index, quantity in enumerate(("k_y", "k_theta")):
+        change = -offset / float(slopes.joint[:, index].mean())
+        moved = {d: [k * (1.0 + change * (i == index)) for i, k in enumerate(ks)] for d, ks in stiffness.items()}
+        after = _rms_of_long(published, stiffness, moved, lengths) if abs(change) <= _LARGE else None
+        add(f"{quantity} of every long clamping", 100.0 * change, "%", None, after)
+    shift = -offset / float(slopes.overhang.mean())
+    # The shift is the same for all tools, so it is compared with the standard deviation of their mean.
+    deviations = abs(shift) / chance.overhang_mm * len(lengths) ** 0.5 if chance.overhang_mm else None
+    longer = {d: length + shift for d, length in lengths.items()}
+    add("overhang of every long tool", shift, "mm", deviations, _rms_of_long(published, stiffness, stiffness, longer))
+    return sorted(causes, key=lambda c: (c["deviations"] is None, c["deviations"] or 0.0, abs(c["change"])))
+
+
+def _rms_with(published: Published, stiffness: Stiffness, factors: Mapping[str, float]) -> float:
+    """Return the error of table 2 with shared quantities changed and the joints identified again."""
+    errors: list[float] = []
+    for transfer in published.transfers:
+        diameter = transfer.diameter_mm
+        identifying = assembly(diameter, published.mount(diameter).overhang_mm, *stiffness[diameter])
+        joint = follow_joint(varied(identifying, factors), published.reading(diameter).frequency_hz)
+        errors += _errors(varied(assembly(diameter, transfer.overhang_mm, *joint), factors), transfer.measured_hz)
+    return rms(errors)
+
+
+def _rms_of_long(
+    published: Published, stiffness: Stiffness, long_stiffness: Stiffness, long_overhang: Mapping[float, float]
+) -> float:
+    """Return the error of table 2 with another joint or overhang of the long assemblies alone."""
+    errors: list[float] = []
+    for transfer in published.transfers:
+        diameter, overhang, joint = transfer.diameter_mm, transfer.overhang_mm, stiffness[transfer.diameter_mm]
+        if transfer in published.long_tools:
+            overhang, joint = long_overhang[diameter], long_stiffness[diameter]
+        errors += _errors(assembly(diameter, overhang, *joint), transfer.measured_hz)
+    return rms(errors)
+
+
+def _errors(own: Any, measured_hz: Sequence[float]) -> list[float]:
+    found = own.lowest_natural_frequencies(len(measured_hz))[0]
+    errors: list[float] = (100.0 * (found / np.array(measured_hz) - 1.0)).tolist()
+    return errors

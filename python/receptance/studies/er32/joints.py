@@ -1,40 +1,81 @@
-"""The joint of every tool at every torque, from two natural frequencies each (table 4)."""
+"""The joint of every tool at every torque from two natural frequencies (table 4), and its trends.
+
+Intervals contain every joint whose natural frequencies would be printed like the measured ones; an open end is None.
+They contain neither the error of the model nor the scatter between clampings.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.identification import MeasuredFrequencies, Unknown, identify
-from receptance.studies.er32.holder import JOINT, HolderModel, mode_slopes
-from receptance.studies.er32.tables import Mount, Published, Reading
+from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from receptance.assembly import Assembly
 
-__all__ = ["IdentifiedJoint", "Interval", "Resolution", "follow_joint", "identify_joints", "joint_of"]
+__all__ = [
+    "BOUNDS",
+    "JOINT",
+    "SHARED",
+    "Resolution",
+    "find_trends",
+    "follow_joint",
+    "identify_joints",
+    "joint_of",
+    "mode_slopes",
+    "shared_value",
+    "varied",
+]
 
 Interval = tuple[float | None, float | None]
-"""Lower and upper end; None where it is open."""
 
 BOUNDS = {"joint.k_y": (1e6, 1e13), "joint.k_theta": (1e2, 1e9)}
-"""Where the joint is sought, N/m and N m/rad."""
-_TOLERANCE = 1e-10
+"""Bounds of the search in N/m and N m/rad."""
+JOINT = tuple(BOUNDS)
+_LARGEST_STEP = 2.0
+"""Largest step of Newton's method in the logarithm of a stiffness: the slopes are not valid further away."""
+_CONFIDENCE = 0.95
+
+_STEEL = range(4)
+SHARED: dict[str, tuple[str, ...]] = {
+    "carbide modulus": ("tool.segment[0].youngs_modulus",),
+    "carbide density": ("tool.segment[0].density",),
+    "steel modulus": tuple(f"holder.segment[{i}].youngs_modulus" for i in _STEEL),
+    "steel density": tuple(f"holder.segment[{i}].density" for i in _STEEL),
+    "nose length": ("holder.segment[0].length",),
+    "nose diameter": ("holder.segment[0].outer_diameter",),
+    "nose modulus factor": ("holder.segment[0].youngs_modulus",),
+    "nose density factor": ("holder.segment[0].density",),
+    "body length": ("holder.segment[1].length",),
+    "body diameter": ("holder.segment[1].outer_diameter",),
+    "flange length": ("holder.segment[2].length",),
+    "flange diameter": ("holder.segment[2].outer_diameter",),
+    "taper diameter": ("holder.segment[3].outer_diameter",),
+    "taper bore": ("holder.segment[3].inner_diameter",),
+}
+"""Quantities that all tools share, with the parameters proportional to them.
+
+The nose stands for collet, nut and shank; its modulus and density are the steel's times a factor. The holder's length
+is published, so the taper's length compensates the others.
+"""
+_REST = "holder.segment[3].length"
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """How finely frequencies are printed: in steps of `fine_hz` below `change_hz` and of `coarse_hz` from there on.
+    """Step in which frequencies are printed: `fine_hz` below `change_hz`, `coarse_hz` from there on.
 
     Examples
     --------
-    >>> from receptance.studies.er32.joints import Resolution
+    >>> from receptance.studies.er32 import Resolution
     >>> Resolution().half_step([2004.0, 10110.0])
     array([0.5, 5. ])
     """
@@ -43,158 +84,260 @@ class Resolution:
     coarse_hz: float = 10.0
     change_hz: float = 10e3
 
-    def half_step(self, frequency_hz: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the most that a printed frequency can be off, in Hz."""
+    def half_step(self, frequency_hz: ArrayLike) -> NDArray[np.float64]:
+        """Return the largest error of a printed frequency in Hz."""
         steps: NDArray[np.float64] = np.where(np.asarray(frequency_hz) < self.change_hz, self.fine_hz, self.coarse_hz)
         return steps / 2.0
 
-    def standard_deviation(self, frequency_hz: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def standard_deviation(self, frequency_hz: ArrayLike) -> NDArray[np.float64]:
         """Return the standard deviation of an error that is uniform over the step, in Hz."""
         deviation: NDArray[np.float64] = self.half_step(frequency_hz) / np.sqrt(3.0)
         return deviation
 
 
-@dataclass(frozen=True)
-class IdentifiedJoint:
-    """Joint of one tool at one torque.
-
-    The intervals hold every joint whose two natural frequencies would have been printed as they were; an open end
-    is None. They say nothing of the model's own error, nor of how a second clamping would have come out.
-    `k_y_percent_per_mm` and `k_theta_percent_per_mm` are the change per mm of overhang more, at the same frequencies.
-    """
-
-    diameter_mm: float
-    torque_nm: float
-    k_y: float
-    k_theta: float
-    k_y_interval: Interval
-    k_theta_interval: Interval
-    k_y_percent_per_mm: float
-    k_theta_percent_per_mm: float
-    correlation: float
-    published_k_y: float
-    published_k_theta: float
-    starts: int
-    starts_agreeing: int
-    converged: bool
-    advice: tuple[str, ...]
-
-    @property
-    def k_y_difference_percent(self) -> float:
-        """Ours against the paper's."""
-        return 100.0 * (self.k_y / self.published_k_y - 1.0)
-
-    @property
-    def k_theta_difference_percent(self) -> float:
-        """Ours against the paper's."""
-        return 100.0 * (self.k_theta / self.published_k_theta - 1.0)
+def shared_value(name: str) -> tuple[float, str]:
+    """Return the value of a shared quantity and its unit."""
+    own = assembly(12.7, 62.3)
+    value = own.get(SHARED[name][-1])
+    if name.endswith("factor"):
+        return value / own.get(SHARED["steel " + name.split()[1]][-1]), ""
+    if name.endswith("modulus"):
+        return value / 1e9, "GPa"
+    return (value, "kg/m3") if name.endswith("density") else (1e3 * value, "mm")
 
 
-def identify_joints(
-    model: HolderModel, published: Published, resolution: Resolution, *, starts: int, seed: int
-) -> tuple[IdentifiedJoint, ...]:
-    """Identify k_y and k_theta of all five tools at all four torques.
+def varied(own: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
+    """Return an assembly with shared quantities multiplied by factors, and other parameters at given values."""
+    values = dict(other or {})
+    for name, factor in factors.items():
+        for address in SHARED[name]:
+            old = values.get(address, own.get(address))
+            values[address] = old * factor
+            if name.endswith("length"):
+                values[_REST] = values.get(_REST, own.get(_REST)) + old - values[address]
+    return own.replace(values)
+
+
+def mode_slopes(
+    own: Assembly, modes: Sequence[int], names: Sequence[str] = ()
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Natural frequencies of an assembly and their relative derivatives.
 
     Parameters
     ----------
-    model : HolderModel
-        The holder.
-    published : Published
-        The tables.
-    resolution : Resolution
-        What the intervals come from.
-    starts, seed : int
-        Of `receptance.identification.identify`.
+    own : Assembly
+        From `assembly`.
+    modes : sequence of int
+        Mode numbers from 1.
+    names : sequence of str, optional
+        Shared quantities.
+
+    Returns
+    -------
+    frequency_hz : ndarray
+        `(m,)`.
+    shared : ndarray
+        `(m, n)`, relative change of the frequency per relative change of the quantity.
+    joint : ndarray
+        `(m, 2)`, the same for k_y and k_theta.
+    overhang : ndarray
+        `(m,)`, relative change per mm of overhang.
     """
-    return tuple(
-        _identify(model, published.mount(reading.diameter_mm), reading, resolution, starts, seed)
-        for reading in published.readings
+    addresses = list(
+        dict.fromkeys([*JOINT, "tool.segment[0].length", _REST, *(a for name in names for a in SHARED[name])])
     )
+    rows = [mode - 1 for mode in modes]
+    found, slopes = own.lowest_natural_frequencies(max(modes), addresses)
+    frequency = found[rows]
+    column = {address: slopes[rows, i] / frequency for i, address in enumerate(addresses)}
+    shared = np.zeros((len(rows), len(names)))
+    for i, name in enumerate(names):
+        for address in SHARED[name]:
+            slope = column[address] - column[_REST] if name.endswith("length") else column[address]
+            shared[:, i] += own.get(address) * slope
+    joint = np.stack([own.get(address) * column[address] for address in JOINT], axis=1)
+    return frequency, shared, joint, 1e-3 * column["tool.segment[0].length"]
 
 
-def joint_of(joints: Sequence[IdentifiedJoint], diameter_mm: float, torque_nm: float) -> IdentifiedJoint:
-    """Return the joint of a tool at a torque."""
-    return next(j for j in joints if (j.diameter_mm, j.torque_nm) == (diameter_mm, torque_nm))
+def follow_joint(own: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
+    """Return the joint (k_y, k_theta) for which the first two natural frequencies have given values.
 
-
-def _identify(
-    model: HolderModel, mount: Mount, reading: Reading, resolution: Resolution, starts: int, seed: int
-) -> IdentifiedJoint:
-    first = {address: float(np.sqrt(low * high)) for address, (low, high) in BOUNDS.items()}
-    assembly = model.assembly(mount.diameter_mm, mount.overhang_mm, mount.holder_length_mm, *first.values())
-    found = identify(
-        MeasuredFrequencies(
-            assembly=assembly,
-            frequency_hz=reading.frequency_hz,
-            standard_deviation_hz=resolution.standard_deviation(reading.frequency_hz),
-            label=f"{reading.diameter_mm:g} mm at {reading.torque_nm:g} N m",
-        ),
-        [Unknown(address=address, lower=low, upper=high) for address, (low, high) in BOUNDS.items()],
-        starts=starts,
-        seed=seed,
-    )
-    k_y, k_theta = (found.values[address] for address in JOINT)
-    fitted = assembly.replace(found.values)
-    intervals = _intervals(fitted, reading, resolution)
-    _, _, joint_slopes, overhang_slopes = mode_slopes(model, fitted, (1, 2), ())
-    per_mm = -100.0 * np.linalg.solve(joint_slopes, overhang_slopes)
-    order = [list(found.addresses).index(address) for address in JOINT]
-    return IdentifiedJoint(
-        diameter_mm=reading.diameter_mm,
-        torque_nm=reading.torque_nm,
-        k_y=k_y,
-        k_theta=k_theta,
-        k_y_interval=intervals[0],
-        k_theta_interval=intervals[1],
-        k_y_percent_per_mm=float(per_mm[0]),
-        k_theta_percent_per_mm=float(per_mm[1]),
-        correlation=float(found.correlation[order[0], order[1]]),
-        published_k_y=reading.k_y,
-        published_k_theta=reading.k_theta,
-        starts=starts,
-        starts_agreeing=found.agreeing,
-        converged=found.converged,
-        advice=tuple(found.advice),
-    )
-
-
-def _intervals(assembly: Assembly, reading: Reading, resolution: Resolution) -> tuple[Interval, Interval]:
-    """Follow the joint to the corners of the box that the printed frequencies leave."""
-    centre = np.array(reading.frequency_hz)
-    half = resolution.half_step(centre)
-    corners = [follow_joint(assembly, centre + half * signs) for signs in itertools.product((-1.0, 1.0), repeat=2)]
-    ends: list[Interval] = []
-    for address, values in zip(JOINT, np.array(corners).T, strict=True):
-        low, high = BOUNDS[address]
-        ends.append(
-            (
-                None if values.min() <= low * (1.0 + 1e-6) else float(values.min()),
-                None if values.max() >= high * (1.0 - 1e-6) else float(values.max()),
-            )
-        )
-    return ends[0], ends[1]
-
-
-def follow_joint(assembly: Assembly, frequency_hz: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-    """Move an identified joint to where the first two natural frequencies are others; (k_y, k_theta).
-
-    As many frequencies as unknowns: Newton's method in logarithms, kept within the bounds of the search. A value
-    at a bound means that no joint within them gives these frequencies.
+    Newton's method in logarithms from the joint of the assembly, within `BOUNDS`. A value at a bound means that no
+    joint within the bounds has these frequencies.
     """
     wanted = np.log(np.asarray(frequency_hz, dtype=np.float64))
-    low, high = np.log(np.array([BOUNDS[address] for address in JOINT])).T
-    x = np.log([assembly.get(address) for address in JOINT])
+    low, high = np.log(np.array(list(BOUNDS.values()))).T
+    x = np.log([own.get(address) for address in JOINT])
     for _ in range(60):
-        moved = assembly.replace(dict(zip(JOINT, np.exp(x).tolist(), strict=True)))
+        moved = own.replace(dict(zip(JOINT, np.exp(x).tolist(), strict=True)))
         frequency, slope = moved.lowest_natural_frequencies(2, JOINT)
         matrix = slope * np.exp(x) / frequency[:, None]
         step, *_ = np.linalg.lstsq(matrix, wanted - np.log(frequency), rcond=None)
-        # A step of more than a factor e^2 is more than the slopes can be trusted for.
-        step *= min(1.0, 2.0 / max(float(np.max(np.abs(step))), 1e-300))
-        following = np.clip(x + step, low, high)
-        moved_by = float(np.max(np.abs(following - x)))
-        x = following
-        if moved_by < _TOLERANCE:
+        step *= min(1.0, _LARGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
+        before, x = x, np.clip(x + step, low, high)
+        if np.max(np.abs(x - before)) < 1e-10:
             break
-    result_k: NDArray[np.float64] = np.exp(x)
-    return result_k
+    result: NDArray[np.float64] = np.exp(x)
+    return result
+
+
+def identify_joints(published: Published, resolution: Resolution, *, starts: int, seed: int) -> list[dict[str, Any]]:
+    """Identify k_y and k_theta for every row of table 4.
+
+    Parameters
+    ----------
+    published : Published
+        The tables.
+    resolution : Resolution
+        Source of standard deviations and intervals.
+    starts, seed : int
+        As in `receptance.identify`.
+
+    Returns
+    -------
+    list of dict
+        By row: values, intervals, `percent_per_mm` (change per mm of overhang at the same frequencies), the paper's
+        values and how the search ended.
+    """
+    return [_identified(published, reading, resolution, starts, seed) for reading in published.readings]
+
+
+def joint_of(joints: Sequence[dict[str, Any]], diameter_mm: float, torque_nm: float) -> dict[str, Any]:
+    """Return the joint of a tool at a torque."""
+    return next(j for j in joints if (j["diameter_mm"], j["torque_nm"]) == (diameter_mm, torque_nm))
+
+
+def _identified(published: Published, reading: Any, resolution: Resolution, starts: int, seed: int) -> dict[str, Any]:
+    frequency = np.array(reading.frequency_hz)
+    middle = [float(np.sqrt(low * high)) for low, high in BOUNDS.values()]
+    own = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)
+    measured = MeasuredFrequencies(
+        assembly=own,
+        frequency_hz=frequency,
+        standard_deviation_hz=resolution.standard_deviation(frequency),
+        label=f"{reading.diameter_mm:g} mm at {reading.torque_nm:g} N m",
+    )
+    unknowns = [Unknown(address=address, lower=low, upper=high) for address, (low, high) in BOUNDS.items()]
+    found = identify(measured, unknowns, starts=starts, seed=seed)
+    fitted = own.replace(found.values)
+    _, _, joint_slopes, overhang_slopes = mode_slopes(fitted, (1, 2))
+    per_mm = -100.0 * np.linalg.solve(joint_slopes, overhang_slopes)
+    half = resolution.half_step(frequency)
+    corners = [follow_joint(fitted, frequency + half * signs) for signs in itertools.product((-1.0, 1.0), repeat=2)]
+    row: dict[str, Any] = {
+        "diameter_mm": reading.diameter_mm,
+        "torque_nm": reading.torque_nm,
+        "correlation": float(found.correlation[0, 1]),
+        "starts": starts,
+        "starts_agreeing": found.agreeing,
+        "converged": found.converged,
+        "advice": list(found.advice),
+    }
+    for i, (address, (low, high)) in enumerate(BOUNDS.items()):
+        name, value = address.removeprefix("joint."), found.values[address]
+        least, most = float(np.min(corners, axis=0)[i]), float(np.max(corners, axis=0)[i])
+        printed = getattr(reading, name)
+        row |= {
+            name: value,
+            f"{name}_interval": [
+                None if least <= low * (1.0 + 1e-6) else least,
+                None if most >= high * (1.0 - 1e-6) else most,
+            ],
+            f"{name}_percent_per_mm": float(per_mm[i]),
+            f"published_{name}": printed,
+            f"{name}_difference_percent": 100.0 * (value / printed - 1.0),
+        }
+    return row
+
+
+def find_trends(joints: Sequence[dict[str, Any]], torque_nm: float) -> dict[str, Any]:
+    """Return trends of both stiffnesses over torque by tool, and over diameter at one torque.
+
+    The change over torque is that of a straight line fitted to the logarithm of the stiffness at all torques. The ends
+    of an interval are reached when all readings err within the resolution in the worst direction. The power law of the
+    diameter also has the 95 % interval from the scatter of the tools about it.
+    """
+    torques = sorted({joint["torque_nm"] for joint in joints})
+    over_torque, over_diameter = [], []
+    for quantity in ("k_y", "k_theta"):
+        for diameter in sorted({joint["diameter_mm"] for joint in joints}):
+            states = sorted((j for j in joints if j["diameter_mm"] == diameter), key=lambda j: float(j["torque_nm"]))
+            x = np.array([state["torque_nm"] for state in states])
+            centred = x - x.mean()
+            value, interval = _combined(quantity, states, centred / np.sum(centred**2) * np.ptp(x))
+            over_torque.append(
+                {
+                    "quantity": quantity,
+                    "diameter_mm": diameter,
+                    "change_percent": _percent(value),
+                    "interval": [_percent(end) for end in interval],
+                    "exceeds": _excludes_zero(interval),
+                    "steps": _steps(quantity, states, "torque_nm"),
+                    "end_values": _steps(quantity, [states[0], states[-1]], "torque_nm")[0],
+                }
+            )
+        states = sorted((j for j in joints if j["torque_nm"] == torque_nm), key=lambda j: float(j["diameter_mm"]))
+        over_diameter.append(_diameter_law(quantity, torque_nm, states))
+    return {"torque_range_nm": [torques[0], torques[-1]], "torque": over_torque, "diameter": over_diameter}
+
+
+def _diameter_law(quantity: str, torque_nm: float, states: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    from scipy.stats import t as student  # slow to import
+
+    x = np.log([state["diameter_mm"] for state in states])
+    y = np.log([state[quantity] for state in states])
+    centred = x - x.mean()
+    exponent, interval = _combined(quantity, states, centred / np.sum(centred**2))
+    free = len(states) - 2
+    variance = float(np.sum((y - y.mean() - exponent * centred) ** 2)) / free
+    reach = float(student.ppf(0.5 + _CONFIDENCE / 2.0, free) * np.sqrt(variance / np.sum(centred**2)))
+    scatter = (exponent - reach, exponent + reach)
+    return {
+        "quantity": quantity,
+        "torque_nm": torque_nm,
+        "exponent": exponent,
+        "interval": list(interval),
+        "scatter_percent": 100.0 * float(np.expm1(np.sqrt(variance))),
+        "scatter_interval": list(scatter),
+        "exceeds": _excludes_zero(interval) and _excludes_zero(scatter),
+        "steps": _steps(quantity, states, "diameter_mm"),
+    }
+
+
+def _steps(quantity: str, states: Sequence[dict[str, Any]], over: str) -> list[dict[str, Any]]:
+    """Return the change from each state to the next in percent, with its interval."""
+    found = []
+    for pair in itertools.pairwise(states):
+        value, interval = _combined(quantity, pair, [-1.0, 1.0])
+        found.append(
+            {
+                "start": pair[0][over],
+                "end": pair[1][over],
+                "percent": _percent(value),
+                "interval": [_percent(end) for end in interval],
+                "exceeds": _excludes_zero(interval),
+            }
+        )
+    return found
+
+
+def _combined(quantity: str, states: Sequence[dict[str, Any]], weights: ArrayLike) -> tuple[float, Interval]:
+    """Return a weighted sum of logarithms, with the ends that the intervals of the states permit."""
+    value = 0.0
+    ends: list[float | None] = [0.0, 0.0]
+    for state, weight in zip(states, np.asarray(weights).tolist(), strict=True):
+        value += weight * float(np.log(state[quantity]))
+        own = state[f"{quantity}_interval"]
+        for side, end in enumerate(own if weight > 0.0 else own[::-1]):
+            total = ends[side]
+            ends[side] = None if total is None or end is None else total + weight * float(np.log(end))
+    return value, (ends[0], ends[1])
+
+
+def _percent(logarithm: float | None) -> float | None:
+    return None if logarithm is None else 100.0 * float(np.expm1(logarithm))
+
+
+def _excludes_zero(interval: Interval) -> bool:
+    low, high = interval
+    return (low is not None and low > 0.0) or (high is not None and high < 0.0)

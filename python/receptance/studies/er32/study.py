@@ -1,49 +1,71 @@
-"""The study from the tables to the result."""
+"""The study of the ER32 collet holder, from the tables to one document of results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from receptance import _checks
 from receptance.provenance import versions
-from receptance.studies.er32.bias import ChanceModel, LongToolBias, find_bias, propagate
-from receptance.studies.er32.chance import Cause, Simulation, rank_causes, simulate_chance
-from receptance.studies.er32.determination import (
-    Consistency,
-    Disagreement,
-    check_inference,
-    find_disagreements,
-    overhang_scatter,
+from receptance.studies.er32.bias import (
+    ChanceModel,
+    find_bias,
+    find_slopes,
+    predict_transfers,
+    rank_causes,
+    rms,
+    simulate_chance,
 )
-from receptance.studies.er32.holder import HolderModel, load_holder
-from receptance.studies.er32.joints import IdentifiedJoint, Resolution, identify_joints
-from receptance.studies.er32.tables import Published, load
-from receptance.studies.er32.transfer import SetVerdict, TransferRow, judge_sets, predict_transfers, rms
-from receptance.studies.er32.trends import Trends, find_trends
+from receptance.studies.er32.joints import (
+    SHARED,
+    Resolution,
+    find_trends,
+    follow_joint,
+    identify_joints,
+    joint_of,
+    mode_slopes,
+    shared_value,
+)
+from receptance.studies.er32.report import findings
+from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load
 
-__all__ = ["ER32Settings", "ER32Study", "run"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["ER32Settings", "run"]
+
+AT_BOUNDS = ("carbide density", "nose diameter", "flange length")
+"""Quantities that ended at a bound of the fit from which the holder was inferred."""
+_KNOWN_WITHIN_PERCENT = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ER32Settings:
-    """What the study takes as given.
+    """Settings of the study.
 
     Parameters
     ----------
     resolution : Resolution
-        How finely the frequencies are printed. The paper does not state its frequency resolution; its tables look
-        rounded to 1 Hz, and to 10 Hz from 10 kHz on.
+        Steps in which the frequencies are printed. The paper does not state them; its tables look rounded to 1 Hz, and
+        to 10 Hz from 10 kHz on.
     chance : ChanceModel
-        What chance means for the bias of the long tools.
+        Definition of chance for the bias of the long tools.
     starts : int
         Starts of every identification.
     draws : int
         Draws of the simulation of chance.
     seed : int
-        Of the starts and of the simulation.
+        Seed of the starts and of the simulation.
     betrayal : float
-        A mode betrays a parameter set when its error is this many times the rms error of the transfers.
+        A mode refutes a parameter set if its error exceeds this multiple of the rms error of the transfers.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A value out of range.
     """
 
     resolution: Resolution = field(default_factory=Resolution)
@@ -54,10 +76,10 @@ class ER32Settings:
     betrayal: float = 3.0
 
     def __post_init__(self) -> None:
-        for name in ("fine_hz", "coarse_hz", "change_hz"):
-            _checks.positive("resolution", name, getattr(self.resolution, name), unit="Hz")
-        for name in self.chance.__dataclass_fields__:
-            _checks.not_negative("chance", name, getattr(self.chance, name))
+        for name, value in asdict(self.resolution).items():
+            _checks.positive("resolution", name, value, unit="Hz")
+        for name, value in asdict(self.chance).items():
+            _checks.not_negative("chance", name, value)
         _checks.positive("settings", "betrayal", self.betrayal)
         for name, least in (("starts", 1), ("draws", 1), ("seed", 0)):
             value = getattr(self, name)
@@ -65,111 +87,211 @@ class ER32Settings:
                 raise ValueError(f"{name} is {value!r}, expected a whole number of at least {least}")
 
 
-@dataclass(frozen=True)
-class ER32Study:
-    """Everything that the study found."""
-
-    settings: ER32Settings
-    published: Published
-    model: HolderModel
-    versions: dict[str, str]
-    consistency: Consistency
-    identified: tuple[IdentifiedJoint, ...]
-    published_predictions: tuple[TransferRow, ...]
-    transfers: tuple[TransferRow, ...]
-    parameter_sets: tuple[SetVerdict, ...]
-    trends: Trends
-    bias: LongToolBias
-    simulation: Simulation
-    causes: tuple[Cause, ...]
-    disagreements: tuple[Disagreement, ...]
-    overhang_scatter_mm: float
-
-    @property
-    def published_predictions_rms_percent(self) -> float:
-        """Our model with the paper's stiffnesses against the paper's predictions."""
-        return rms([row.against_published_percent for row in self.published_predictions])
-
-    @property
-    def transfer_rms_percent(self) -> float:
-        """Our predictions against the measurements."""
-        return rms([row.error_percent for row in self.transfers])
-
-    @property
-    def published_transfer_rms_percent(self) -> float:
-        """The paper's predictions against the measurements."""
-        return rms([row.published_error_percent for row in self.transfers])
-
-
-def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None] | None = None) -> ER32Study:
-    """Do the study of the ER32 collet holder (Matthias et al. 2016).
+def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
+    """Compute the study of the ER32 collet holder (Matthias et al. 2016).
 
     Parameters
     ----------
     settings : ER32Settings, optional
-        What is taken as given.
+        Settings; by default those of the documentation.
     progress : callable, optional
-        Is told in words what is being done.
+        Called with a line of text before each step.
 
     Returns
     -------
-    ER32Study
-        All results; `receptance.studies.er32.as_dict` turns them into what JSON holds.
+    dict
+        All results as JSON holds them; an open end of an interval is None.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Settings without meaning.
+    Examples
+    --------
+    >>> from receptance.studies import er32
+    >>> found = er32.run(er32.ER32Settings(starts=1, draws=1))
+    >>> round(found["published_predictions"]["rms_percent"], 2)
+    0.49
     """
     chosen = settings or ER32Settings()
     say = progress or (lambda _: None)
-    published, model = load(), load_holder()
-    torque = published.recommended_torque_nm
+    published = load()
     say("checking the inferred holder")
-    consistency = check_inference(model, published)
+    inferred, covariance = check_inference(published)
     say("identifying the joints")
-    joints = identify_joints(model, published, chosen.resolution, starts=chosen.starts, seed=chosen.seed)
+    joints = identify_joints(published, chosen.resolution, starts=chosen.starts, seed=chosen.seed)
     say("predicting other overhangs")
-    theirs = predict_transfers(model, published, {s.diameter_mm: (s.k_y, s.k_theta) for s in published.machine})
-    ours = {j.diameter_mm: (j.k_y, j.k_theta) for j in joints if j.torque_nm == torque}
-    transfers = predict_transfers(model, published, ours)
-    threshold = chosen.betrayal * rms([row.error_percent for row in transfers])
-    sets = judge_sets(model, published, threshold)
-    trends = find_trends(joints, torque)
-    say("asking what chance would give")
-    longest = {long.diameter_mm: long.overhang_mm for long in published.long_tools}
-    first = {
-        row.diameter_mm: row.predicted_hz
-        for row in transfers
-        if row.mode == 1 and row.overhang_mm == longest[row.diameter_mm]
+    theirs = predict_transfers(published, {s.diameter_mm: (s.k_y, s.k_theta) for s in published.setups})
+    ours = {j["diameter_mm"]: (j["k_y"], j["k_theta"]) for j in joints if j["torque_nm"] == published.torque_nm}
+    transfers = predict_transfers(published, ours)
+    error = rms([row["error_percent"] for row in transfers])
+    say("simulating chance")
+    slopes = find_slopes(published, joints)
+    bias = find_bias(published, transfers, slopes, chosen.chance, chosen.resolution, covariance)
+    bias["simulation"] = simulate_chance(
+        published, ours, bias["mean_percent"], chosen.chance, chosen.resolution, draws=chosen.draws, seed=chosen.seed
+    )
+    bias["single_causes"] = rank_causes(published, ours, bias["percent"], slopes, chosen.chance)
+    bias["overhang_scatter_mm"] = overhang_scatter(published)
+    predictions = [
+        {
+            **{key: row[key] for key in ("diameter_mm", "overhang_mm", "mode", "published_hz", "predicted_hz")},
+            "difference_percent": 100.0 * (row["predicted_hz"] / row["published_hz"] - 1.0),
+        }
+        for row in theirs
+    ]
+    found: dict[str, Any] = {
+        "study": "er32",
+        "source": SOURCE,
+        "settings": asdict(chosen),
+        "seed": chosen.seed,
+        "versions": versions(),
+        "inferred": inferred,
+        "identified": joints,
+        "published_predictions": {
+            "rms_percent": rms([row["difference_percent"] for row in predictions]),
+            "rows": predictions,
+        },
+        "transfer": {
+            "rms_percent": error,
+            "published_rms_percent": rms([row["published_error_percent"] for row in transfers]),
+            "rows": transfers,
+        },
+        "parameter_sets": [_judged(published, one, chosen.betrayal * error) for one in published.parameter_sets],
+        "trends": find_trends(joints, published.torque_nm),
+        "long_first_mode_bias_percent": bias["percent"],
+        "long_first_mode_bias_p_value": bias["p_value"],
+        "long_first_mode_bias": bias,
+        "disagreements": find_disagreements(published, joints),
     }
-    slopes = propagate(model, published, joints, torque)
-    bias = find_bias(published, first, slopes, chosen.chance, chosen.resolution, consistency, torque)
-    simulation = simulate_chance(
-        model,
-        published,
-        joints,
-        bias,
-        chosen.chance,
-        chosen.resolution,
-        torque_nm=torque,
-        draws=chosen.draws,
-        seed=chosen.seed,
-    )
-    return ER32Study(
-        settings=chosen,
-        published=published,
-        model=model,
-        versions=versions(),
-        consistency=consistency,
-        identified=joints,
-        published_predictions=theirs,
-        transfers=transfers,
-        parameter_sets=sets,
-        trends=trends,
-        bias=bias,
-        simulation=simulation,
-        causes=rank_causes(model, published, joints, bias, slopes, chosen.chance, torque_nm=torque),
-        disagreements=find_disagreements(model, published, joints),
-        overhang_scatter_mm=overhang_scatter(published),
-    )
+    return {**found, "findings": findings(found)}
+
+
+def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.float64]]:
+    """Return residuals and standard errors of the inferred holder, and the covariance of its logarithms.
+
+    Standard errors are linear, with the scatter of the residuals as the error of a frequency. Quantities that ended at
+    a bound count as free, so the errors are those from the frequencies alone. `combinations_known` counts the
+    principal directions whose standard error is below `known_within_percent`.
+    """
+    fitted = [name for name in SHARED if not name.startswith("steel ")]
+    cases = [(t.diameter_mm, t.overhang_mm, t.predicted_hz) for t in published.transfers]
+    cases += [(m.diameter_mm, m.overhang_mm, published.reading(m.diameter_mm).frequency_hz) for m in published.mounts]
+    residuals, rows = [], []
+    for diameter, overhang, target in cases:
+        setup = published.setup(diameter)
+        own = assembly(diameter, overhang, setup.k_y, setup.k_theta)
+        frequency, slopes, _, _ = mode_slopes(own, range(1, len(target) + 1), fitted)
+        residuals.append(np.log(frequency / target))
+        rows.append(slopes)
+    residual, matrix = np.concatenate(residuals), np.concatenate(rows)
+    count, unknowns = matrix.shape
+    scatter = float(np.sqrt(np.sum(residual**2) / (count - unknowns)))
+    _, singular, directions = np.linalg.svd(matrix, full_matrices=False)
+    spread = scatter * directions / singular[:, None]
+    covariance = spread.T @ spread
+    quantities = []
+    for name, error in zip(fitted, np.sqrt(np.diag(covariance)).tolist(), strict=True):
+        value, unit = shared_value(name)
+        quantities.append(
+            {
+                "name": name,
+                "value": value,
+                "unit": unit,
+                "standard_error_percent": 100.0 * error,
+                "at_bound": name in AT_BOUNDS,
+            }
+        )
+    document = {
+        "what": "shape of the holder, modulus and density of the carbide",
+        "how": INFERENCE,
+        "frequencies": count,
+        "rms_percent": 100.0 * rms(np.expm1(residual).tolist()),
+        "quantities": quantities,
+        "combinations_known": int(np.sum(100.0 * scatter / singular < _KNOWN_WITHIN_PERCENT)),
+        "known_within_percent": _KNOWN_WITHIN_PERCENT,
+        "singular_values": singular.tolist(),
+    }
+    return document, covariance
+
+
+def _judged(published: Published, chosen: ParameterSet, threshold_percent: float) -> dict[str, Any]:
+    """Return the errors of a set of table 3 at all measured overhangs of its tool, the longest first."""
+    measured: dict[float, tuple[float, ...]] = {
+        t.overhang_mm: t.measured_hz for t in published.transfers if t.diameter_mm == chosen.diameter_mm
+    }
+    measured[published.mount(chosen.diameter_mm).overhang_mm] = published.reading(chosen.diameter_mm).frequency_hz
+    errors = []
+    for overhang in sorted(measured, reverse=True):
+        frequencies = measured[overhang]
+        own = assembly(chosen.diameter_mm, overhang, chosen.k_y, chosen.k_theta)
+        found = own.lowest_natural_frequencies(len(frequencies))[0].tolist()
+        errors += [
+            {
+                "overhang_mm": overhang,
+                "mode": mode,
+                "measured_hz": value,
+                "predicted_hz": predicted,
+                "error_percent": 100.0 * (predicted / value - 1.0),
+            }
+            for mode, (value, predicted) in enumerate(zip(frequencies, found, strict=True), 1)
+        ]
+    betrayed_by = [error for error in errors if abs(error["error_percent"]) > threshold_percent]
+    worst = max(errors, key=lambda error: abs(error["error_percent"]))
+    return {
+        "set": chosen.name,
+        "k_y": chosen.k_y,
+        "k_theta": chosen.k_theta,
+        "worst_error_percent": worst["error_percent"],
+        "worst": worst,
+        "threshold_percent": threshold_percent,
+        "betrayed": bool(betrayed_by),
+        "betrayed_by": betrayed_by,
+        "first_betrayal": next(iter(betrayed_by), None),
+        # A joint is usually matched to the first mode of a long tool.
+        "first_betrayal_of_first_mode": next((error for error in betrayed_by if error["mode"] == 1), None),
+        "errors": errors,
+    }
+
+
+def find_disagreements(published: Published, joints: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return numbers that the paper prints twice and differently, with the effect on the joint where it is known."""
+    found = []
+
+    def add(what: str, diameter: float, unit: str, first: float, where: str, second: float, elsewhere: str) -> None:
+        entry: dict[str, Any] = {"what": what, "diameter_mm": diameter, "unit": unit, "first": first}
+        entry |= {"first_source": where, "second": second, "second_source": elsewhere}
+        found.append({**entry, "k_y_change_percent": None, "k_theta_change_percent": None})
+
+    for printed in published.text:
+        setup = published.setup(printed.diameter_mm)
+        for what, unit in (("k_y", "N/m"), ("k_theta", "N m/rad")):
+            first, second = getattr(printed, what), getattr(setup, what)
+            if first != second:
+                add(what, printed.diameter_mm, unit, first, printed.where, second, "tables 4 and 5")
+    for diameter, first, source, second in _overhangs(published):
+        if first == second:
+            continue
+        add("overhang", diameter, "mm", first, source, second, "table 5")
+        if source == "table 1":
+            joint = joint_of(joints, diameter, published.torque_nm)
+            other = assembly(diameter, second, joint["k_y"], joint["k_theta"])
+            moved = follow_joint(other, published.reading(diameter).frequency_hz).tolist()
+            for name, value in zip(("k_y", "k_theta"), moved, strict=True):
+                found[-1][f"{name}_change_percent"] = 100.0 * (value / joint[name] - 1.0)
+    return found
+
+
+def overhang_scatter(published: Published) -> float:
+    """Return the standard deviation in mm of a printed overhang, from those printed twice."""
+    differences = np.array([second - first for _, first, _, second in _overhangs(published)])
+    return float(np.sqrt(np.mean(differences**2) / 2.0))
+
+
+def _overhangs(published: Published) -> list[tuple[float, float, str, float]]:
+    """Return overhangs printed twice: diameter, value in table 1 or 2, name of that table, value in table 5."""
+    pairs = [
+        (s.diameter_mm, published.mount(s.diameter_mm).overhang_mm, "table 1", s.overhang_medium_mm)
+        for s in published.setups
+    ]
+    for transfer in published.long_tools:
+        long = published.setup(transfer.diameter_mm).overhang_long_mm
+        if long is not None:
+            pairs.append((transfer.diameter_mm, transfer.overhang_mm, "table 2", long))
+    return pairs

@@ -1,19 +1,50 @@
-"""The tables of Matthias et al. 2016 as they were printed, in their units."""
+"""The tables of Matthias et al. 2016 as printed, and assemblies of the packaged campaign `er32`.
+
+The paper does not print the holder's shape. The holder of the campaign is inferred; see `INFERENCE`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+import functools
+import tempfile
+import tomllib
+from dataclasses import dataclass, replace
+from importlib import resources
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from receptance.studies._data import Row, number, number_or_none, read_table, read_toml
+from receptance.assembly import Assembly
+from receptance.beams import Part, Segment
+from receptance.joints import PointJoint
 
-__all__ = ["MachineSetup", "Mount", "ParameterSet", "PrintedStiffness", "Published", "Reading", "Transfer", "load"]
+if TYPE_CHECKING:
+    from receptance.campaign import Campaign
+
+__all__ = [
+    "INFERENCE",
+    "SOURCE",
+    "Mount",
+    "ParameterSet",
+    "PrintedStiffness",
+    "Published",
+    "Reading",
+    "Setup",
+    "Transfer",
+    "assembly",
+    "campaign",
+    "load",
+]
 
 SOURCE = "Matthias, Ozsahin, Altintas, Denkena, CIRP J. Manuf. Sci. Technol. 2016, doi 10.1016/j.cirpj.2016.02.005"
+INFERENCE = (
+    "The paper gives the holder's length (table 1) but not its shape. Four steel sections and the carbide's modulus "
+    "and density were fitted to 30 natural frequencies: the 20 PREDICTED ones of table 2 and the 10 measured at 135 "
+    "N m of table 4, with the joint stiffnesses of table 5."
+)
 
 
-@dataclass(frozen=True)
-class Mount:
-    """One line of table 1: an assembly whose joint is identified."""
+class Mount(NamedTuple):
+    """A row of table 1: the assembly on which a joint is identified."""
 
     diameter_mm: float
     overhang_mm: float
@@ -21,9 +52,8 @@ class Mount:
     holder_length_mm: float
 
 
-@dataclass(frozen=True)
-class Transfer:
-    """One line of table 2: another overhang, natural frequencies measured and as the paper predicts them."""
+class Transfer(NamedTuple):
+    """A row of table 2: natural frequencies at another overhang, measured and as predicted in the paper."""
 
     diameter_mm: float
     overhang_mm: float
@@ -31,19 +61,18 @@ class Transfer:
     predicted_hz: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class ParameterSet:
-    """One line of table 3: a joint that matches the tip FRF on the machine."""
+class ParameterSet(NamedTuple):
+    """A row of table 3: a joint that reproduces the tip FRF in the machine."""
 
     name: str
     diameter_mm: float
     k_y: float
     k_theta: float
+    c_theta: float | None
 
 
-@dataclass(frozen=True)
-class Reading:
-    """One line of table 4: two natural frequencies at a clamping torque, and the paper's stiffnesses."""
+class Reading(NamedTuple):
+    """A row of table 4: two natural frequencies at a clamping torque, and the stiffnesses identified in the paper."""
 
     diameter_mm: float
     torque_nm: float
@@ -52,9 +81,8 @@ class Reading:
     k_theta: float
 
 
-@dataclass(frozen=True)
-class MachineSetup:
-    """One line of table 5: stiffnesses used on the machine, with overhangs."""
+class Setup(NamedTuple):
+    """A row of table 5: overhangs and stiffnesses used in the machine."""
 
     diameter_mm: float
     overhang_medium_mm: float
@@ -63,9 +91,8 @@ class MachineSetup:
     k_theta: float
 
 
-@dataclass(frozen=True)
-class PrintedStiffness:
-    """Stiffnesses that the running text gives."""
+class PrintedStiffness(NamedTuple):
+    """Stiffnesses printed in the running text."""
 
     where: str
     diameter_mm: float
@@ -75,92 +102,134 @@ class PrintedStiffness:
 
 @dataclass(frozen=True)
 class Published:
-    """All that the paper prints and the study uses."""
+    """The tables, row by row."""
 
     mounts: tuple[Mount, ...]
     transfers: tuple[Transfer, ...]
     parameter_sets: tuple[ParameterSet, ...]
     readings: tuple[Reading, ...]
-    machine: tuple[MachineSetup, ...]
+    setups: tuple[Setup, ...]
     text: tuple[PrintedStiffness, ...]
-    recommended_torque_nm: float
+    torque_nm: float
+    """Recommended clamping torque."""
 
     def mount(self, diameter_mm: float) -> Mount:
-        """Return table 1's line for a tool."""
+        """Return the row of table 1 of a tool."""
         return next(mount for mount in self.mounts if mount.diameter_mm == diameter_mm)
 
-    def setup(self, diameter_mm: float) -> MachineSetup:
-        """Return table 5's line for a tool."""
-        return next(setup for setup in self.machine if setup.diameter_mm == diameter_mm)
+    def setup(self, diameter_mm: float) -> Setup:
+        """Return the row of table 5 of a tool."""
+        return next(setup for setup in self.setups if setup.diameter_mm == diameter_mm)
 
-    def reading(self, diameter_mm: float, torque_nm: float) -> Reading:
-        """Return table 4's line for a tool and a torque."""
-        return next(r for r in self.readings if (r.diameter_mm, r.torque_nm) == (diameter_mm, torque_nm))
+    def reading(self, diameter_mm: float, torque_nm: float | None = None) -> Reading:
+        """Return the row of table 4 of a tool at a torque, by default the recommended one."""
+        wanted = (diameter_mm, self.torque_nm if torque_nm is None else torque_nm)
+        return next(r for r in self.readings if (r.diameter_mm, r.torque_nm) == wanted)
 
     @property
     def long_tools(self) -> tuple[Transfer, ...]:
-        """Table 2's lines with the longer overhang of each tool."""
+        """The rows of table 2 with the longest overhang of each tool."""
         longest = {t.diameter_mm: t for t in sorted(self.transfers, key=lambda t: t.overhang_mm)}
         return tuple(longest[diameter] for diameter in sorted(longest))
 
-    def long_overhang(self, diameter_mm: float) -> float:
-        """Return the longer of table 2's overhangs of a tool, in mm."""
-        return next(t.overhang_mm for t in self.long_tools if t.diameter_mm == diameter_mm)
 
-
+@functools.cache
 def load() -> Published:
-    """Read the packaged tables 1 to 5.
+    """Read the packaged tables.
 
     Examples
     --------
-    >>> from receptance.studies.er32.tables import load
-    >>> load().mount(12.7).overhang_mm
+    >>> from receptance.studies import er32
+    >>> er32.load().mount(12.7).overhang_mm
     62.3
     """
-    text = read_toml("er32_text.toml")
+    text = tomllib.loads(_read("er32_text.toml"))
+    stiffness = ("k_y_n_per_m", "k_theta_nm_per_rad")
     return Published(
         mounts=tuple(
-            Mount(*(number(r, c) for c in ("diameter_mm", "overhang_mm", "insertion_mm", "holder_length_mm")))
-            for r in read_table("er32_table1_assemblies.csv")
+            Mount(*_numbers(r, "diameter_mm", "overhang_mm", "insertion_mm", "holder_length_mm"))
+            for r in _rows("er32_table1_assemblies.csv")
         ),
         transfers=tuple(
-            Transfer(number(r, "diameter_mm"), number(r, "overhang_mm"), _modes(r, "measured"), _modes(r, "predicted"))
-            for r in read_table("er32_table2_transfer.csv")
+            Transfer(float(r["diameter_mm"]), float(r["overhang_mm"]), _modes(r, "measured"), _modes(r, "predicted"))
+            for r in _rows("er32_table2_transfer.csv")
         ),
         parameter_sets=tuple(
-            ParameterSet(r["set"], number(r, "diameter_mm"), *_stiffness(r))
-            for r in read_table("er32_table3_parameter_sets.csv")
+            ParameterSet(r["set"], *_numbers(r, "diameter_mm", *stiffness, "c_theta_nms_per_rad"))
+            for r in _rows("er32_table3_parameter_sets.csv")
         ),
         readings=tuple(
-            Reading(
-                number(r, "diameter_mm"),
-                number(r, "torque_nm"),
-                (number(r, "mode_1_hz"), number(r, "mode_2_hz")),
-                *_stiffness(r),
+            Reading(r[0], r[1], (r[2], r[3]), r[4], r[5])
+            for r in (
+                _numbers(row, "diameter_mm", "torque_nm", "mode_1_hz", "mode_2_hz", *stiffness)
+                for row in _rows("er32_table4_torque.csv")
             )
-            for r in read_table("er32_table4_torque.csv")
         ),
-        machine=tuple(
-            MachineSetup(
-                number(r, "diameter_mm"),
-                number(r, "overhang_medium_mm"),
-                number_or_none(r, "overhang_long_mm"),
-                *_stiffness(r),
-            )
-            for r in read_table("er32_table5_parameters.csv")
+        setups=tuple(
+            Setup(*_numbers(r, "diameter_mm", "overhang_medium_mm", "overhang_long_mm", *stiffness))
+            for r in _rows("er32_table5_parameters.csv")
         ),
         text=tuple(
             PrintedStiffness(t["where"], t["diameter_mm"], t["k_y_n_per_m"], t["k_theta_nm_per_rad"])
             for t in text["stiffness"]
         ),
-        recommended_torque_nm=float(text["recommended_torque_nm"]),
+        torque_nm=float(text["recommended_torque_nm"]),
     )
 
 
-def _modes(row: Row, kind: str) -> tuple[float, ...]:
-    found = (number_or_none(row, f"{kind}_{mode}_hz") for mode in (1, 2, 3))
-    return tuple(value for value in found if value is not None)
+def _read(name: str) -> str:
+    return (resources.files("receptance.studies") / "data" / name).read_text(encoding="utf-8")
 
 
-def _stiffness(row: Row) -> tuple[float, float]:
-    return number(row, "k_y_n_per_m"), number(row, "k_theta_nm_per_rad")
+def _rows(name: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(line for line in _read(name).splitlines() if not line.startswith("#")))
+
+
+def _numbers(row: dict[str, str], *columns: str) -> Any:
+    """Return cells as numbers, None where a cell is empty."""
+    return tuple(float(row[column]) if row[column] else None for column in columns)
+
+
+def _modes(row: dict[str, str], kind: str) -> tuple[float, ...]:
+    return tuple(value for value in _numbers(row, *(f"{kind}_{mode}_hz" for mode in (1, 2, 3))) if value is not None)
+
+
+@functools.cache
+def campaign() -> Campaign:
+    """Return the packaged campaign `er32`: inferred holder, blanks, and the measured natural frequencies."""
+    from receptance import campaign as campaigns
+    from receptance import examples
+
+    with tempfile.TemporaryDirectory() as folder:
+        examples.write("er32", folder)
+        return campaigns.load(folder)
+
+
+def assembly(diameter_mm: float, overhang_mm: float, k_y: float = 1e9, k_theta: float = 1e5) -> Assembly:
+    """Return the freely suspended assembly of blank, point joint and inferred holder.
+
+    Parameters
+    ----------
+    diameter_mm, overhang_mm : float
+        Blank in mm; the holder's length is that of table 1 for this diameter.
+    k_y, k_theta : float, optional
+        Joint in N/m and N m/rad.
+
+    Returns
+    -------
+    Assembly
+        Of the elements "tool", "joint" and "holder".
+
+    Examples
+    --------
+    >>> from receptance.studies import er32
+    >>> er32.assembly(12.7, 113.2, 6.28e8, 1.04e5).natural_frequencies(6e3).round()
+    array([1129., 4917.])
+    """
+    built = campaign().built
+    *front, taper = built.parts["holder"].segments
+    # The taper takes up the remainder of the holder's length.
+    length = 1e-3 * load().mount(diameter_mm).holder_length_mm - sum(segment.length for segment in front)
+    blank = Segment(length=1e-3 * overhang_mm, outer_diameter=1e-3 * diameter_mm, material=built.materials["carbide"])
+    joint = PointJoint(k_y=k_y, k_theta=k_theta, name="joint")
+    return Assembly([Part([blank], name="tool"), joint, Part([*front, replace(taper, length=length)], name="holder")])

@@ -6,11 +6,15 @@
 //! reflection there and the steepest descent the best is taken (Branch, Coleman and Li, SIAM J. Sci. Comput. 21,
 //! 1999, 1). SciPy's least squares is the same method on whole residuals, and the reference of the tests.
 
+use crate::error::Result;
+
 /// When a fit ends.
 #[derive(Copy, Clone, Debug)]
 pub struct Stop {
     /// Relative change of the cost and of the variables, and largest cosine between column and residual, at which it has converged.
     pub tolerance: f64,
+    /// Decrease of the cost at which it has converged, where the next step promises no more.
+    pub least: f64,
     /// Most evaluations.
     pub evaluations: usize,
 }
@@ -37,12 +41,14 @@ pub struct End {
     pub x: Vec<f64>,
     /// Half the sum of squares.
     pub cost: f64,
+    /// Half the sum of squares at the start; infinite where the residuals have no value there.
+    pub first: f64,
     /// Evaluations of the normal matrix.
     pub evaluations: usize,
     /// Why it ended.
     pub status: Status,
-    /// The normal matrix where it was evaluated last, at the end or a step away that promises less than the
-    /// tolerance; empty where there was none.
+    /// The normal matrix over all variables, at the end or a step away from it that promises less than the tolerance;
+    /// empty where there was none.
     pub normal: Vec<f64>,
 }
 
@@ -58,35 +64,57 @@ const FULL: f64 = 0.95;
 /// Share of the range by which a start on a bound is moved inside.
 const INSIDE: f64 = 1e-10;
 
-/// Minimises half the sum of squares from a start within the bounds.
+/// Minimises half the sum of squares from a start within the bounds; variables that are not `free` are held there.
 ///
-/// `normal` returns A^T A row by row, or nothing where the residuals have no value; a step is then shortened.
+/// `normal` returns A^T A over all variables row by row, or nothing where the residuals have no value; a step is then
+/// shortened.
 /// Where the last step went as foreseen and the next one promises less than the tolerance, it is taken without
 /// another evaluation, if it leads to what is `allowed`.
+///
+/// # Errors
+/// Those of `normal` and `allowed`.
 pub fn minimise(
     start: &[f64],
-    [lower, upper]: [&[f64]; 2],
+    bounds: [&[f64]; 2],
+    free: &[bool],
     stop: Stop,
-    mut normal: impl FnMut(&[f64]) -> Option<Vec<f64>>,
-    allowed: impl Fn(&[f64]) -> bool,
-) -> End {
-    let count = start.len();
-    let last = (count + 1) * (count + 1) - 1;
-    let mut x = inside(start, lower, upper, INSIDE);
-    let end = |x, cost, evaluations, status, normal| End { x, cost, evaluations, status, normal };
-    let Some(mut now) = normal(&x) else {
-        return end(x, f64::INFINITY, 1, Status::NoValue, Vec::new());
+    mut normal: impl FnMut(&[f64]) -> Result<Option<Vec<f64>>>,
+    allowed: impl Fn(&[f64]) -> Result<bool>,
+) -> Result<End> {
+    let last = (start.len() + 1) * (start.len() + 1) - 1;
+    let moving: Vec<usize> = (0..start.len()).filter(|&i| free[i]).collect();
+    let pick = |values: &[f64]| -> Vec<f64> { moving.iter().map(|&i| values[i]).collect() };
+    let whole = |values: Vec<f64>| {
+        let mut whole = start.to_vec();
+        for (&i, value) in moving.iter().zip(values) {
+            whole[i] = value;
+        }
+        whole
     };
-    if count == 0 {
-        let cost = 0.5 * now[last];
-        return end(x, cost, 1, Status::Gradient, now);
+    // The matrix over the variables that move, and the residual.
+    let picked = |matrix: &[f64]| -> Vec<f64> {
+        let kept = || moving.iter().copied().chain([start.len()]);
+        kept().flat_map(|i| kept().map(move |j| i * (start.len() + 1) + j)).map(|at| matrix[at]).collect()
+    };
+    let [lower, upper] = &bounds.map(pick);
+    let mut x = inside(&pick(start), lower, upper, INSIDE);
+    let Some(mut now) = normal(&whole(x.clone()))? else {
+        let (cost, status) = (f64::INFINITY, Status::NoValue);
+        return Ok(End { x: whole(x), cost, first: cost, evaluations: 1, status, normal: Vec::new() });
+    };
+    let first = 0.5 * now[last];
+    let end = |x, cost, evaluations, status, normal| {
+        Ok(End { x: whole(x), cost, first, evaluations, status, normal })
+    };
+    if moving.is_empty() {
+        return end(x, first, 1, Status::Gradient, now);
     }
-    let mut norms = vec![0.0; count];
+    let mut norms = vec![0.0; moving.len()];
     let (mut region, mut foreseen) = (None, false);
     let mut evaluations = 1;
     loop {
         let cost = 0.5 * now[last];
-        let local = Local::new(&x, [lower, upper], &now, &mut norms);
+        let local = Local::new(&x, [lower, upper], &picked(&now), &mut norms);
         if local.steepest < stop.tolerance {
             return end(x, cost, evaluations, Status::Gradient, now);
         }
@@ -98,11 +126,14 @@ pub fn minimise(
             let Some(Step { scaled: step, promised, free }) = local.step(&x, radius) else {
                 return end(x, cost, evaluations, Status::Step, now);
             };
+            if free && promised <= stop.least {
+                return end(x, cost, evaluations, Status::Cost, now);
+            }
             let next = inside(&sum(&x, &local.unscaled(&step)), lower, upper, 0.0);
-            if foreseen && free && promised < stop.tolerance * cost && allowed(&next) {
+            if foreseen && free && promised < stop.tolerance * cost && allowed(&whole(next.clone()))? {
                 return end(next, cost - promised, evaluations, Status::Cost, now);
             }
-            let found = normal(&next);
+            let found = normal(&whole(next.clone()))?;
             evaluations += 1;
             let length = norm(&step);
             let actual = found.as_ref().map_or(f64::NEG_INFINITY, |found| cost - 0.5 * found[last]);
@@ -134,7 +165,8 @@ pub fn minimise(
 /// A point strictly within the bounds, by a share of their distance or by the next number.
 fn inside(x: &[f64], lower: &[f64], upper: &[f64], share: f64) -> Vec<f64> {
     let point = |i: usize| {
-        let room = share * (upper[i] - lower[i]);
+        let range = upper[i] - lower[i];
+        let room = if range.is_finite() { share * range } else { 0.0 };
         let (low, high) =
             ((lower[i] + room).max(lower[i].next_up()), (upper[i] - room).min(upper[i].next_down()));
         if low < high { x[i].clamp(low, high) } else { 0.5 * lower[i] + 0.5 * upper[i] }
@@ -192,7 +224,8 @@ impl<'a> Local<'a> {
             let g = normal[i * size + n];
             let distance = if g < 0.0 { bounds[1][i] - x[i] } else { x[i] - bounds[0][i] };
             // The cosine between column and residual, small where a bound is near that the slope leads to.
-            let room = if distance.is_finite() { distance / (bounds[1][i] - bounds[0][i]) } else { 1.0 };
+            let range = bounds[1][i] - bounds[0][i];
+            let room = if range.is_finite() { distance / range } else { 1.0 };
             if size_of_residual > 0.0 {
                 steepest = steepest.max((g * column).abs() / size_of_residual * room);
             }
@@ -414,21 +447,31 @@ fn solve(matrix: &mut [f64], right: &mut [f64]) -> Option<()> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
     /// Normal matrix of Rosenbrock's residuals 10 (y - x^2) and 1 - x.
-    fn rosenbrock(x: &[f64]) -> Option<Vec<f64>> {
+    fn rosenbrock(x: &[f64]) -> Result<Option<Vec<f64>>> {
         let rows = [[-20.0 * x[0], 10.0, 10.0 * (x[1] - x[0] * x[0])], [-1.0, 0.0, 1.0 - x[0]]];
         let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
-        Some((0..9).map(|k| entry(k / 3, k % 3)).collect())
+        Ok(Some((0..9).map(|k| entry(k / 3, k % 3)).collect()))
     }
 
-    const STOP: Stop = Stop { tolerance: 1e-12, evaluations: 200 };
+    fn fitted(
+        start: &[f64],
+        bounds: [&[f64]; 2],
+        stop: Stop,
+        normal: impl FnMut(&[f64]) -> Result<Option<Vec<f64>>>,
+    ) -> End {
+        minimise(start, bounds, &vec![true; start.len()], stop, normal, |_| Ok(true)).unwrap()
+    }
+
+    const STOP: Stop = Stop { tolerance: 1e-12, least: 0.0, evaluations: 200 };
 
     #[test]
     fn finds_a_minimum_inside() {
-        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, rosenbrock, |_| true);
+        let found = fitted(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, rosenbrock);
         assert!(found.cost < 1e-20 && (found.x[0] - 1.0).abs() < 1e-9, "{found:?}");
         assert!(found.status as i32 > 0);
         // A region that does not grow when it should takes three times as many.
@@ -438,33 +481,52 @@ mod tests {
     #[test]
     fn finds_a_minimum_on_a_bound() {
         // With x <= 0.5 the best y is x^2, which leaves (1 - x)^2 / 2.
-        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[0.5, 5.0]], STOP, rosenbrock, |_| true);
+        let found = fitted(&[-1.2, 1.0], [&[-5.0, -5.0], &[0.5, 5.0]], STOP, rosenbrock);
         assert!((found.x[0] - 0.5).abs() < 1e-12 && (found.x[1] - 0.25).abs() < 1e-9, "{found:?}");
         assert!((found.cost - 0.125).abs() < 1e-12);
     }
 
     #[test]
     fn stays_where_there_is_a_value() {
-        let walled = |x: &[f64]| if x[0] > 0.9 { None } else { rosenbrock(x) };
-        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, walled, |_| true);
+        let walled = |x: &[f64]| if x[0] > 0.9 { Ok(None) } else { rosenbrock(x) };
+        let found = fitted(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], STOP, walled);
         assert!(found.x[0] > 0.89 && found.x[0] <= 0.9, "{found:?}");
-        let nowhere = minimise(&[0.0, 0.0], [&[-1.0, -1.0], &[1.0, 1.0]], STOP, |_| None, |_| true);
+        let nowhere = fitted(&[0.0, 0.0], [&[-1.0, -1.0], &[1.0, 1.0]], STOP, |_| Ok(None));
         assert_eq!(nowhere.status, Status::NoValue);
     }
 
     #[test]
     fn says_when_it_has_not_finished() {
         let stop = Stop { evaluations: 3, ..STOP };
-        let found = minimise(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], stop, rosenbrock, |_| true);
+        let found = fitted(&[-1.2, 1.0], [&[-5.0, -5.0], &[5.0, 5.0]], stop, rosenbrock);
         assert_eq!((found.status, found.evaluations), (Status::Unfinished, 3));
+    }
+
+    #[test]
+    fn ends_where_the_next_step_promises_too_little() {
+        let bounds = [&[-5.0, -5.0][..], &[5.0, 5.0]];
+        let exact = fitted(&[-1.2, 1.0], bounds, STOP, rosenbrock);
+        let rough = fitted(&[-1.2, 1.0], bounds, Stop { least: 1e-6, ..STOP }, rosenbrock);
+        assert!(rough.evaluations <= exact.evaluations && rough.cost < 1e-5, "{rough:?}");
+        let again = fitted(&rough.x, bounds, Stop { least: 1e-6, ..STOP }, rosenbrock);
+        assert_eq!((again.evaluations, again.status, again.cost), (1, Status::Cost, again.first));
+    }
+
+    #[test]
+    fn bounds_may_be_open_on_one_side() {
+        let bounds = [&[-5.0, f64::NEG_INFINITY][..], &[f64::INFINITY, 0.25]];
+        let found = fitted(&[-1.2, 0.2], bounds, STOP, rosenbrock);
+        assert!(found.status as i32 > 0, "{found:?}");
+        assert!((found.x[1] - 0.25).abs() < 1e-9 && found.cost < 0.13, "{found:?}");
     }
 
     #[test]
     fn leaves_a_variable_without_effect_alone() {
         let flat = |x: &[f64]| {
-            Some(vec![0.0, 0.0, 0.0, 0.0, 1.0, x[1] - 2.0, 0.0, x[1] - 2.0, (x[1] - 2.0).powi(2)])
+            let off = x[1] - 2.0;
+            Ok(Some(vec![0.0, 0.0, 0.0, 0.0, 1.0, off, 0.0, off, off * off]))
         };
-        let found = minimise(&[0.3, 0.0], [&[0.0, 0.0], &[1.0, 3.0]], STOP, flat, |_| true);
+        let found = fitted(&[0.3, 0.0], [&[0.0, 0.0], &[1.0, 3.0]], STOP, flat);
         assert!((found.x[1] - 2.0).abs() < 1e-9 && found.x[0] == 0.3, "{found:?}");
     }
 }

@@ -1,20 +1,22 @@
 //! A least-squares problem: everything that was measured, as a function of the fitted variables.
 //!
-//! Observations are of whole models, of which any parameters may be unknown, or of models that are reduced to one
-//! joint. Both give the same numbers: the weighted complex logarithm of measured over calculated receptance, or
-//! calculated less measured natural frequencies. Fits work on the normal matrix A^T A with A = [J | r].
+//! Observations are of whole models, of which any parameters may be unknown, of models that are reduced to one joint, or
+//! residuals that the caller computes. The first two give the same numbers: the weighted complex logarithm of measured
+//! over calculated receptance, or calculated less measured natural frequencies. Fits work on the normal matrix A^T A with
+//! A = [J | r].
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, if_any, one_a_line, same_length};
 use crate::fit::least_squares::{End, Stop, minimise};
 use crate::joint::reduction::JointReduction;
 use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::frequencies::every;
 use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::observe::joint::Reduced;
-use crate::observe::lines::{Rows, add, spread};
-use crate::observe::observed::{Modelled, Record, Seen};
+use crate::observe::lines::{Rows, spread};
+use crate::observe::observed::{Measure, Modelled, Record, Seen};
 use crate::observe::ties::At;
 use crate::threads::on_threads;
+use core::fmt::Debug;
 use num_complex::Complex64;
 use std::sync::Arc;
 
@@ -62,6 +64,15 @@ pub struct OfJoint {
     pub variables: [Option<usize>; SPRING_COLUMNS],
 }
 
+/// Residuals that the caller computes.
+pub trait Residuals: Debug + Send + Sync {
+    /// Residuals and their derivatives by all variables; nothing where there are none.
+    ///
+    /// # Errors
+    /// What ends a fit.
+    fn rows(&self, x: &[f64]) -> Result<Option<Rows>>;
+}
+
 /// What was measured, beside the model that it is compared with.
 #[derive(Clone, Debug)]
 pub enum Observation {
@@ -69,6 +80,19 @@ pub enum Observation {
     Whole(Modelled),
     /// Of a model reduced to one joint.
     Joint(OfJoint),
+    /// Computed by the caller.
+    Given(Arc<dyn Residuals>),
+}
+
+/// When fits end, and what is kept of them.
+#[derive(Copy, Clone, Debug)]
+pub struct Settings {
+    /// See `Stop`.
+    pub tolerance: f64,
+    /// See `Stop`.
+    pub least: f64,
+    /// Whether the normal matrices of the ends have the rows and columns of variables that are held.
+    pub of_all: bool,
 }
 
 /// Everything that is fitted.
@@ -77,6 +101,8 @@ pub struct Problem {
     observed: Vec<Observation>,
     priors: Vec<Prior>,
     variables: Variables,
+    /// Residuals well above this count by their absolute value, those below by their square.
+    smoothing: Option<f64>,
 }
 
 /// The contribution of an observation to a normal matrix.
@@ -86,21 +112,24 @@ enum Part {
     /// Rows of A, the residual last: of few modes they are less work than their products.
     Rows(Vec<Vec<f64>>, At),
     /// A^T A over some variables and the residual.
-    Joint(Vec<f64>, Vec<usize>),
+    Some(Vec<f64>, Vec<usize>),
+    /// Rows of A over all variables.
+    Given(Rows),
 }
 
 impl Problem {
     /// A problem without observations.
     ///
     /// # Errors
-    /// No variable, bounds that are not numbers or cross, or a prior of a variable that does not exist.
-    pub fn new(variables: Variables, priors: Vec<Prior>) -> Result<Self> {
+    /// No variable, bounds that are not numbers or cross, a prior of a variable that does not exist, or a smoothing that is
+    /// not positive.
+    pub fn new(variables: Variables, priors: Vec<Prior>, smoothing: Option<f64>) -> Result<Self> {
         let count = variables.logarithmic.len();
         if count == 0 {
             return Err(wrong("number of variables", 0, 0.0, "at least one"));
         }
         for bounds in [&variables.lower, &variables.upper] {
-            same("bounds of the variables", 0, bounds.len(), count)?;
+            same_length("bounds of the variables", 0, bounds.len(), count)?;
         }
         for (index, (low, high)) in variables.lower.iter().zip(&variables.upper).enumerate() {
             if low.is_nan() || high.is_nan() || low > high {
@@ -114,7 +143,10 @@ impl Problem {
                 return Err(Error::Index { what: "prior", index, value, expected });
             }
         }
-        Ok(Self { observed: Vec::new(), priors, variables })
+        if let Some(value) = smoothing.filter(|value| !(*value > 0.0 && value.is_finite())) {
+            return Err(wrong("smoothing", 0, value, "a positive finite number"));
+        }
+        Ok(Self { observed: Vec::new(), priors, variables, smoothing })
     }
 
     /// Number of variables.
@@ -128,7 +160,7 @@ impl Problem {
             Observation::Whole(Modelled { seen: Seen::Receptance { w, records, .. }, .. }) => {
                 w.len() * records.len()
             }
-            Observation::Whole(_) => 0,
+            Observation::Whole(_) | Observation::Given(_) => 0,
             Observation::Joint(one) => one.record.measured.len(),
         };
         self.observed.iter().map(lines).sum()
@@ -138,11 +170,14 @@ impl Problem {
     ///
     /// # Errors
     /// Arrays that are empty or of different lengths, a model with other unknowns, natural frequencies that are not
-    /// positive finite numbers, or a variable that does not exist.
+    /// positive finite numbers, a variable that does not exist, or a smoothing of complex logarithms.
     pub fn add(&mut self, one: Observation) -> Result<()> {
         let index = self.observed.len();
+        if let Some(value) = self.smoothing.filter(|_| one.is_logarithmic()) {
+            return Err(wrong("smoothing", index, value, "none, where residuals are complex logarithms"));
+        }
         if let Observation::Whole(Modelled { tied, .. }) = &one {
-            same("number of unknowns that the model is tied to", index, tied.count(), self.count())?;
+            same_length("number of unknowns that the model is tied to", index, tied.count(), self.count())?;
         }
         match &one {
             Observation::Whole(Modelled { tied, seen: Seen::Receptance { w, records, beyond, .. } }) => {
@@ -151,11 +186,10 @@ impl Problem {
                 }
                 if !beyond.is_empty() {
                     let expected = tied.terminals() * TERMINAL_ENTRIES * w.len();
-                    same("receptances beyond terminals", index, beyond.len(), expected)?;
+                    same_length("receptances beyond terminals", index, beyond.len(), expected)?;
                 }
                 for Record { measured, weights } in records {
-                    same("measured receptance", index, measured.len(), w.len())?;
-                    same("weights", index, weights.len(), w.len())?;
+                    one_a_line(measured.len(), weights.len(), w.len())?;
                 }
             }
             Observation::Whole(Modelled { seen: Seen::Frequencies { modes, measured, weights }, .. }) => {
@@ -166,8 +200,8 @@ impl Problem {
                 if let Some(value) = measured.iter().find(|value| !usable(value)) {
                     return Err(wrong("measured frequency", index, *value, "a positive finite number"));
                 }
-                same("measured frequencies", index, measured.len(), modes.len())?;
-                same("weights", index, weights.len(), modes.len())?;
+                same_length("measured frequencies", index, measured.len(), modes.len())?;
+                same_length("weights", index, weights.len(), modes.len())?;
             }
             Observation::Joint(one) => {
                 let count = self.count();
@@ -177,6 +211,7 @@ impl Problem {
                 }
                 one.reduced()?;
             }
+            Observation::Given(_) => {}
         }
         self.observed.push(one);
         Ok(())
@@ -187,11 +222,12 @@ impl Problem {
         let fewer = |one: &Observation| match one {
             Observation::Whole(Modelled {
                 tied,
-                seen: Seen::Receptance { w, records, response, excitation, beyond },
+                seen: Seen::Receptance { measure, w, records, response, excitation, beyond },
             }) => {
                 let stride = stride(w.len(), lines);
                 let records = records.iter().map(|record| record.thinned(stride)).collect();
                 let seen = Seen::Receptance {
+                    measure: *measure,
                     w: every(w, stride),
                     records,
                     response: *response,
@@ -200,7 +236,7 @@ impl Problem {
                 };
                 Observation::Whole(Modelled { tied: tied.clone(), seen })
             }
-            Observation::Whole(_) => one.clone(),
+            Observation::Whole(_) | Observation::Given(_) => one.clone(),
             Observation::Joint(one) => {
                 let stride = stride(one.record.measured.len(), lines);
                 let reduction = Arc::new(one.reduction.thinned(stride));
@@ -208,35 +244,58 @@ impl Problem {
             }
         };
         let observed = self.observed.iter().map(fewer).collect();
-        Self { observed, priors: self.priors.clone(), variables: self.variables.clone() }
+        Self { observed, ..self.clone() }
     }
 
     /// A^T A over all variables and the residual, row by row; nothing where a model has no value. Rows and columns of
     /// variables that are not `free` are zero, but for their priors.
-    pub fn normal_matrix(&self, x: &[f64], free: &[bool], threads: usize) -> Option<Vec<f64>> {
+    ///
+    /// # Errors
+    /// No threads, an interruption, or an error of given residuals.
+    pub fn normal_matrix(&self, x: &[f64], free: &[bool], threads: usize) -> Result<Option<Vec<f64>>> {
         let size = x.len() + 1;
         let mut sum = vec![0.0; size * size];
         let (values, slopes) = self.unknowns(x, free);
         let parts = self.each(threads, |one, threads| match one {
             Observation::Whole(one) => {
-                let at = one.tied.at(&values, &slopes)?;
-                Some(match one.seen {
-                    Seen::Receptance { .. } => Part::Sum(one.normal_of_lines(&at, threads)?, at),
-                    Seen::Frequencies { .. } => Part::Rows(one.frequencies(&at)?, at),
+                let Some(at) = one.tied.at(&values, &slopes) else { return Ok(None) };
+                Ok(match one.seen {
+                    Seen::Receptance { measure: Measure::Logarithm, .. } => {
+                        one.normal_of_lines(&at, threads)?.map(|sum| Part::Sum(sum, at))
+                    }
+                    Seen::Receptance { measure: Measure::Percent, .. } => {
+                        let every: Vec<usize> = (0..x.len()).collect();
+                        one.rows_of_lines(&at, &every, x.len(), threads)?.map(Part::Given)
+                    }
+                    Seen::Frequencies { .. } => one.frequencies(&at)?.map(|rows| Part::Rows(rows, at)),
                 })
             }
             Observation::Joint(one) => {
+                let Some(joint) = one.joint(&values) else { return Ok(None) };
                 let (columns, mut place) = one.columns(&slopes);
-                let matrix = one.reduced().ok()?.normal_matrix(&one.joint(&values)?, &columns, threads);
+                let matrix = if_any(one.reduced()?.normal_matrix(&joint, &columns, threads))?;
                 place.push(x.len());
-                Some(Part::Joint(matrix.ok()?, place))
+                Ok(matrix.map(|matrix| Part::Some(matrix, place)))
             }
+            Observation::Given(one) => Ok(one.rows(x)?.map(Part::Given)),
         })?;
+        let Some(parts) = parts else { return Ok(None) };
         for part in &parts {
             match part {
                 Part::Sum(own, at) => spread(own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size),
-                Part::Rows(rows, at) => rows.iter().for_each(|row| add(row, &at.slopes, &mut sum, size)),
-                Part::Joint(own, place) => {
+                Part::Rows(rows, at) => {
+                    for row in rows {
+                        self.add_row(&over_variables(row, &at.slopes, size), &mut sum);
+                    }
+                }
+                Part::Given(rows) => {
+                    for (residual, slopes) in rows.residual.iter().zip(rows.jacobian.chunks(x.len())) {
+                        let free =
+                            slopes.iter().zip(free).map(|(slope, free)| if *free { *slope } else { 0.0 });
+                        self.add_row(&free.chain([*residual]).collect::<Vec<f64>>(), &mut sum);
+                    }
+                }
+                Part::Some(own, place) => {
                     for (i, &row) in place.iter().enumerate() {
                         for (j, &column) in place.iter().enumerate() {
                             sum[row * size + column] += own[i * place.len() + j];
@@ -252,25 +311,43 @@ impl Problem {
             sum[(size - 1) * size + i] += prior.scale * r;
             sum[size * size - 1] += r * r;
         }
-        sum.iter().all(|entry| entry.is_finite()).then_some(sum)
+        Ok(sum.iter().all(|entry| entry.is_finite()).then_some(sum))
     }
 
-    /// Residuals and their derivatives by the variables that are `free`; nothing where a model has no value. The
-    /// residuals of priors are not among them.
-    pub fn rows(&self, x: &[f64], free: &[bool], threads: usize) -> Option<Rows> {
+    /// Adds a row of A to A^T A. Where large residuals count by their absolute value, row and residual are scaled so that
+    /// slope and curvature are those of the smoothed sum (Triggs et al. 2000), and its value stands in the last entry.
+    fn add_row(&self, row: &[f64], sum: &mut [f64]) {
+        let Some(smoothing) = self.smoothing else { return outer(row, sum) };
+        let Some((&residual, slopes)) = row.split_last() else { return };
+        let t = 1.0 + (residual / smoothing).powi(2);
+        let (scale, last) = (t.powf(-0.75), residual * t.powf(0.25));
+        outer(&slopes.iter().map(|slope| slope * scale).chain([last]).collect::<Vec<f64>>(), sum);
+        if let Some(value) = sum.last_mut() {
+            *value += 2.0 * smoothing * smoothing * (t.sqrt() - 1.0) - last * last;
+        }
+    }
+
+    /// Residuals and their derivatives by the variables that are `free`; nothing where a model has no value.
+    ///
+    /// # Errors
+    /// As `normal_matrix`.
+    pub fn rows(&self, x: &[f64], free: &[bool], threads: usize) -> Result<Option<Rows>> {
         let moving: Vec<usize> = (0..x.len()).filter(|&i| free[i]).collect();
         let (values, slopes) = self.unknowns(x, free);
         let parts = self.each(threads, |one, threads| match one {
             Observation::Whole(one) => {
-                let at = one.tied.at(&values, &slopes)?;
+                let Some(at) = one.tied.at(&values, &slopes) else { return Ok(None) };
                 match one.seen {
                     Seen::Receptance { .. } => one.rows_of_lines(&at, &moving, x.len(), threads),
                     Seen::Frequencies { .. } => one.rows_of_frequencies(&at, &moving, x.len()),
                 }
             }
             Observation::Joint(one) => {
+                let Some(joint) = one.joint(&values) else { return Ok(None) };
                 let (columns, place) = one.columns(&slopes);
-                let found = one.reduced().ok()?.rows(&one.joint(&values)?, &columns, threads).ok()?;
+                let Some(found) = if_any(one.reduced()?.rows(&joint, &columns, threads))? else {
+                    return Ok(None);
+                };
                 let mut jacobian = vec![0.0; found.residual.len() * moving.len()];
                 for (own, into) in
                     found.jacobian.chunks(place.len().max(1)).zip(jacobian.chunks_mut(moving.len().max(1)))
@@ -281,29 +358,43 @@ impl Problem {
                         }
                     }
                 }
-                Some(Rows { residual: found.residual, jacobian })
+                Ok(Some(Rows { residual: found.residual, jacobian }))
             }
+            Observation::Given(one) => Ok(one.rows(x)?.map(|rows| Rows {
+                jacobian: rows
+                    .jacobian
+                    .chunks(x.len())
+                    .flat_map(|row| moving.iter().map(|&i| row[i]))
+                    .collect(),
+                residual: rows.residual,
+            })),
         })?;
+        let Some(parts) = parts else { return Ok(None) };
         let mut rows = Rows::default();
         for part in parts {
             rows.residual.extend(part.residual);
             rows.jacobian.extend(part.jacobian);
         }
+        for prior in &self.priors {
+            rows.residual.push(prior.scale * x[prior.variable] - prior.offset);
+            rows.jacobian.extend(moving.iter().map(|&i| if i == prior.variable { prior.scale } else { 0.0 }));
+        }
         let finite = rows.residual.iter().chain(&rows.jacobian).all(|value| value.is_finite());
-        finite.then_some(rows)
+        Ok(finite.then_some(rows))
     }
 
     /// Fits from each start, `starts` one after the other, with variables that are not `free` held where they start.
     /// `evaluations` are the most from each start.
     ///
     /// # Errors
-    /// Arrays of other lengths than there are variables or starts, or a tolerance that is not positive.
+    /// Arrays of other lengths than there are variables or starts, a tolerance that is not positive, and those of
+    /// `normal_matrix`.
     pub fn fit(
         &self,
         starts: &[f64],
         free: &[bool],
-        tolerance: f64,
         evaluations: &[usize],
+        Settings { tolerance, least, of_all }: Settings,
         threads: usize,
     ) -> Result<Vec<End>> {
         let count = self.count();
@@ -314,43 +405,33 @@ impl Problem {
         if !(tolerance > 0.0 && tolerance.is_finite()) {
             return Err(wrong("tolerance", 0, tolerance, "a positive finite number"));
         }
-        let moving: Vec<usize> = (0..count).filter(|&i| free[i]).collect();
-        let pick = |values: &[f64]| -> Vec<f64> { moving.iter().map(|&i| values[i]).collect() };
-        let (lower, upper) = (pick(&self.variables.lower), pick(&self.variables.upper));
+        let by = if of_all { &vec![true; count] } else { free };
+        let bounds = [&self.variables.lower[..], &self.variables.upper[..]];
         let rows: Vec<(&[f64], usize)> = starts.chunks(count).zip(evaluations.iter().copied()).collect();
         // Many starts share the threads, one start has them for its lines.
         let inside = if rows.len() > 1 { 1 } else { threads };
-        on_threads(threads, rows, A_FIT, |(start, evaluations)| {
-            let whole = |x: &[f64]| {
-                let mut whole = start.to_vec();
-                for (&i, value) in moving.iter().zip(x) {
-                    whole[i] = *value;
-                }
-                whole
-            };
-            let normal = |x: &[f64]| {
-                let matrix = self.normal_matrix(&whole(x), free, inside)?;
-                if moving.len() == count {
-                    return Some(matrix);
-                }
-                let kept = || moving.iter().copied().chain([count]);
-                let places = kept().flat_map(|i| kept().map(move |j| i * (count + 1) + j));
-                Some(places.map(|at| matrix[at]).collect())
-            };
-            let allowed = |x: &[f64]| self.allows(&whole(x));
-            let stop = Stop { tolerance, evaluations };
-            let end = minimise(&pick(start), [&lower, &upper], stop, normal, allowed);
-            End { x: whole(&end.x), ..end }
-        })
+        let ends = on_threads(threads, rows, A_FIT, |(start, evaluations)| {
+            let normal = |x: &[f64]| self.normal_matrix(x, by, inside);
+            let stop = Stop { tolerance, least, evaluations };
+            minimise(start, bounds, free, stop, normal, |x| self.allows(x))
+        })?;
+        ends.into_iter().collect()
     }
 
     /// Whether every model exists at a point.
-    fn allows(&self, x: &[f64]) -> bool {
+    fn allows(&self, x: &[f64]) -> Result<bool> {
         let (values, slopes) = unknowns(&self.variables, x);
-        self.observed.iter().all(|one| match one {
-            Observation::Whole(one) => one.tied.at(&values, &slopes).is_some(),
-            Observation::Joint(one) => one.joint(&values).is_some(),
-        })
+        for one in &self.observed {
+            let exists = match one {
+                Observation::Whole(one) => one.tied.at(&values, &slopes).is_some(),
+                Observation::Joint(one) => one.joint(&values).is_some(),
+                Observation::Given(one) => one.rows(x)?.is_some(),
+            };
+            if !exists {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Values of the unknowns and their derivatives by the variables, zero where these are not free.
@@ -366,18 +447,30 @@ impl Problem {
     fn each<T: Send>(
         &self,
         threads: usize,
-        work: impl Fn(&Observation, usize) -> Option<T> + Sync,
-    ) -> Option<Vec<T>> {
+        work: impl Fn(&Observation, usize) -> Result<Option<T>> + Sync,
+    ) -> Result<Option<Vec<T>>> {
         // Many observations share the threads, one has them for its lines.
         let inside = if self.observed.len() > 1 { 1 } else { threads };
         let lines = |one: &Observation| match one {
             Observation::Whole(one) => one.seen.lines(),
             Observation::Joint(one) => one.record.measured.len() / REDUCED_LINES,
+            Observation::Given(_) => 0,
         };
         let lines: usize = self.observed.iter().map(lines).sum();
         let a_task = A_LINE * lines as f64 / self.observed.len().max(1) as f64;
-        let parts = on_threads(threads, self.observed.iter().collect(), a_task, |one| work(one, inside));
-        parts.ok()?.into_iter().collect()
+        let parts = on_threads(threads, self.observed.iter().collect(), a_task, |one| work(one, inside))?;
+        parts.into_iter().collect()
+    }
+}
+
+impl Observation {
+    /// Whether its residuals are complex logarithms.
+    fn is_logarithmic(&self) -> bool {
+        match self {
+            Self::Whole(one) => matches!(one.seen, Seen::Receptance { measure: Measure::Logarithm, .. }),
+            Self::Joint(_) => true,
+            Self::Given(_) => false,
+        }
     }
 }
 
@@ -439,11 +532,27 @@ fn wrong(what: &'static str, index: usize, value: f64, expected: &str) -> Error 
     Error::Index { what, index, value, expected: expected.to_owned() }
 }
 
-fn same(what: &'static str, index: usize, value: usize, expected: usize) -> Result<()> {
-    if value == expected {
-        return Ok(());
+/// A row of derivatives by the entries, and the residual, as one over the variables.
+fn over_variables(row: &[f64], slopes: &[f64], size: usize) -> Vec<f64> {
+    let mut whole = vec![0.0; size];
+    let Some((residual, entries)) = row.split_last() else { return whole };
+    // The slopes of factors, which act on receptances alone, follow those of the entries.
+    for (entry, slopes) in entries.iter().zip(slopes.chunks((size - 1).max(1))) {
+        for (into, slope) in whole.iter_mut().zip(slopes) {
+            *into += entry * slope;
+        }
     }
-    Err(Error::Index { what, index, value: value as f64, expected: format!("{expected} values") })
+    whole[size - 1] = *residual;
+    whole
+}
+
+/// Adds the outer product of a row to a matrix.
+fn outer(row: &[f64], sum: &mut [f64]) {
+    for (value, into) in row.iter().zip(sum.chunks_mut(row.len())).filter(|(value, _)| **value != 0.0) {
+        for (into, other) in into.iter_mut().zip(row) {
+            *into += value * other;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -462,6 +571,7 @@ mod tests {
     const BAR: [f64; 14] = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0];
     // Ten times one unknown as modulus, and a length that is 0.2 exp(0.01 u).
     const ADDRESSES: [f64; 12] = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.2, 0.0, 0.01, 0.0, 0.0];
+    const SETTINGS: Settings = Settings { tolerance: 1e-10, least: 0.0, of_all: false };
     const LOGARITHMIC: [bool; 2] = [true, false];
     const BOUNDS: [[f64; 2]; 2] = [[9.0, -8.0], [11.0, 8.0]];
 
@@ -484,6 +594,7 @@ mod tests {
             [(5, 0), (2, 1)].map(|(column, address)| Rate { entry: entry(column), address, rate: 1.0 });
         let response = Coordinate { node: 0, direction: 0 };
         let seen = Seen::Receptance {
+            measure: Measure::Logarithm,
             w,
             records: vec![record.clone()],
             response,
@@ -492,7 +603,7 @@ mod tests {
         };
         let tied = Tied::new(Motion::Bending, tables, &rates, &[BAR[5], BAR[2]], ADDRESSES.to_vec(), 2);
         let priors = vec![Prior { variable: 1, scale: 1.0, offset: 0.0 }];
-        let mut problem = Problem::new(variables(), priors).unwrap();
+        let mut problem = Problem::new(variables(), priors, None).unwrap();
         problem.add(Observation::Whole(Modelled { tied: Arc::new(tied.unwrap()), seen })).unwrap();
         (problem, record)
     }
@@ -540,7 +651,7 @@ mod tests {
             sum[i][j] += prior;
         }
         for threads in [1, 2] {
-            let own = problem.normal_matrix(&x, &[true; 2], threads).unwrap();
+            let own = problem.normal_matrix(&x, &[true; 2], threads).unwrap().unwrap();
             for (own, expected) in own.iter().zip(sum.as_flattened()) {
                 assert!((own - expected).abs() <= 1e-10 * expected.abs(), "{own} {expected}");
             }
@@ -551,16 +662,49 @@ mod tests {
     fn fits_find_the_truth_and_hold_variables_that_are_not_free() {
         let (problem, _) = problem(300);
         let starts = [10.25, 0.5, 10.35, -1.0];
-        let free = problem.fit(&starts, &[true, true], 1e-10, &[100; 2], 2).unwrap();
+        let free = problem.fit(&starts, &[true, true], &[100; 2], SETTINGS, 2).unwrap();
         assert_eq!(free.len(), 2);
         for end in &free {
             assert!((end.x[0] - 2e10_f64.log10()).abs() < 1e-7 && end.x[1].abs() < 1e-4, "{end:?}");
         }
-        let held = problem.fit(&starts[..2], &[true, false], 1e-10, &[100], 1).unwrap();
+        let held = problem.fit(&starts[..2], &[true, false], &[100], SETTINGS, 1).unwrap();
         assert!(held[0].x[1] == 0.5 && held[0].cost > free[0].cost + 0.1, "{held:?}");
-        assert!(problem.fit(&starts, &[true], 1e-10, &[100; 2], 1).is_err());
-        let fewer = problem.thinned(30).fit(&starts, &[true, true], 1e-10, &[100; 2], 1).unwrap();
+        assert!(held[0].normal[4] == 1.0 && held[0].normal[1] == 0.0, "the prior alone: {held:?}");
+        let all = Settings { of_all: true, ..SETTINGS };
+        let whole = problem.fit(&starts[..2], &[true, false], &[100], all, 1).unwrap();
+        assert_eq!(whole[0].x, held[0].x);
+        assert!(whole[0].normal[4] > 1.0 && whole[0].normal[1] != 0.0, "{whole:?}");
+        assert!(problem.fit(&starts, &[true], &[100; 2], SETTINGS, 1).is_err());
+        let fewer = problem.thinned(30).fit(&starts, &[true, true], &[100; 2], SETTINGS, 1).unwrap();
         assert!((fewer[0].x[0] - 2e10_f64.log10()).abs() < 1e-7, "{fewer:?}");
+    }
+
+    /// The residuals 100 (x - 3) and y, one of them an outlier.
+    #[derive(Debug)]
+    struct Plane;
+
+    impl Residuals for Plane {
+        fn rows(&self, x: &[f64]) -> Result<Option<Rows>> {
+            let residual = vec![x[0] - 3.0, x[0] - 3.1, x[0] - 50.0, x[1]];
+            Ok(Some(Rows { residual, jacobian: vec![1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0] }))
+        }
+    }
+
+    #[test]
+    fn given_residuals_are_fitted_and_smoothed() {
+        let variables =
+            Variables { logarithmic: vec![false; 2], lower: vec![0.0, -1.0], upper: vec![99.0, 1.0] };
+        let fitted = |smoothing: Option<f64>| {
+            let mut problem = Problem::new(variables.clone(), Vec::new(), smoothing).unwrap();
+            problem.add(Observation::Given(Arc::new(Plane))).unwrap();
+            problem.fit(&[10.0, 0.5], &[true; 2], &[200], SETTINGS, 1).unwrap().remove(0)
+        };
+        let (squares, smoothed) = (fitted(None), fitted(Some(0.01)));
+        assert!((squares.x[0] - 56.1 / 3.0).abs() < 1e-6 && squares.x[1].abs() < 1e-6, "{squares:?}");
+        // The median of the three, nearly; and half the sum of 2 c (|r| - c), nearly.
+        assert!((smoothed.x[0] - 3.1).abs() < 0.02, "{smoothed:?}");
+        assert!((smoothed.cost - 0.01 * (46.9 + 0.1 - 0.03)).abs() < 1e-3, "{smoothed:?}");
+        assert!((smoothed.normal[8] - 2.0 * smoothed.cost).abs() < 1e-12);
     }
 
     /// A joint between two bars, reduced and as a whole model: rows and normal matrices are the same.
@@ -589,9 +733,15 @@ mod tests {
         let addresses = vec![0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
         let tied = Tied::new(Motion::Bending, tables, &rates, &[1e5, 1e8], addresses, 2).unwrap();
         let records = vec![record.clone()];
-        let seen =
-            Seen::Receptance { w: w.clone(), records, response: tip, excitation: tip, beyond: Vec::new() };
-        let mut whole = Problem::new(variables(), priors()).unwrap();
+        let seen = Seen::Receptance {
+            measure: Measure::Logarithm,
+            w: w.clone(),
+            records,
+            response: tip,
+            excitation: tip,
+            beyond: Vec::new(),
+        };
+        let mut whole = Problem::new(variables(), priors(), None).unwrap();
         whole.add(Observation::Whole(Modelled { tied: Arc::new(tied), seen })).unwrap();
         let x = [5.1, 1.3e8];
         for form in [Form::Shortest, Form::Planes] {
@@ -603,10 +753,13 @@ mod tests {
                 joint: [1e8, 1e5, 1e6, 100.0, 0.05, 0.0, 0.01],
                 variables: [Some(1), Some(0), None, None, None, None, None],
             };
-            let mut reduced = Problem::new(variables(), priors()).unwrap();
+            let mut reduced = Problem::new(variables(), priors(), None).unwrap();
             reduced.add(Observation::Joint(one)).unwrap();
             for free in [[true, true], [true, false]] {
-                let (a, b) = (reduced.rows(&x, &free, 2).unwrap(), whole.rows(&x, &free, 1).unwrap());
+                let (a, b) = (
+                    reduced.rows(&x, &free, 2).unwrap().unwrap(),
+                    whole.rows(&x, &free, 1).unwrap().unwrap(),
+                );
                 assert_eq!((a.residual.len(), a.jacobian.len()), (b.residual.len(), b.jacobian.len()));
                 let largest =
                     |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
@@ -615,7 +768,7 @@ mod tests {
                     assert!(largest(&off) <= 1e-8 * largest(b), "{form:?}");
                 }
             }
-            let of = |problem: &Problem| problem.normal_matrix(&x, &[true; 2], 1).unwrap();
+            let of = |problem: &Problem| problem.normal_matrix(&x, &[true; 2], 1).unwrap().unwrap();
             for (a, b) in of(&reduced).iter().zip(of(&whole)) {
                 assert!((a - b).abs() <= 1e-8 * b.abs(), "{form:?}: {a} {b}");
             }

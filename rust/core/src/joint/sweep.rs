@@ -11,7 +11,7 @@
 //! N and D are products of the columns of the lines and the factors of the joints, a few joints side by side on a vector
 //! of lines; what is made of them follows at once.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, one_a_line, same_length};
 use crate::joint::bilinear::{COLUMNS, FUNCTIONS, Functions, OnLines, column, factors, used};
 use crate::joint::reduction::JointReduction;
 use crate::model::assembly::{SPRING_COLUMNS, Spring};
@@ -93,9 +93,7 @@ impl<'a> JointSweep<'a> {
         misfit: Misfit,
         threads: usize,
     ) -> Result<Vec<f64>> {
-        for (index, length) in [values.len(), weights.len()].into_iter().enumerate() {
-            same_length("measured receptance or weights", index, length, self.lines())?;
-        }
+        one_a_line(values.len(), weights.len(), self.lines())?;
         let (columns, measured) = (used(joints), Measured { values, weights, misfit });
         let hoisted = self.hoisted(&columns, Some(measured), false, threads)?;
         let mut out = vec![0.0; joints.len() / SPRING_COLUMNS];
@@ -183,17 +181,6 @@ impl<'a> JointSweep<'a> {
             threads,
         )
     }
-}
-
-/// That an array has the length it should have.
-///
-/// # Errors
-/// It has not.
-pub(crate) fn same_length(what: &'static str, index: usize, length: usize, expected: usize) -> Result<()> {
-    if length == expected {
-        return Ok(());
-    }
-    Err(Error::Index { what, index, value: length as f64, expected: format!("{expected} values") })
 }
 
 /// Real numbers of a column on a line: N and D, real and imaginary parts.

@@ -2,7 +2,7 @@
 //!
 //! See `reduction` for how the receptance follows from the joint's stiffness.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_a_line};
 use crate::joint::change::{Change, Planes, Update};
 use crate::joint::reduction::{JointReduction, Reduction};
 use crate::joint::series::AtJoint;
@@ -40,13 +40,7 @@ impl<'a> Reduced<'a> {
     /// Arrays of different lengths.
     pub fn new(model: &'a JointReduction, measured: &'a [Complex64], weights: &'a [f64]) -> Result<Self> {
         let frequencies = model.frequencies();
-        for (index, length) in [measured.len(), weights.len()].into_iter().enumerate() {
-            if length != frequencies.len() {
-                let expected = format!("{} lines", frequencies.len());
-                let what = "measured receptance or weights";
-                return Err(Error::Index { what, index, value: length as f64, expected });
-            }
-        }
+        one_a_line(measured.len(), weights.len(), frequencies.len())?;
         Ok(Self { reduction: &model.reduction, frequencies, measured, weights, reference: model.reference })
     }
 

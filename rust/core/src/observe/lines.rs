@@ -3,7 +3,8 @@
 //! The derivatives of the lines stay where they are computed: what leaves a task is A^T A, A = [J | r], over the
 //! entries of the tables that move. How these follow from the fitted variables is applied to the sums.
 
-use crate::observe::observed::{Lines, Modelled, RecordLines, Seen};
+use crate::error::Result;
+use crate::observe::observed::{Lines, Measure, Modelled, RecordLines, Seen};
 use crate::observe::ties::At;
 use crate::simd::lane::{C, MAX_LANES, R};
 use num_complex::Complex64;
@@ -13,7 +14,7 @@ use pulp::{Arch, Simd, WithSimd};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
     /// Observation after observation, record after record: all real parts of the logarithm, then all imaginary
-    /// parts, or calculated less measured frequencies.
+    /// parts, or percentages, or calculated less measured frequencies. Priors come last.
     pub residual: Vec<f64>,
     /// `(residuals, free variables)`.
     pub jacobian: Vec<f64>,
@@ -26,8 +27,8 @@ impl Modelled {
         moving: &[usize],
         count: usize,
         threads: usize,
-    ) -> Option<Rows> {
-        let Seen::Receptance { w, records, .. } = &self.seen else { return None };
+    ) -> Result<Option<Rows>> {
+        let Seen::Receptance { w, records, measure, .. } = &self.seen else { return Ok(None) };
         let (lines, wide) = (w.len(), moving.len());
         let slopes = picked(at, moving, count);
         let parts = self.lines(at, threads, |Lines { range, h, dh, records }| {
@@ -46,22 +47,30 @@ impl Modelled {
             }
             let own = records.iter().map(|record| {
                 let log = record.measured.iter().zip(h).map(|(measured, h)| (measured / h).ln());
-                log.zip(record.weights).map(|(log, weight)| log * weight).collect::<Vec<_>>()
+                log.collect::<Vec<_>>()
             });
             (range, change, own.collect::<Vec<_>>())
         })?;
-        let mut rows = Rows {
-            residual: vec![0.0; 2 * lines * records.len()],
-            jacobian: vec![0.0; 2 * lines * records.len() * wide],
+        let Some(parts) = parts else { return Ok(None) };
+        let numbers = match measure {
+            Measure::Logarithm => 2,
+            Measure::Percent => 1,
         };
+        let count = numbers * lines * records.len();
+        let mut rows = Rows { residual: vec![0.0; count], jacobian: vec![0.0; count * wide] };
         for (range, change, own) in parts {
-            for (n, (record, residual)) in records.iter().zip(own).enumerate() {
-                for (line, residual) in range.clone().zip(residual) {
-                    let weight = record.weights[line];
+            for (n, (record, logarithms)) in records.iter().zip(own).enumerate() {
+                for (line, log) in range.clone().zip(logarithms) {
                     let from = (line - range.start) * wide;
-                    for (part, value) in [residual.re, residual.im].into_iter().enumerate() {
-                        let row = (2 * n + part) * lines + line;
-                        rows.residual[row] = value;
+                    // With q the ratio of the magnitudes, 100 (q - 1) changes by -100 q times the logarithm's change.
+                    let percent = 100.0 * (-log.re).exp();
+                    let (values, weight) = match measure {
+                        Measure::Logarithm => ([log.re, log.im], record.weights[line]),
+                        Measure::Percent => ([100.0 / percent - 1.0, 0.0], -percent * record.weights[line]),
+                    };
+                    for (part, value) in values.into_iter().take(numbers).enumerate() {
+                        let row = (numbers * n + part) * lines + line;
+                        rows.residual[row] = value * weight;
                         let into = rows.jacobian[row * wide..(row + 1) * wide].iter_mut();
                         for (into, change) in into.zip(&change[part][from..from + wide]) {
                             *into = change * weight;
@@ -70,14 +79,20 @@ impl Modelled {
                 }
             }
         }
-        Some(rows)
+        Ok(Some(rows))
     }
 
-    pub(crate) fn rows_of_frequencies(&self, at: &At, moving: &[usize], count: usize) -> Option<Rows> {
+    pub(crate) fn rows_of_frequencies(
+        &self,
+        at: &At,
+        moving: &[usize],
+        count: usize,
+    ) -> Result<Option<Rows>> {
         let slopes = picked(at, moving, count);
+        let Some(found) = self.frequencies(at)? else { return Ok(None) };
         let mut rows = Rows::default();
-        for row in self.frequencies(at)? {
-            let (residual, entries) = row.split_last()?;
+        for row in found {
+            let Some((residual, entries)) = row.split_last() else { continue };
             rows.residual.push(*residual);
             let by = |k: usize| {
                 let steps = entries.iter().enumerate();
@@ -85,7 +100,7 @@ impl Modelled {
             };
             rows.jacobian.extend((0..moving.len()).map(by));
         }
-        Some(rows)
+        Ok(Some(rows))
     }
 }
 
@@ -96,30 +111,13 @@ fn picked(at: &At, moving: &[usize], count: usize) -> Vec<f64> {
 
 impl Modelled {
     /// A^T A over the entries, factors and the residual, the upper triangle row by row.
-    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Option<Vec<f64>> {
+    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Result<Option<Vec<f64>>> {
         let arch = Arch::new();
         let parts =
             self.lines(at, threads, |Lines { h, dh, records, .. }| arch.dispatch(Sum { h, dh, records }))?;
         // Added in the order of the lines, whichever thread was first.
-        parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect())
-    }
-}
-
-/// Adds a row of derivatives by the entries and of a residual to a sum over the variables and the residual.
-pub(crate) fn add(row: &[f64], slopes: &[f64], sum: &mut [f64], size: usize) {
-    let Some((residual, entries)) = row.split_last() else { return };
-    let mut whole = vec![0.0; size];
-    // The slopes of factors, which act on receptances alone, follow those of the entries.
-    for (entry, slopes) in entries.iter().zip(slopes.chunks((size - 1).max(1))) {
-        for (into, slope) in whole.iter_mut().zip(slopes) {
-            *into += entry * slope;
-        }
-    }
-    whole[size - 1] = *residual;
-    for (value, into) in whole.iter().zip(sum.chunks_mut(size)).filter(|(value, _)| **value != 0.0) {
-        for (into, other) in into.iter_mut().zip(&whole) {
-            *into += value * other;
-        }
+        let Some(parts) = parts else { return Ok(None) };
+        Ok(parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect()))
     }
 }
 

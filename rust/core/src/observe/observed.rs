@@ -3,6 +3,7 @@
 //! A measured receptance is H(w - i sigma) F with factors F = exp(g - i w tau) (1 + sigma / (i w))^q of the measurement:
 //! a gain, a delay, an exponential window on what was recorded.
 
+use crate::error::{Result, if_any};
 use crate::line::response::Job;
 use crate::model::frequencies::{Frequencies, LINES_PER_TASK};
 use crate::model::request::{Coordinate, Parameter, Request, check};
@@ -30,11 +31,22 @@ pub(crate) struct RecordLines<'a> {
     pub weights: &'a [f64],
 }
 
+/// The residual of a receptance on a line.
+#[derive(Copy, Clone, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// The weighted complex logarithm of measured over calculated receptance.
+    Logarithm,
+    /// By how many percent the calculated magnitude is larger than the measured one, weighted.
+    Percent,
+}
+
 /// What was measured of a model.
 #[derive(Clone, Debug)]
 pub enum Seen {
     /// A receptance on lines w in rad/s, measured once or several times.
     Receptance {
+        /// How calculated and measured values are compared.
+        measure: Measure,
         /// Lines.
         w: Vec<Complex64>,
         /// What was measured on them.
@@ -92,12 +104,14 @@ impl Modelled {
         at: &At,
         threads: usize,
         work: impl Fn(Lines) -> T + Sync,
-    ) -> Option<Vec<T>> {
-        let Seen::Receptance { w, records, response, excitation, beyond } = &self.seen else { return None };
+    ) -> Result<Option<Vec<T>>> {
+        let Seen::Receptance { w, records, response, excitation, beyond, .. } = &self.seen else {
+            return Ok(None);
+        };
         let factors = Factors::new(at);
         if factors.decay != 0.0 && !beyond.is_empty() {
             // A table belongs to the window under which it was measured.
-            return None;
+            return Ok(None);
         }
         let request = Request {
             excitations: vec![*excitation],
@@ -107,29 +121,37 @@ impl Modelled {
             ..Request::default()
         };
         let shifted: Vec<Complex64> = w.iter().map(|w| w - Complex64::I * factors.decay).collect();
-        let highest = check(&at.model, &Frequencies::complex(&shifted, 1.0), &request).ok()?;
+        let Some(highest) = if_any(check(&at.model, &Frequencies::complex(&shifted, 1.0), &request))? else {
+            return Ok(None);
+        };
         // A free resonance without damping can make the one denominator of a branch zero to the last bit.
-        [true, false].into_iter().find_map(|whole| {
+        for whole in [true, false] {
             let whole = whole.then_some((highest, w.len()));
             let (model, lines) = (&at.model, (w.as_slice(), shifted.as_slice()));
-            match model.motion.degrees() {
+            let parts = match model.motion.degrees() {
                 1 => parts(&Job::<1>::new(model, &request, whole), lines, records, &factors, threads, &work),
                 _ => parts(&Job::<2>::new(model, &request, whole), lines, records, &factors, threads, &work),
+            }?;
+            if parts.is_some() {
+                return Ok(parts);
             }
-        })
+        }
+        Ok(None)
     }
 
     /// Weighted derivatives by the entries and weighted residual of each measured mode.
-    pub(crate) fn frequencies(&self, at: &At) -> Option<Vec<Vec<f64>>> {
-        let Seen::Frequencies { modes, measured, weights } = &self.seen else { return None };
-        let found = expected_frequencies(&at.model, modes, measured, &at.entries).ok()?;
+    pub(crate) fn frequencies(&self, at: &At) -> Result<Option<Vec<Vec<f64>>>> {
+        let Seen::Frequencies { modes, measured, weights } = &self.seen else { return Ok(None) };
+        let Some(found) = if_any(expected_frequencies(&at.model, modes, measured, &at.entries))? else {
+            return Ok(None);
+        };
         let count = at.entries.len();
         let row = |(mode, (measured, weight)): (usize, (&f64, &f64))| {
             let slopes = found.derivative[mode * count..(mode + 1) * count].iter();
             let residual = (found.angular[mode] - measured) * weight;
             slopes.map(|slope| slope * weight).chain([residual]).collect()
         };
-        Some(measured.iter().zip(weights).enumerate().map(row).collect())
+        Ok(Some(measured.iter().zip(weights).enumerate().map(row).collect()))
     }
 }
 
@@ -141,7 +163,7 @@ fn parts<const D: usize, T: Send>(
     factors: &Factors,
     threads: usize,
     work: &(impl Fn(Lines) -> T + Sync),
-) -> Option<Vec<T>> {
+) -> Result<Option<Vec<T>>> {
     let arch = Arch::new();
     let tasks: Vec<usize> = (0..w.len()).step_by(LINES_PER_TASK).collect();
     let parts = on_threads(threads, tasks, job.a_task_takes(), |start| {
@@ -161,8 +183,8 @@ fn parts<const D: usize, T: Send>(
             })
             .collect();
         Some(work(Lines { range, h: &h, dh: &dh, records: &own }))
-    });
-    parts.ok()?.into_iter().collect()
+    })?;
+    Ok(parts.into_iter().collect())
 }
 
 /// What becomes of a receptance on the way to the record.

@@ -1,7 +1,7 @@
 //! Many candidates of any parameters of a model: receptances, magnitudes or misfits of each, threads over candidates.
 
-use crate::error::{Error, Result};
-use crate::joint::sweep::{Misfit, same_length};
+use crate::error::{Error, Result, one_a_line, same_length};
+use crate::joint::sweep::Misfit;
 use crate::line::response::Job;
 use crate::model::frequencies::Frequencies;
 use crate::model::request::{Coordinate, Request, check};
@@ -77,9 +77,7 @@ impl<'a> ModelSweep<'a> {
         misfit: Misfit,
         threads: usize,
     ) -> Result<Vec<f64>> {
-        for (index, length) in [measured.len(), weights.len()].into_iter().enumerate() {
-            same_length("measured receptance or weights", index, length, self.frequencies.len())?;
-        }
+        one_a_line(measured.len(), weights.len(), self.frequencies.len())?;
         let mut out = vec![0.0; self.rows(candidates)?];
         let arch = Arch::new();
         self.each(candidates, &mut out, 1, threads, |found, out| {

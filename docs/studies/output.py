@@ -1,0 +1,50 @@
+"""Options, plain tables and JSON files of the scripts in this folder."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from receptance.provenance import versions
+from receptance.report.plain import plain
+from receptance.studies.report import table
+
+
+def options(description: str | None) -> argparse.ArgumentParser:
+    """Return a parser with the options that all scripts have."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write all results to a JSON file")
+    parser.add_argument("--plot", metavar="FILE", type=Path, help="save the figure (png, pdf or svg)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
+    return parser
+
+
+def print_table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
+    """Print a table of dictionaries; for the columns see `receptance.studies.report.table`."""
+    made = table(title, rows, columns)
+    lines = [made.headings, *made.texts()]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    print(f"\n{title}\n")
+    for line in [lines[0], ["-" * width for width in widths], *lines[1:]]:
+        cells = [
+            text.ljust(width) if isinstance(column, str) else text.rjust(width)
+            for text, width, column in zip(line, widths, made.columns, strict=True)
+        ]
+        print("  ".join(cells).rstrip())
+
+
+def save(path: Path | None, results: Mapping[str, Any]) -> None:
+    """Write results to a JSON file with the versions of the software; keys that begin with _ are left out."""
+    if path is not None:
+        document = plain(without_private({**results, "versions": versions()}))
+        path.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def without_private(value: Any) -> Any:
+    """Return dictionaries and lists without the keys that begin with _."""
+    if isinstance(value, Mapping):
+        return {key: without_private(inner) for key, inner in value.items() if not str(key).startswith("_")}
+    return [without_private(inner) for inner in value] if isinstance(value, (list, tuple)) else value

@@ -1,0 +1,499 @@
+"""From the tables of a campaign to materials, parts, joints, unknowns and assemblies."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from receptance._text import did_you_mean, one_of
+from receptance.assembly import Assembly
+from receptance.beams import Part, Segment
+from receptance.campaign.addresses import kind_of
+from receptance.campaign.element_tables import PLAIN_NUMBER
+from receptance.campaign.priors import prior_of
+from receptance.campaign.problems import path_text
+from receptance.campaign.quantities import parse_share
+from receptance.collet import ColletJoint
+from receptance.coordinates import Coordinate
+from receptance.errors import ReceptanceError
+from receptance.fields import Element, Member, Number
+from receptance.identification.factors import FACTORS
+from receptance.identification.laws import Law, Move, Power
+from receptance.identification.unknowns import Unknown, covered
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.materials import STEEL, Material
+from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart, Mode
+from receptance.spread import SpreadJoint
+from receptance.taper.body import as_rigid
+
+if TYPE_CHECKING:
+    from receptance.campaign.element_tables import ElementTable
+    from receptance.campaign.format import AssemblyTable, CampaignTable, CoordinateTable, UnknownTable
+    from receptance.campaign.lines import Path
+    from receptance.campaign.problems import Problems
+
+__all__ = [
+    "JOINTS",
+    "OWNERS",
+    "AnyJoint",
+    "Builder",
+    "Built",
+    "addresses_of",
+    "carrying",
+    "expected",
+    "no_address",
+    "with_sensor",
+]
+
+AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
+OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
+"""Sections whose names are first words of addresses."""
+JOINTS: dict[str, type[Element]] = {
+    "point": PointJoint,
+    "spread": SpreadJoint,
+    "collet": ColletJoint,
+    "micro-slip": MicroslipJoint,
+}
+"""Classes of joints by the `kind` of their tables."""
+_ATTACHMENTS: dict[str, type[Element]] = {
+    "mass": PointMass,
+    "ground": GroundSpring,
+    "resonator": Resonator,
+}
+_SINGULAR = {
+    "assemblies": "an assembly",
+    "attachments": "an attachment",
+    "materials": "a material",
+    "parts": "a part",
+    "modal_parts": "a modal part",
+}
+_KINDS = (
+    *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
+    *(kind.__name__ for kind in (*JOINTS.values(), *_ATTACHMENTS.values())),
+    "Section",
+    "Candidate",
+    "Milling",
+    "Turning",
+)
+"""Classes whose messages begin with their name, which the path in the file replaces."""
+_LAW = ("power_of", "free", "individual")
+_STAND_IN_HZ = 1000.0
+"""Frequency of a mode until the measured FRFs give its start."""
+_Made = TypeVar("_Made")
+
+
+@dataclass
+class Built:
+    """The objects of a campaign; one that is missing here has been reported as a mistake."""
+
+    materials: dict[str, Material] = field(default_factory=dict)
+    parts: dict[str, Part] = field(default_factory=dict)
+    modal_parts: dict[str, ModalPart] = field(default_factory=dict)
+    joints: dict[str, AnyJoint] = field(default_factory=dict)
+    attachments: dict[str, PointMass | GroundSpring | Resonator] = field(default_factory=dict)
+    sensors: dict[str, PointMass] = field(default_factory=dict)
+    unknowns: dict[str, Unknown] = field(default_factory=dict)
+    assemblies: dict[str, Assembly] = field(default_factory=dict)
+
+
+class Builder:
+    """Builds objects from tables: a mistake is added to the list of problems, a warning becomes a note.
+
+    Parameters
+    ----------
+    problems : Problems
+        Mistakes are added here.
+    named : dict of str to list of str
+        All names of each section, of tables with mistakes too.
+    broken : frozenset of str
+        Sections that are missing or no tables: names that would stand there are not checked.
+
+    Attributes
+    ----------
+    built : Built
+        The objects so far.
+    notes : list of str
+        Notes for the user.
+    warnings : list of str
+        Those of the notes that came as warnings.
+    """
+
+    def __init__(self, problems: Problems, named: dict[str, list[str]], broken: frozenset[str] = frozenset()) -> None:
+        self.problems = problems
+        self.named = named
+        self._broken = broken
+        self.built = Built()
+        self.notes: list[str] = []
+        self.warnings: list[str] = []
+
+    # Mistakes and notes ----------------------------------------------------------------------------------------------
+
+    def make(self, path: Path, build: Callable[..., _Made], /, *arguments: Any, **options: Any) -> _Made | None:
+        """Return what a function returns, or None after its mistake is added."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                made = build(*arguments, **options)
+            except (ValueError, TypeError, OSError, ReceptanceError) as error:
+                self.problems.add(path, _without_owner(str(error)))
+                return None
+        for warning in caught:
+            self.note(path, str(warning.message))
+            self.warnings.append(self.notes[-1])
+        return made
+
+    def note(self, path: Path, text: str) -> None:
+        """Add a note once; a warning that sums several notes up gives way to them."""
+        place = f"{path_text(path)}: "
+        text = _without_owner(text)
+        self.notes[:] = [note for note in self.notes if not (note.startswith(place) and text in note)]
+        self.notes.append(f"{place}{text}")
+
+    def known(self, path: Path, name: str, *sections: str) -> bool:
+        """Return whether a name is in one of some sections; add a mistake if not."""
+        known = [other for section in sections for other in self.named[section]]
+        if name in known or self.blind(*sections):
+            return True
+        what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in sections)
+        self.problems.add(path, f'is "{name}", which is not {what} of this file{expected(name, known)}')
+        return False
+
+    def blind(self, *sections: str) -> bool:
+        """Return whether one of some sections is missing or no table."""
+        return not self._broken.isdisjoint(sections)
+
+    # Elements --------------------------------------------------------------------------------------------------------
+
+    def build(self, campaign: CampaignTable) -> Built:
+        """Build everything that a campaign describes, as far as it is right."""
+        built = self.built
+        for name, table in campaign.materials.items():
+            _keep(built.materials, name, self.element(Material, table, ("materials", name), name=name))
+        for name, part in campaign.parts.items():
+            rows = [self.segment(("parts", name, "segments", i), row) for i, row in enumerate(part.segments)]
+            segments = [segment for segment in rows if segment is not None]
+            if len(segments) == len(rows):
+                made = Part(segments, name=name)
+                built.parts[name] = as_rigid(made) if part.rigid else made
+        for address, unknown in campaign.unknowns.items():
+            _keep(built.unknowns, address, self._unknown(address, unknown, campaign))
+        for name in campaign.modal_parts:
+            _keep(built.modal_parts, name, self._modal_part(name, campaign))
+        for name, joint in campaign.joints.items():
+            _keep(built.joints, name, self._joint(name, joint))
+        for name, point in campaign.attachments.items():
+            path: Path = ("attachments", name)
+            _keep(built.attachments, name, self.element(_ATTACHMENTS[point.kind], point, path, name, name=name))
+        for name, sensor in campaign.sensors.items():
+            _keep(built.sensors, name, self.element(PointMass, sensor, ("sensors", name), name, name=name))
+        for name, assembly in campaign.assemblies.items():
+            _keep(built.assemblies, name, self._assembly(name, assembly))
+        self._check_unknowns(campaign)
+        return built
+
+    def element(self, kind: type[Any], table: ElementTable, path: Path, address: str = "", **given: Any) -> Any:
+        """Return an element of a class from its table, or None after its mistakes are added.
+
+        A number that the table does not have and that is unknown is where its fit starts; `address` is the element's
+        own. Fields in `given` are taken as they are.
+        """
+        values = dict(given)
+        for name, declared in kind.declared.items():
+            if name in values or name not in type(table).model_fields:
+                continue
+            value = getattr(table, name)
+            if isinstance(declared, Member) and declared.kind is Material:
+                # A material with a mistake was reported; with steel in its place mistakes of dimensions are found too.
+                value = None if value is None else self.built.materials.get(value, STEEL)
+            elif isinstance(declared, Member):
+                value = self.element(declared.kind, value, (*path, name), f"{address}.{name}")
+                if value is None:
+                    return None
+            elif isinstance(declared, Number) and name not in table.model_fields_set:
+                unknown = self.built.unknowns.get(f"{address}.{name}")
+                value = value if unknown is None or unknown.start is None else unknown.start
+            values[name] = tuple(value) if isinstance(value, list) else value
+        return self.make(path, kind, **values)
+
+    def segment(self, path: Path, table: ElementTable) -> Segment | None:
+        """Return a segment, or None after its mistakes are added."""
+        made: Segment | None = self.element(Segment, table, path)
+        return made
+
+    def _joint(self, name: str, table: ElementTable) -> AnyJoint | None:
+        wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
+        if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
+            return None  # the mistake of the unknown was reported; that the joint lacks a value only follows from it
+        made: AnyJoint | None = self.element(JOINTS[table.kind], table, ("joints", name), name, name=name)
+        return made
+
+    def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart | None:
+        table = campaign.modal_parts[name]
+        path: Path = ("modal_parts", name)
+        modes = []
+        for index, row in enumerate(table.modes):
+            own, here = f"{name}.mode[{index}]", (*path, "modes", index)
+            given = {} if row.frequency_hz is not None else {"frequency_hz": _STAND_IN_HZ}
+            if given and not table.identify and f"{own}.frequency_hz" not in self.built.unknowns:
+                text = "has no frequency_hz, expected one, or `identify = true` for the whole modal part"
+                self.problems.add(here, text)
+                continue
+            shapes = [key for key in Mode.columns_of if key.startswith(("y", "theta"))]
+            unknown = table.identify or any(f"{own}.{key}" in campaign.unknowns for key in shapes)
+            if not unknown and not any(getattr(row, key) for key in shapes):
+                self.problems.add(here, "has no mode shape, expected y or theta, or one of them among the unknowns")
+            modes.append(self.element(Mode, row, here, own, **given))
+        if None in modes or len(modes) < len(table.modes):
+            return None
+        made: ModalPart | None = self.element(ModalPart, table, path, name, modes=modes, name=name)
+        return made
+
+    # Unknowns --------------------------------------------------------------------------------------------------------
+
+    def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown | None:
+        path: Path = ("unknowns", address)
+        if self.problems.at(path):
+            return None
+        plain = bool(table.moves) or table.multiple is not None
+        lower, upper, start = table.lower, table.upper, table.start
+        if start is None and not plain:
+            start = _given(address, campaign)
+            if start is not None and not lower <= start <= upper:
+                self.problems.add(
+                    path,
+                    f"has bounds without the {start:g} that the joint is given, expected wider bounds or another start",
+                )
+                return None
+        fields: dict[str, Any] = {"address": address, "lower": lower, "upper": upper, "start": start}
+        fields |= {"scale": table.scale, "name": table.name}
+        fields["configurations"] = None if table.assemblies is None else tuple(table.assemblies)
+        if table.prior is not None:
+            logarithmic = table.scale == "log" or (table.scale is None and lower > 0.0 and not table.moves)
+            quantity = PLAIN_NUMBER if plain else kind_of(address)
+            fields["prior"] = self.make((*path, "prior"), prior_of, quantity, table.prior, logarithmic)
+            if fields["prior"] is None:
+                return None
+        if table.moves:
+            return self._move(path, table, {**fields, "name": table.name or address})
+        fields |= {"multiple": 1.0 if table.multiple is None else table.multiple, "also": table.also}
+        if wrong := _misplaced(table):
+            self.problems.add((*path, *wrong[:-1]), wrong[-1])
+            return None
+        if not any(getattr(table, key) for key in _LAW):
+            return self.make(path, Unknown, **fields)
+        if table.free:
+            fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
+        return self._law(path, table, fields)
+
+    def _move(self, path: Path, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
+        wrong = [
+            key for key in ("multiple", "also", "free", "individual", "follows", "exponent") if getattr(table, key)
+        ]
+        if wrong:
+            self.problems.add((*path, wrong[0]), "is given with `moves`, expected one of the two")
+            return None
+        reference = 1.0
+        if table.power_of is not None:
+            found = self._reference(path, table)
+            if found is None:
+                return None
+            reference = found
+        fields |= {"moves": table.moves, "relative": table.relative, "of": table.power_of or "", "reference": reference}
+        return self.make(path, Move, **fields)
+
+    def _reference(self, path: Path, table: UnknownTable) -> float | None:
+        if table.reference is None:
+            self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
+            return None
+        return table.reference.value
+
+    def _law(self, path: Path, table: UnknownTable, fields: dict[str, Any]) -> Law | None:
+        powers: tuple[Power, ...] = ()
+        if table.power_of is not None:
+            reference = self._reference(path, table)
+            if reference is None:
+                return None
+            lower, upper = table.exponent or (-4.0, 4.0)
+            power = self.make(path, Power, of=table.power_of, reference=reference, lower=lower, upper=upper)
+            if power is None:
+                return None
+            powers = (power,)
+        individual: float | None = 0.0
+        if table.individual is not None:
+            individual = self.make((*path, "individual"), parse_share, table.individual, 'a percentage such as "5 %"')
+            if individual is None:
+                return None
+        fields |= {"powers": powers, "free": table.free, "individual": individual, "follows": table.follows}
+        return self.make(path, Law, **fields)
+
+    def _check_unknowns(self, campaign: CampaignTable) -> None:
+        """Every unknown must be a parameter of some assembly, and no parameter may have two."""
+        built = self.built
+        if len(built.assemblies) < len(self.named["assemblies"]) or not built.assemblies:
+            return  # an assembly with a mistake may be the one that has it
+        measured = {*built.sensors, *(name for one in campaign.measurements.values() for name in one.attachments)}
+        claimed: dict[tuple[str, str], str] = {}
+        for title, unknown in built.unknowns.items():
+            owned = addresses_of(unknown)
+            for address in unknown.reached:
+                if address.split(".", 1)[0] in measured or address in FACTORS:
+                    continue
+                found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
+                if not found:
+                    first = next(iter(built.assemblies.values()))
+                    text = no_address(address, first, "is a parameter of no assembly")
+                    self.problems.add(("unknowns", title), text)
+                for key in found if address in owned else ():
+                    if key in claimed:
+                        text = f'moves {key[1]}, which the unknown "{claimed[key]}" moves too, expected one of the two'
+                        self.problems.add(("unknowns", title), text)
+                        break
+                    claimed[key] = title
+
+    # Assemblies ------------------------------------------------------------------------------------------------------
+
+    def _assembly(self, name: str, table: AssemblyTable) -> Assembly | None:
+        path: Path = ("assemblies", name)
+        elements: dict[str, Any] = {**self.built.parts, **self.built.joints, **self.built.modal_parts}
+        points = self.built.attachments
+        if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
+            return None
+        chain = [elements[own] for own in table.chain]
+        made = self.make((*path, "chain"), Assembly, chain, motion=table.motion)
+        if made is not None and table.attachments:
+            on = [points[own] for own in table.attachments]
+            made = self.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
+        return None if made is None else self._set(path, made, table)
+
+    def _set(self, path: Path, assembly: Assembly, table: AssemblyTable) -> Assembly | None:
+        """Return the assembly with the values that its table sets."""
+        for address in table.set:
+            here = (*path, "set", address)
+            own = covered(address, assembly)
+            if not own:
+                self.problems.add(here, no_address(address, assembly))
+            elif any(own & covered(a, assembly) for one in self.built.unknowns.values() for a in addresses_of(one)):
+                self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
+        if self.problems.at((*path, "set")):
+            return None
+        return self.make((*path, "set"), assembly.replace, table.set) if table.set else assembly
+
+    def place(self, path: Path, table: CoordinateTable, assembly: Assembly) -> Coordinate | None:
+        """Return a coordinate that the assembly has, or None after its mistakes are added."""
+        if self.problems.at(path):
+            return None
+        if assembly.motion == "axial" and table.direction.endswith("theta"):
+            text = f'is "{table.direction}", and nothing turns in axial motion; expected "+y"'
+            self.problems.add((*path, "direction"), text)
+            return None
+        parts = {name: element for name, element in assembly.elements.items() if isinstance(element, Part)}
+        name = table.part or next(iter(parts))
+        if name not in parts:
+            self.problems.add((*path, "part"), f'is "{name}", which the assembly has not{expected(name, parts)}')
+            return None
+        length, position = parts[name].length, table.position
+        if position != "end" and position > length * (1.0 + 1e-9):
+            text = f'is {1e3 * position:g} mm, expected at most the length {1e3 * length:g} mm of part "{name}"'
+            self.problems.add((*path, "position"), text)
+            return None
+        direction: Literal["y", "theta"] = "theta" if table.direction.endswith("theta") else "y"
+        return Coordinate(name, position, direction)
+
+    def at_level(
+        self, path: Path, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
+    ) -> Assembly | None:
+        """Return the assembly with its joints in micro-slip at the level of a measurement, or None with mistakes.
+
+        The level is a number, and whether it is a force in N, which the `reference_force` of the joints divides.
+        """
+        if level is None:
+            return assembly
+        here = (*path, "level")
+        amount, is_force = level
+        levels: dict[str, float] = {}
+        for name in (name for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)):
+            reference = campaign.joints[name].reference_force
+            if is_force and reference is None:
+                text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one'
+                self.problems.add(here, f"{text} there")
+                return None
+            if f"{name}.level" in campaign.unknowns:
+                self.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
+                return None
+            levels[f"{name}.level"] = amount / reference if is_force else amount
+        if not levels:
+            self.problems.add(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
+            return None
+        return self.make(here, assembly.replace, levels)
+
+
+def _keep(store: dict[str, Any], name: str, made: Any) -> None:
+    if made is not None:
+        store[name] = made
+
+
+def _misplaced(table: UnknownTable) -> tuple[str, ...]:
+    """Return the key and the text of a mistake: a key that needs another one."""
+    if table.relative:
+        return "relative", "is given, but nothing that it `moves`"
+    if table.along is not None and not table.free:
+        return "along", "is given, but it is not `free`, expected `free = true` beside it"
+    if any(getattr(table, key) for key in _LAW):
+        return ()
+    if table.reference is not None or table.exponent is not None:
+        return ("has a reference or an exponent, but no `power_of`",)
+    return ("follows", "is given, but it has no `power_of` and no `individual` part") if table.follows else ()
+
+
+def _given(address: str, campaign: CampaignTable) -> float | None:
+    """Return the value that the file gives a parameter of a joint or modal part: its fit starts there by default."""
+    owner, *inside, name = address.split(".")
+    table: Any = campaign.joints.get(owner, campaign.modal_parts.get(owner))
+    for member in inside:
+        key, _, number = member.partition("[")
+        if key == "mode" and number:
+            modes = getattr(table, "modes", [])
+            index = int(number[:-1])
+            table = modes[index] if index < len(modes) else None
+        else:
+            table = getattr(table, member, None)
+    return getattr(table, name) if table is not None and name in table.model_fields_set else None
+
+
+def addresses_of(unknown: Unknown) -> tuple[str, ...]:
+    """Return the addresses whose value an unknown is; one that only moves parameters has none."""
+    return () if isinstance(unknown, Move) else unknown.reached
+
+
+def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) -> Assembly:
+    """Return the assembly with the mass of a sensor at a coordinate."""
+    if sensor is None:
+        return assembly
+    return carrying(assembly, replace(sensor, part=at.part, position=at.position))
+
+
+def carrying(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
+    """Return the assembly with more attached to it."""
+    return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points], motion=assembly.motion)
+
+
+def no_address(address: str, assembly: Assembly, what: str = "is no parameter of this assembly") -> str:
+    """Return the message about an address that an assembly does not have."""
+    first = address.split(".", 1)[0] + "."
+    own = [name for name in assembly.parameters if name.startswith(first)]
+    return f"{what}{did_you_mean(address, assembly.parameters)}; expected {one_of(own or assembly.parameters)}"
+
+
+def expected(name: str, known: Iterable[str]) -> str:
+    """Return the names that are expected in place of one, and the nearest of them."""
+    choices = list(known)
+    return f", expected {one_of(choices)}{did_you_mean(name, choices)}"
+
+
+def _without_owner(text: str) -> str:
+    """Leave out the owner at the beginning of a message of the library: the path names it."""
+    owner, colon, rest = text.partition(": ")
+    return rest if colon and owner.split(" ", 1)[0] in _KINDS else text

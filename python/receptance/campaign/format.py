@@ -1,0 +1,643 @@
+"""The tables of a campaign file, as pydantic models.
+
+Tables of elements (materials, segments, joints, masses) follow from the declarations of the elements; the others are
+declared here.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, StringConstraints, Tag, WithJsonSchema
+
+from receptance import units
+from receptance._text import shown
+from receptance.beams import Segment
+from receptance.campaign.element_tables import AtAddress, ByAddress, ElementTable, Of, OneKind, Position, Table
+from receptance.campaign.quantities import Amount, Condition, Deviation, OneOf, Spread, parse_condition, parse_level
+from receptance.collet import ColletJoint
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.materials import Material
+from receptance.microslip import MicroslipJoint
+from receptance.modal_parts import ModalPart, Mode
+from receptance.spread import SpreadJoint
+from receptance.stability import Milling, Turning
+
+__all__ = [
+    "AssemblyTable",
+    "CampaignTable",
+    "CandidateFRFTable",
+    "CandidateFrequenciesTable",
+    "CatalogueTable",
+    "CutTable",
+    "FRFTable",
+    "FileFields",
+    "FrequenciesTable",
+    "HammerTable",
+    "PartTable",
+    "PriorTable",
+    "SeriesTable",
+    "SettingsTable",
+    "StabilityTable",
+    "TipTable",
+    "UnknownTable",
+]
+
+Word = Annotated[str, StringConstraints(pattern=r"^[^\W\d]\w*$")]
+"""A name that is the first word of addresses."""
+Name = Annotated[str, StringConstraints(min_length=1)]
+Written = Annotated[str | float, OneOf(str, int, float, what="text with a number and a unit, or a plain number")]
+"""A quantity as it stands in the file."""
+Value = Annotated[float, AtAddress()]
+"""A quantity of the kind that its address names."""
+ConditionValue = Annotated[
+    Condition,
+    PlainValidator(parse_condition),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
+]
+"""A number with a unit, of any kind."""
+Conditions = dict[str, ConditionValue]
+
+# Parts and joints ----------------------------------------------------------------------------------------------------
+
+
+class PartTable(Table):
+    """A tool, a holder, a blank: segments in a row, rigidly connected, from its tip-side end on."""
+
+    segments: Annotated[list[Annotated[ElementTable, Of(Segment)]], Field(min_length=1)]
+    """one or more, `[[parts.NAME.segments]]`, in order from the tip-side end"""
+    rigid: bool = False
+    """whether the part is rigid: only its mass counts"""
+
+
+class _ModeKeys(ElementTable):
+    """A mode of a modal part, as seen at the plane where it joins the part before it."""
+
+    frequency_hz: Annotated[float | None, Amount(units.FREQUENCY_OR_ZERO)] = None
+    """undamped natural frequency with the plane free; zero for a rigid-body mode; not needed with `identify`"""
+    damping_ratio: Annotated[float, Amount(units.DAMPING_RATIO)] = 0.03
+    """share of critical damping"""
+    y: Annotated[float, Amount(units.MODE_SHAPE)] = 0.0
+    """mass-normalised mode shape at the plane; one that is unknown and not given starts in the middle of its bounds"""
+    theta: Annotated[float, Amount(units.MODE_SLOPE)] = 0.0
+    """rotation of the mode shape, likewise"""
+
+
+class _ModalPartKeys(ElementTable):
+    """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
+
+    modes: Annotated[list[Annotated[ElementTable, Of(Mode, keys=_ModeKeys)]], Field(min_length=1)]
+    """one or more, `[[modal_parts.NAME.modes]]`"""
+    identify: bool = False
+    """whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has none"""
+
+
+class _MicroslipKeys(ElementTable):
+    reference_force: Annotated[float, Amount(units.FORCE)] | None = None
+    """force that is the level 1, where measurements give their `level` as a force"""
+
+
+ModalPartTable = Annotated[ElementTable, Of(ModalPart, keys=_ModalPartKeys)]
+JointTable = Annotated[
+    ElementTable,
+    OneKind(
+        Of(PointJoint, "point"),
+        Of(SpreadJoint, "spread"),
+        Of(ColletJoint, "collet"),
+        Of(MicroslipJoint, "micro-slip", keys=_MicroslipKeys),
+    ),
+]
+SensorTable = Annotated[ElementTable, Of(PointMass, without=("part", "position"), name="SensorTable")]
+AttachmentTable = Annotated[
+    ElementTable, OneKind(Of(PointMass, "mass"), Of(GroundSpring, "ground"), Of(Resonator, "resonator"))
+]
+
+
+class CoordinateTable(Table):
+    """A position on a part, a direction and a sign."""
+
+    part: str = ""
+    """name of the part; by default the first one of the chain"""
+    position: Position = 0.0
+    """distance from the part's tip-side end, or `"end"` for its far end; by default 0"""
+    direction: Literal["+y", "-y", "+theta", "-theta"] = "+y"
+    """translation y or rotation theta, and the sign in which the channel counts it"""
+
+
+class AssemblyTable(Table):
+    """A configuration: parts and joints in a row from the tip, and values of its own."""
+
+    chain: Annotated[list[str], Field(min_length=1)]
+    """names of parts and joints from the tip on; begins with a part and ends with a part or a modal part"""
+    attachments: list[str] = Field(default=[])
+    """names of the masses and ground springs on it"""
+    set: Annotated[dict[str, Value], ByAddress()] = Field(default={})
+    """values of this configuration by address, `{ "tool.segment[0].length" = "60 mm" }`"""
+    tolerance: Annotated[dict[str, Annotated[Deviation, AtAddress(deviation=True)]], ByAddress()] = Field(default={})
+    """standard deviations of this configuration by address; one error for this configuration alone"""
+    conditions: Conditions = Field(default={})
+    """numbers with units that describe the configuration: torque, insertion, drawbar force"""
+    motion: Literal["bending", "axial"] = "bending"
+    """bending or axial; in axial motion y, k_y and c_y are along the axis, and there is no rotation"""
+
+
+# Measurements -------------------------------------------------------------------------------------------------------
+
+FrequencyOrZero = Annotated[float, Amount(units.FREQUENCY_OR_ZERO)]
+Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
+_Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
+
+
+class EntryTable(Table):
+    """The FRF to read from a file with several FRFs, responses or excitations."""
+
+    number: Annotated[int, Field(ge=0)] | None = None
+    """number of the FRF, counted from 0, if the file holds several"""
+    response: _Which = None
+    """number of the response, counted from 0, or its name in the file"""
+    excitation: _Which = None
+    """number of the excitation, counted from 0, or its name in the file"""
+
+
+class FileFields(Table):
+    """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
+
+    file: str
+    """file beside the campaign: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
+    format: str | None = None
+    """format of the file, if its ending does not determine it"""
+    quantity: Literal["receptance", "mobility", "accelerance"] | None = None
+    """measured quantity, if the file does not state it"""
+    unit: str | None = None
+    """unit of the FRF, if the file does not state it, such as `"m/s^2/N"`"""
+    entry: EntryTable = EntryTable()
+    """the FRF to read, if the file holds several FRFs, responses or excitations"""
+    coherence: str | None = None
+    """another file with the coherence"""
+    ignore_coherence: bool = False
+    """whether the coherence in the file is ignored"""
+    variables: dict[str, str] = Field(default={})
+    """names of the variables for `frequency_hz`, `values` and `coherence` in an NPZ, MAT or HDF5 file of another
+    program"""
+    columns: list[str] = Field(default=[])
+    """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
+    averages: Annotated[int, Field(ge=1)] | None = None
+    """number of averages, if the file does not state it"""
+    standard_deviation: str | None = None
+    """standard deviation of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from
+    coherence and averages"""
+    decay_rate: Annotated[float, Amount(units.DECAY_RATE)] | None = None
+    """decay rate of an exponential window on both channels, if the file does not state it"""
+
+
+Frequency = Annotated[float, Amount(units.FREQUENCY)]
+Force = Annotated[float, Amount(units.FORCE)]
+Level = Annotated[
+    tuple[float, bool],
+    PlainValidator(parse_level),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
+]
+"""A level of joints in micro-slip, and whether it is a force in N."""
+Time = Annotated[float, Amount(units.TIME)]
+TimeOrZero = Annotated[float, Amount(units.TIME_OR_ZERO)]
+ShareAboveZero = Annotated[float, Amount(units.SHARE_ABOVE_ZERO)]
+Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
+Rate = Annotated[float, Amount(units.DECAY_RATE)]
+
+
+class _Measured(Table):
+    assembly: str
+    """name of the assembly that was measured"""
+    role: Literal["identify", "hold out"] = "identify"
+    """whether it is used in the fit, or held out for comparison with predictions"""
+    sensor: str | None = None
+    """name of the sensor at the response coordinate; none for a laser"""
+    conditions: Conditions = Field(default={})
+    """numbers with units that describe the measurement: a force level, a temperature"""
+    attachments: list[str] = Field(default=[])
+    """names of masses and ground springs that were attached during this measurement only: a second sensor, a
+    suspension"""
+    level: Level | None = None
+    """level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"""
+
+
+class _Response(_Measured):
+    response: CoordinateTable = CoordinateTable()
+    """coordinate of the measured motion"""
+    excitation: CoordinateTable = CoordinateTable()
+    """coordinate of the load"""
+    bands: Annotated[list[Band], Field(min_length=1)] | None = None
+    """frequency bands to use, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
+    floor: str | None = None
+    """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
+    integrate: Annotated[int, Field(ge=-2, le=2)] = 0
+    """number of additional integrations of the motion, for a file that states a wrong quantity: 1 if it holds
+    velocities and states displacements, -1 for the reverse"""
+    ends: Time | None = None
+    """time from the hit to the end of a record that was truncated while the structure still vibrated; the unknown
+    `"observation.end"` estimates it"""
+
+
+class FRFTable(FileFields, _Response):
+    """A frequency response function from a file."""
+
+    kind: Literal["frf"]
+    """`"frf"`"""
+    force: Force | None = None
+    """amplitude of a stepped sine; it determines the level of joints in micro-slip on each line"""
+
+
+class HammerTable(_Response):
+    """Force and response of hammer hits against time, from which the FRF is estimated."""
+
+    kind: Literal["hammer records"]
+    """`"hammer records"`"""
+    file: Annotated[str | list[str], OneOf(str, list, what="the name of a file, or a list of them")]
+    """file beside the campaign with one or several hits, or a list of files: UFF58, CSV, NPZ, MAT, HDF5"""
+    format: str | None = None
+    """format of the files, if their ending does not determine it"""
+    force: Channel
+    """name of the force channel, or its number counted from 0"""
+    motion: Channel
+    """name of the response channel, or its number counted from 0"""
+    units: dict[str, str] = Field(default={})
+    """units of channels, if the files do not state them, `{ hammer = "N", tip = "m/s^2" }`"""
+    variables: dict[str, str] = Field(default={})
+    """names of the variables for the time, `time_s`, and the channels in NPZ, MAT or HDF5 files of another program"""
+    columns: list[str] = Field(default=[])
+    """header of tables that have none, `["time [s]", "hammer [N]", "tip [m/s^2]"]`"""
+    sample_rate: Frequency | None = None
+    """samples per second, if the files do not state it"""
+    full_scale_force: Force | None = None
+    """full scale of the force channel; without it an overload is detected only by a flat top"""
+    trigger: Force | None = None
+    """force at which a hit begins; by default a tenth of the largest"""
+    duration: Time | None = None
+    """length of the block of a hit; by default the time between hits"""
+    pre_trigger: TimeOrZero | None = None
+    """time from the beginning of a block to the trigger, by default 10 ms, if a record holds several hits"""
+    double_hits: Literal["drop", "keep"] = "drop"
+    """treatment of double hits: leave them out, or use them with a force window that spans all contacts"""
+    double_share: ShareAboveZero | None = None
+    """smallest peak of a second contact, over that of the first, that makes a double hit; by default 0.02"""
+    separation: Time | None = None
+    """contacts closer than this are one double hit, if a record holds several hits; by default 100 ms"""
+    drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])
+    """numbers of hits to drop, counted from 1 in the order in which they are found"""
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    """estimator of the FRF"""
+    force_drop_db: Annotated[float, Field(gt=0.0)] = 20.0
+    """the usable band ends where the force's spectrum is this many dB below its largest value; with a larger number
+    lines with less force are used as well, with their larger variance"""
+    decay_rate: Rate = 0.0
+    """decay rate of the exponential window to apply to both channels"""
+    response_decay_rate: Rate = 0.0
+    """decay rate of an exponential window that the recorder applied to the response alone"""
+    force_window: str = "auto"
+    """length of the force window after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"` for the whole
+    block"""
+
+
+class FrequenciesTable(_Measured):
+    """Natural frequencies, and damping ratios where these are known, here or in a CSV file."""
+
+    kind: Literal["natural frequencies"]
+    """`"natural frequencies"`"""
+    frequencies: Annotated[list[Frequency], Field(min_length=1)] | None = None
+    """natural frequencies, ascending"""
+    modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
+    """numbers of the elastic modes, the lowest is 1; by default 1, 2, and so on"""
+    standard_deviation: Annotated[
+        str | list[str] | None, OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
+    ] = None
+    """standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+    damping_ratios: Annotated[list[str], Field(min_length=1)] | None = None
+    """damping ratios such as `"1.2 %"`, one for each frequency, or `"unknown"`; frequencies are then those of damped
+    modes (their magnitudes), else of undamped ones"""
+    damping_deviation: Annotated[
+        str | float | list[str | float] | None,
+        OneOf(str, float, list, what='a standard deviation such as "5 %" of the ratio, a number, or a list of them'),
+    ] = None
+    """standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one for
+    each"""
+    file: str | None = None
+    """CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`,
+    `damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"""
+    response: CoordinateTable = CoordinateTable()
+    """coordinate of the sensor"""
+
+
+MeasurementTable = Annotated[
+    Annotated[FRFTable, Tag("frf")]
+    | Annotated[HammerTable, Tag("hammer records")]
+    | Annotated[FrequenciesTable, Tag("natural frequencies")],
+    Discriminator("kind"),
+]
+
+
+class _Possible(Table):
+    assembly: str
+    """name of the assembly that would be measured; one that was measured is the same clamping"""
+    sensor: str | None = None
+    """name of the sensor at the response coordinate; none for a laser"""
+    response: CoordinateTable = CoordinateTable()
+    """coordinate of the measured motion"""
+    conditions: Conditions = Field(default={})
+    """numbers with units that describe the measurement"""
+    cost: Annotated[float, Field(gt=0.0)] = 1.0
+    """cost, in any unit that all candidates share"""
+
+
+class CandidateFRFTable(_Possible):
+    """A frequency response function that could be measured."""
+
+    kind: Literal["frf"]
+    """`"frf"`"""
+    excitation: CoordinateTable = CoordinateTable()
+    """coordinate of the load"""
+    lower: Frequency | None = None
+    """lowest line; by default `step`"""
+    upper: Frequency
+    """highest line"""
+    step: Frequency
+    """distance of the lines, which count as independent"""
+    standard_deviation: str
+    """expected standard deviation of the FRF on every line, such as `"2 %"`"""
+    floor: str | None = None
+    """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
+
+
+class CandidateFrequenciesTable(_Possible):
+    """Natural frequencies that could be measured."""
+
+    kind: Literal["natural frequencies"]
+    """`"natural frequencies"`"""
+    modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)]
+    """numbers of the elastic modes, the lowest is 1"""
+    standard_deviation: Annotated[
+        str | list[str], OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
+    ]
+    """expected standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+
+
+CandidateTable = Annotated[
+    Annotated[CandidateFRFTable, Tag("frf")] | Annotated[CandidateFrequenciesTable, Tag("natural frequencies")],
+    Discriminator("kind"),
+]
+
+
+# Unknowns and settings ----------------------------------------------------------------------------------------------
+
+
+class PriorTable(Table):
+    """Prior knowledge of an unknown: a Gaussian on the scale of the fit."""
+
+    value: Written
+    """most likely value, a quantity of the parameter's kind"""
+    spread: Written
+    """its standard deviation, `"30 %"` or a quantity of the parameter's kind, or `"factor 3"` where the logarithm is
+    fitted"""
+
+
+class UnknownTable(Table):
+    """A parameter to identify; all assemblies that have it share it, unless a law across assemblies is given."""
+
+    lower: Value
+    """lower bound, a quantity of the parameter's kind"""
+    upper: Value
+    """upper bound"""
+    start: Value | None = None
+    """start value; by default the joint's value, else the middle of the bounds"""
+    scale: Literal["log", "linear"] | None = None
+    """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
+    prior: PriorTable | None = None
+    """prior; the measurements then need standard deviations"""
+    name: str = ""
+    """name in results; by default its address"""
+    assemblies: list[str] | None = None
+    """only measurements of these assemblies have it; by default all"""
+    multiple: float | None = None
+    """the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"""
+    also: dict[str, float] = Field(default={})
+    """further parameters by address, and their multiples of the unknown"""
+    moves: dict[str, float] = Field(default={})
+    """parameters by address that it moves, whatever else they are made of: v becomes v + n u, with the unknown u and
+    the number n given here; it stands under a name of its own then, and has plain numbers in SI units"""
+    relative: bool = False
+    """with `moves`: v becomes v exp(n u)"""
+    power_of: str | None = None
+    """name of a condition, or an address; the parameter is a power of it across assemblies, or, with `moves`, n is
+    multiplied by the logarithm of that condition over its reference"""
+    reference: ConditionValue | None = None
+    """value of that condition at which the parameter equals the unknown, such as `"135 N m"`, or, with `moves`, at
+    which there is no change"""
+    exponent: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    """bounds of the exponent, by default `[-4, 4]`"""
+    free: bool = False
+    """a value for each assembly instead of one for all"""
+    along: str | None = None
+    """with `free`: name of the condition over which values are interpolated for assemblies that were not measured; by
+    default that of the series"""
+    individual: str | None = None
+    """standard deviation of the individual deviation of each assembly, such as `"5 %"`"""
+    follows: dict[str, float] = Field(default={})
+    """further parameters by address that are multiplied by its powers and individual deviations, raised to the number
+    given"""
+
+
+class SettingsTable(Table):
+    """Settings of the fit."""
+
+    objective: Literal["log", "percentage"] = "log"
+    """complex logarithm of measured over calculated, or percentage of the magnitude in bands around the peaks"""
+    starts: Annotated[int, Field(ge=1)] = 8
+    """number of starts"""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """seed of the starts that are drawn"""
+    max_evaluations: Annotated[int, Field(ge=1)] = 200
+    """most evaluations from one start"""
+    strategy: Literal["direct", "staged"] = "direct"
+    """whether starts go straight into the fit, or are led to it by way of easier ones, from decades off"""
+    profiles: bool = True
+    """whether intervals are computed from profile likelihoods too"""
+    band_width: str = "5 %"
+    """with the percentage objective, how far a band reaches to either side of its peak"""
+
+
+class PredictionTable(Table):
+    """Predictions of assemblies that were not measured, and the level of intervals."""
+
+    lower: Frequency | None = None
+    """lowest line; by default a tenth of the first natural frequency"""
+    upper: Frequency | None = None
+    """highest line and limit of the natural frequencies; by default the highest measured frequency"""
+    step: Frequency | None = None
+    """distance of the lines; by default a two-thousandth of the band"""
+    response: CoordinateTable = CoordinateTable()
+    """coordinate of the motion"""
+    excitation: CoordinateTable = CoordinateTable()
+    """coordinate of the load"""
+    level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    """level of the intervals"""
+    force: Force | None = None
+    """amplitude of a stepped sine, for FRFs with joints in micro-slip; by default these are at their stated level"""
+
+
+class SeriesTable(Table):
+    """Levels of repeated measurements: tables with `{level}` in their names stand for one table for each."""
+
+    over: Name
+    """name of the condition that the levels are of, such as `"drawbar force"`"""
+    levels: Annotated[list[Written], Field(min_length=1)]
+    """the levels, `["0 kN", "1 kN"]`; `{level}` stands for one as it is written, `{value}` for its number alone"""
+    hold_out: list[Written] = Field(default=[])
+    """levels whose measurements are held out, written as among the levels"""
+
+
+# Cuts and catalogues ------------------------------------------------------------------------------------------------
+
+LengthSpread = Annotated[Deviation | None, Spread(units.LENGTH)]
+_Speed = Annotated[float, Amount(units.SPINDLE_SPEED)]
+
+
+class TipTable(FileFields):
+    """The receptance of the tool tip in one direction: one of an assembly, a measurement or a file."""
+
+    file: str | None = None  # type: ignore[assignment]
+    """file beside the campaign with the FRF of the tip"""
+    assembly: str | None = None
+    """name of an assembly instead, whose tip is predicted"""
+    measurement: str | None = None
+    """name of a measured FRF of the campaign instead"""
+    bands: Annotated[list[Band], Field(min_length=1)] | None = None
+    """bands of frequency in which limits are looked for, of a file or a measurement, `[["300 Hz", "4 kHz"]]`; by
+    default all usable lines"""
+
+
+def _across(value: Any) -> Any:
+    """Say what was expected before pydantic names the members of a union in turn."""
+    if isinstance(value, (dict, TipTable)) or value in ("as x", "rigid"):
+        return value
+    raise ValueError(f'is {shown(value)}, expected a table, "as x" or "rigid"')
+
+
+class _TurningKeys(ElementTable):
+    angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
+    """between the force and the direction of the chip's thickness"""
+    x: TipTable
+    """receptance of the tip in the direction of the chip's thickness"""
+
+
+class _MillingKeys(ElementTable):
+    x: TipTable
+    """receptance of the tip in the direction of feed"""
+    y: Annotated[TipTable | Literal["as x", "rigid"], BeforeValidator(_across)] = "as x"
+    """receptance across it; `"as x"` the same, `"rigid"` none"""
+
+
+CutTable = Annotated[
+    ElementTable,
+    OneKind(
+        Of(Milling, "milling", keys=_MillingKeys), Of(Turning, "turning", keys=_TurningKeys, without=("angle_deg",))
+    ),
+]
+
+
+class StabilityTable(Table):
+    """Speeds and probability of stable depths."""
+
+    speeds: Annotated[list[_Speed], Field(min_length=2, max_length=2)] | None = None
+    """lowest and highest spindle speed, `["4000 rpm", "24000 rpm"]`"""
+    step: _Speed | None = None
+    """distance of the speeds; by default a four-hundredth of their range, a thirtieth with semi-discretisation"""
+    probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    """probability with which recommended depths are stable"""
+    draws: Annotated[int, Field(ge=20)] | None = None
+    """number of draws of receptances and coefficients; by default 200, with semi-discretisation 40"""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """seed of the draws"""
+    method: Literal["mean force", "semi-discretisation"] = "mean force"
+    """mean of the force over a tooth pitch (zeroth order), or the force as it is, for interrupted cuts"""
+    largest_depth: Annotated[float, Amount(units.LENGTH)] | None = None
+    """up to which semi-discretisation looks; by default ten times the lowest limit of the mean force"""
+
+    @property
+    def number_of_draws(self) -> int:
+        """How many draws there are."""
+        return self.draws or (200 if self.method == "mean force" else 40)
+
+
+class CatalogueSpread(Table):
+    """Standard deviations of the dimensions of every tool of a catalogue; each tool has errors of its own."""
+
+    overhang: LengthSpread = None
+    """of the overhang"""
+    diameter: LengthSpread = None
+    """of the diameter of the shank"""
+    effective_diameter: LengthSpread = None
+    """of the effective diameter of the flutes"""
+
+
+class CatalogueTable(Table):
+    """Tools and holders in tables of their own, and their machine."""
+
+    tools: str | None = None
+    """CSV file beside the campaign with a tool in each row; by default the one that the command is given"""
+    holders: str | None = None
+    """CSV file beside the campaign with a segment of a holder in each row; holders may be parts of this file too"""
+    machine: Annotated[list[str], Field(min_length=1)]
+    """names of joints and parts behind the holder, from its joint on"""
+    attachments: list[str] = Field(default=[])
+    """names of masses and ground springs on these parts"""
+    spindle: str | None = None
+    """file beside the campaign with the receptances of a spindle behind all that: from `write_spindle`, or FRFs"""
+    joint: str | None = None
+    """name of the joint between tool and holder, where a row names no other"""
+    tolerance: CatalogueSpread = CatalogueSpread()
+    """standard deviations of the dimensions of tools"""
+
+
+# The file -----------------------------------------------------------------------------------------------------------
+
+
+class CampaignTable(Table):
+    """A measuring campaign: structures, measurements and unknowns."""
+
+    format: Literal[1] = 1
+    """version of this format"""
+    title: str = ""
+    """free text"""
+    description: str = ""
+    """free text: the origin of the data, and whether they are simulated"""
+    materials: dict[Name, Annotated[ElementTable, Of(Material, name="MaterialTable")]]
+    """materials by name"""
+    parts: dict[Word, PartTable]
+    """parts by name"""
+    modal_parts: dict[Word, ModalPartTable] = Field(default={})
+    """parts known by their modes, such as a spindle, by name"""
+    joints: dict[Word, JointTable] = Field(default={})
+    """joints by name"""
+    sensors: dict[Word, SensorTable] = Field(default={})
+    """sensors by name"""
+    attachments: dict[Word, AttachmentTable] = Field(default={})
+    """masses and ground springs by name"""
+    assemblies: dict[Name, AssemblyTable]
+    """configurations by name"""
+    measurements: dict[Name, MeasurementTable] = Field(default={})
+    """measurements by name"""
+    candidates: dict[Name, CandidateTable] = Field(default={})
+    """candidates for the next measurement, by name"""
+    cuts: dict[Name, CutTable] = Field(default={})
+    """cuts whose stable depth is computed, by name"""
+    unknowns: Annotated[dict[str, UnknownTable], ByAddress("lower", "upper", "start")] = Field(default={})
+    """parameters to identify, by address: `"joint.k_theta"`"""
+    series: SeriesTable | None = None
+    """levels of a condition at which the same measurements were repeated"""
+    settings: SettingsTable = SettingsTable()
+    """settings of the fit"""
+    prediction: PredictionTable = PredictionTable()
+    """settings of predictions"""
+    stability: StabilityTable = StabilityTable()
+    """speeds and probability of stable depths"""
+    catalogue: CatalogueTable | None = None
+    """tools and holders in tables of their own, and their machine"""

@@ -1,0 +1,200 @@
+"""A virtual BT50 rig: poles from finite elements, hit and recorded as Xu et al. 2012 recorded their own rig.
+
+The holder has the taper of JIS B 6339 BT50; its other dimensions and the contact are invented, because the paper
+prints none. `tests/bt50_rig.py` computes the poles and residues in `virtual_rig.csv`.
+"""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from receptance.beams import Part, Segment
+from receptance.coordinates import Coordinate
+from receptance.errors import ReceptanceWarning
+from receptance.materials import Material
+from receptance.measurement import estimate_frf, find_hits, simulate_hits
+from receptance.taper import Holder, without_each
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from receptance.frf import FRF
+    from receptance.measurement import TimeRecords
+
+__all__ = ["ESTIMATE", "HITS", "SAMPLE_RATE_HZ", "SPACING_HZ", "VirtualRig", "holder", "load_rig"]
+
+Motion = Literal["axial", "radial"]
+
+SAMPLE_RATE_HZ = 20480.0
+SPACING_HZ = 20.0
+HITS = 10
+"""Sampling, resolution and number of impacts of the paper."""
+DECAY_RATE = 120.0
+"""Rate of the exponential window in 1/s: the response has decayed after 50 ms."""
+ESTIMATE: dict[str, Any] = {"decay_rate": DECAY_RATE, "force_window_s": None, "estimator": "Hv"}
+"""Without a force window, because its error is the same for all hits and so invisible in their scatter. More noise of
+the force is then included, which Hv allows for."""
+PLACES_MM: dict[str, tuple[float, tuple[float, ...]]] = {"axial": (0.0, (0.0,)), "radial": (10.0, (10.0, 50.0))}
+"""Hit and responses in mm from the tip."""
+_NOISE_DB = -60.0
+_CONTACT_S = 2e-4
+_PRE_TRIGGER_S = 1e-3
+_STEEL = Material(youngs_modulus=208e9, density=7850.0, poisson_ratio=0.29, name="steel")
+_FRONT_MM = ((45.0, 60.0), (35.0, 100.0), (3.0, 69.85))
+"""Length and diameter from the tip: nose of a collet chuck, flange, gap to the gauge line."""
+_TAPER_MM = (101.8, 69.85)
+_TAPER_STEPS = 12
+_STUD_MM = (35.0, 25.0)
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualRig:
+    """The rig in one motion at one drawbar force, as poles and residues, for `simulate_hits`.
+
+    Attributes
+    ----------
+    motion : {"axial", "radial"}
+        Along or across.
+    force_kn : float
+        Drawbar force.
+    hit, seen : Coordinate, tuple of Coordinate
+        Places of the hit and of the responses; no others are available.
+    poles, residues : ndarray
+        `(m,)` in rad/s and `(m, n_seen)`.
+    rest : ndarray
+        `(n_seen,)` receptance of the modes above.
+    """
+
+    motion: Motion
+    force_kn: float
+    hit: Coordinate
+    seen: tuple[Coordinate, ...]
+    poles: NDArray[np.complex128]
+    residues: NDArray[np.complex128]
+    rest: NDArray[np.complex128]
+
+    def receptance(
+        self,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | Sequence[Coordinate] | None = None,
+    ) -> NDArray[np.complex128]:
+        """`(n, n_seen, 1)` receptance; the coordinates must be those of the rig."""
+        if response not in (None, self.seen) or excitation not in (None, self.hit, (self.hit,)):
+            raise ValueError(f"the virtual rig is hit at {self.hit} and seen at {self.seen} only")
+        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.complex128)[:, None, None]
+        terms = self.residues / (s - self.poles[:, None]) + self.residues.conj() / (s - self.poles.conj()[:, None])
+        return np.asarray((terms.sum(axis=1) + self.rest)[:, :, None])
+
+    @property
+    def frequency_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies |pole| / 2 pi."""
+        return np.asarray(np.abs(self.poles) / (2.0 * np.pi))
+
+    @property
+    def damping_ratio(self) -> NDArray[np.float64]:
+        """Damping ratios."""
+        return np.asarray(-self.poles.real / np.abs(self.poles))
+
+    def measure(self, seed: int) -> tuple[FRF, FRF, tuple[FRF, ...]]:
+        """Hit it ten times, record at 20 480 Hz and estimate the FRF on lines 20 Hz apart.
+
+        Returns
+        -------
+        plain, windowed : FRF
+            Without a window and with all lines, as in the paper, although the response has not decayed in a block of
+            50 ms; and from the same records with an exponential window on both channels, which is exact.
+        left_out : tuple of FRF
+            The second without each of the hits.
+        """
+        records = self.records(seed)
+        with warnings.catch_warnings():
+            # The study states it once.
+            warnings.filterwarnings("ignore", ".*has not died away", ReceptanceWarning)
+            plain = estimate_frf(records)
+        hits = find_hits(records)
+        windowed = estimate_frf(hits, **ESTIMATE)
+        return plain.with_(usable=None), windowed, without_each(hits, **ESTIMATE)
+
+    def windowed(self, seed: int) -> FRF:
+        """Return the second FRF of `measure` alone."""
+        return estimate_frf(find_hits(self.records(seed)), **ESTIMATE)
+
+    def records(self, seed: int) -> TimeRecords:
+        """Hit it ten times and record at 20 480 Hz."""
+        return simulate_hits(
+            self,
+            response=self.seen,
+            excitation=self.hit,
+            hits=HITS,
+            sample_rate_hz=SAMPLE_RATE_HZ,
+            duration_s=1.0 / SPACING_HZ,
+            pre_trigger_s=_PRE_TRIGGER_S,
+            contact_s=_CONTACT_S,
+            force_noise_db=_NOISE_DB,
+            response_noise_db=_NOISE_DB,
+            seed=seed,
+            label=f"virtual BT50 rig, {self.motion}, {self.force_kn:g} kN",
+        )
+
+
+def load_rig() -> tuple[VirtualRig, ...]:
+    """Read the packaged poles: all forces, axial and radial in turn."""
+    text = (resources.files("receptance.examples") / "virtual_rig.csv").read_text(encoding="utf-8")
+    rows: dict[tuple[float, str], list[dict[str, str]]] = {}
+    for row in csv.DictReader(line for line in text.splitlines() if not line.startswith("#")):
+        rows.setdefault((float(row["force_kn"]), row["motion"]), []).append(row)
+    found = []
+    for (force, motion), own in rows.items():
+        hit, seen = PLACES_MM[motion]
+        columns = range(1, len(seen) + 1)
+        residues = np.array(
+            [[complex(float(r[f"residue_{i}_real"]), float(r[f"residue_{i}_imag"])) for i in columns] for r in own]
+        )
+        poles = np.array([complex(float(r["pole_real"]), float(r["pole_imag"])) for r in own])
+        modes = np.array([int(r["mode"]) > 0 for r in own])
+        found.append(
+            VirtualRig(
+                motion="axial" if motion == "axial" else "radial",
+                force_kn=force,
+                hit=Coordinate("holder", 1e-3 * hit),
+                seen=tuple(Coordinate("holder", 1e-3 * x) for x in seen),
+                poles=poles[modes],
+                residues=residues[modes],
+                rest=residues[~modes][0],
+            )
+        )
+    return tuple(found)
+
+
+def holder() -> Holder:
+    """Return the holder as described from a drawing: cylinders, and the cone in steps.
+
+    Examples
+    --------
+    >>> from receptance.examples.virtual_rig import holder
+    >>> round(holder().body.mass, 2)
+    5.33
+    """
+
+    def cylinder(length_mm: float, diameter_mm: float) -> Segment:
+        return Segment(length=1e-3 * length_mm, outer_diameter=1e-3 * diameter_mm, material=_STEEL)
+
+    length, gauge = _TAPER_MM
+    step = length / _TAPER_STEPS
+    ends = [gauge - i * step * 7.0 / 24.0 for i in range(_TAPER_STEPS + 1)]
+    # Each step has the mass of the frustum that it replaces.
+    cone = [cylinder(step, float(np.sqrt((a * a + a * b + b * b) / 3.0))) for a, b in pairwise(ends)]
+    before = [cylinder(*sizes) for sizes in _FRONT_MM]
+    part = Part([*before, *cone, cylinder(*_STUD_MM)], name="holder")
+    big_end = sum(segment.length for segment in before)
+    return Holder(part=part, big_end=big_end, small_end=big_end + 1e-3 * length)

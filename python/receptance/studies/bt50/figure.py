@@ -1,0 +1,183 @@
+"""The figure of the BT50 study: the paper's figures 10 to 13 and 16, with intervals, on virtual data."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.plot.series import draw_over_levels
+from receptance.studies.bt50.report import series_of
+from receptance.taper import ForceSeries
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+__all__ = ["draw"]
+
+_FORCE = "drawbar force (kN)"
+_BAND = "#EDEDED"
+
+
+def draw(found: dict[str, Any]) -> Figure:
+    """Draw six panels: stiffness and damping along and across over force, frequencies, and levels left out.
+
+    Parameters
+    ----------
+    found : dict
+        From `receptance.studies.bt50.run`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure. It belongs to no window; save it with `savefig`.
+    """
+    virtual, published = found["virtual"], found["published"]
+    figure = new_figure(16.0, 9.6, math=True)
+    cells = figure.add_gridspec(2, 3)
+    broken = cells[0, 2].subgridspec(2, 1, height_ratios=(1.0, 4.0))
+    _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), virtual, published)
+    _draw_axial_damping(figure.add_subplot(cells[0, 1]), virtual, published)
+    _draw_frequencies(figure.add_subplot(broken[0]), figure.add_subplot(broken[1]), virtual)
+    across = [figure.add_subplot(cells[1, i]) for i in range(3)]
+    _draw_radial(across[0], virtual, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
+    _draw_radial(across[1], virtual, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
+    _draw_left_out(across[2], virtual["left_out"], published)
+    keep_clear(figure, 0.93)
+    title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
+    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
+    said = (
+        "All data are virtual (finite elements, ten hits, 20 480 Hz, 20 Hz lines); only the grey bands are the "
+        "paper's. Whiskers: 95 %."
+    )
+    figure.text(0.5, 0.95, said, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    return figure
+
+
+def _power(series: ForceSeries) -> str:
+    low, high = series.exponent_interval
+    return f"n = {series.laws[2].exponent:.2f} ({low:.2f} to {high:.2f})"
+
+
+def _draw_axial_stiffness(axes: Axes, virtual: dict[str, Any], published: dict[str, Any]) -> None:
+    set_up(axes, "Axial stiffness (paper's figure 10)", _FORCE, "$K_{Z1}$ (10$^9$ N/m)")
+    low, high = published["axial_stiffness_n_per_m"]
+    axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
+    for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
+        series = series_of(virtual["trends"])[f"{name} k_z1"]
+        draw_over_levels(axes, series, 1e-9, colour, f"{text}, {_power(series)}")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.3 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
+
+
+def _draw_axial_damping(axes: Axes, virtual: dict[str, Any], published: dict[str, Any]) -> None:
+    series = series_of(virtual["trends"])
+    set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)")
+    axes.axhspan(*published["axial_damping_ns_per_m"], color=_BAND, label="paper's range")
+    draw_over_levels(
+        axes,
+        series_of(virtual["trends"])["half-power c_z1"],
+        1.0,
+        COLOURS[1],
+        "half-power, 20 Hz lines",
+        marker="s",
+        law=False,
+    )
+    draw_over_levels(axes, series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
+    force = [level["force_kn"] for level in virtual["axial"]]
+    truth = [level["truth"] for level in virtual["axial"]]
+    true = [4.0 * np.pi * virtual["holder"]["mass"] * one["frequency_hz"] * one["damping_ratio"] for one in truth]
+    axes.plot(force, true, color=INK, linewidth=1.0, linestyle=":", label="of the virtual rig (eq. 15)")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.25 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+
+
+def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
+    """Draw the first axial mode below a break of the axis, and bonded, which is far off, above it."""
+    set_up(above, "First axial mode (paper's figure 16)")
+    set_up(axes, "", _FORCE, "frequency (Hz)")
+    levels = virtual["axial"]
+    force = [level["force_kn"] for level in levels]
+    bonded = virtual["bonded_hz"]["axial"][0]
+    above.plot(force, [bonded] * len(force), color=COLOURS[2], linestyle="--")
+    where: dict[str, Any] = {"transform": above.transAxes, "ha": "right", "fontsize": 9}
+    above.text(0.98, 0.12, f"bonded, {bonded:.0f} Hz", color=COLOURS[2], **where)
+    above.set_ylim(0.96 * bonded, 1.02 * bonded)
+    for key, style, colour, label in (
+        ("experiment_hz", "o", INK, "experiment (virtual)"),
+        ("elastic_hz", "-", COLOURS[0], "elastic holder on its own springs"),
+        ("simulated_hz", "-", COLOURS[1], "elastic holder on the rigid holder's springs"),
+    ):
+        axes.plot(force, [level[key] for level in levels], style, color=colour, markersize=4.5, label=label)
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.35 * (top - bottom))
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    share = np.mean([100.0 * (level["simulated_hz"] / level["experiment_hz"] - 1.0) for level in levels])
+    axes.text(0.98, 0.3, f"{share:+.1f} % on average", transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
+    _break(above, axes)
+
+
+def _break(above: Axes, below: Axes) -> None:
+    """Show that one axis goes on above a gap: no frame and no ticks there, and two slanting strokes."""
+    above.sharex(below)
+    above.spines["bottom"].set_visible(False)
+    above.tick_params(bottom=False, labelbottom=False)
+    above.locator_params(axis="y", nbins=2)
+    stroke: dict[str, Any] = {
+        "marker": [(-1.0, -0.5), (1.0, 0.5)],
+        "markersize": 9,
+        "color": INK,
+        "linestyle": "none",
+        "clip_on": False,
+    }
+    above.plot([0.0], [0.0], transform=above.transAxes, **stroke)
+    below.plot([0.0], [1.0], transform=below.transAxes, **stroke)
+
+
+def _draw_radial(axes: Axes, virtual: dict[str, Any], kind: str, title: str, label: str, factor: float) -> None:
+    set_up(axes, title, _FORCE, label)
+    for end, colour, where in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
+        series = series_of(virtual["trends"])[f"elastic {kind}_{end}"]
+        draw_over_levels(axes, series, factor, colour, f"{where}, {_power(series)}")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.25 * (top - bottom))
+    axes.legend(
+        frameon=False,
+        fontsize=9,
+        loc="upper left" if kind == "k" else "upper right",
+        title="elastic holder, $K_0 + a F^n$",
+        title_fontsize=9,
+        alignment="left",
+    )
+
+
+def _draw_left_out(axes: Axes, left_out: list[dict[str, Any]], published: dict[str, Any]) -> None:
+    set_up(axes, "Force levels that were left out", _FORCE, "|error| of predicted frequency (%)")
+    for one in left_out:
+        marker = "o" if one["motion"] == "axial" else "^"
+        for name, colour, values in (
+            ("rigid holder's springs", COLOURS[1], one["rigid_percent"]),
+            ("elastic holder's own", COLOURS[0], one["elastic_percent"]),
+        ):
+            modes = len(values[0]) if values else 0
+            for mode in range(modes):
+                axes.plot(
+                    one["force_kn"][: len(values)],
+                    [abs(row[mode]) for row in values],
+                    marker,
+                    color=colour,
+                    markersize=5,
+                    markerfacecolor=colour if mode == 0 else "none",
+                    label=f"{one['motion']} {mode + 1}, {name}",
+                )
+    axes.set_yscale("log")
+    about = published["simulated_below_experiment_percent"]
+    axes.axhline(about, color=BAD, linewidth=0.8, linestyle="--", label=f"paper: about {about:g} %")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top * 100.0)
+    axes.legend(frameon=False, fontsize=8, loc="upper left", ncols=2)

@@ -1,0 +1,296 @@
+"""Tables and sentences of the BT50 study; every number in them comes from the document that `run` returns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from receptance.report import Results, Table
+from receptance.studies.report import Section, table
+from receptance.taper import ForceSeries
+
+__all__ = ["PROVENANCE", "RESPONSE_HZ", "SOURCE", "findings", "sections", "series_of"]
+
+SOURCE = (
+    "C. Xu, J. Zhang, Z. Wu, D. Yu, P. Feng, Dynamic modeling and parameters identification of a spindle-holder taper "
+    "joint, Springer-Verlag London, published online 10 November 2012"
+)
+PROVENANCE = (
+    "The paper prints no FRFs, no dimensions and, in its text, only ranges. Everything measured here is virtual: an "
+    "elastic BT50 holder by finite elements, with a contact invented to give the ranges of the paper. Agreement with "
+    "the paper is therefore no evidence. The results show what the procedure makes of known data."
+)
+RESPONSE_HZ = (100.0, 7995.0)
+"""First and last line of the harmonic response."""
+_CLAIMS = (
+    ('stiffness rises with force in both directions (its "positive reinforce")', "rises", ("k_z1", "k_x1", "k_x2")),
+    ("damping rises along the axis", "rises", ("c_z1",)),
+    ("damping falls across", "falls", ("c_x1", "c_x2")),
+)
+
+
+def findings(found: dict[str, Any]) -> list[dict[str, str]]:
+    """Return the sentences with their subjects."""
+    subjects = {
+        "axial": _on_axial,
+        "diagnosis": _on_diagnosis,
+        "damping": _on_damping,
+        "radial": _on_radial,
+        "trends": _on_trends,
+        "use": _on_use,
+    }
+    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(found)]
+
+
+def sections(found: dict[str, Any]) -> list[Section]:
+    """Return what is printed."""
+    texts: dict[str, list[str]] = {}
+    for item in found["findings"]:
+        texts.setdefault(item["about"], []).append(item["text"])
+    virtual = found["virtual"]
+    title = "BT50 taper over drawbar force: the procedure of the paper on a virtual rig"
+    return [
+        Section(title, [], [SOURCE + ".", PROVENANCE]),
+        Section("Axial", [_axial(virtual["axial"])], texts["axial"]),
+        Section("Diagnosis of the rigid holder", [], texts["diagnosis"]),
+        Section("Axial damping, half-power and circle", [_damping(virtual["axial"])], texts["damping"]),
+        Section("Radial", [_radial(virtual["radial"])], texts["radial"]),
+        Section("Over drawbar force", Results(series_of(virtual["trends"])).tables(), texts["trends"]),
+        Section("Use of the elastic model", [], texts["use"]),
+    ]
+
+
+def _percent(value: float, reference: float) -> float:
+    return 100.0 * (value / reference - 1.0)
+
+
+def _span(values: list[float], form: str) -> str:
+    return f"{min(values):{form}} to {max(values):{form}}"
+
+
+def _on_axial(found: dict[str, Any]) -> Iterator[str]:
+    levels, published = found["virtual"]["axial"], found["published"]
+    rigid = [level["rigid"]["values"]["k_z1"] for level in levels]
+    elastic = [level["elastic"]["values"]["k_z1"] for level in levels]
+    low, high = published["axial_stiffness_n_per_m"]
+    yield (
+        f"Rigid holder, eq. 14: K_Z1 from {rigid[0]:.3g} to {rigid[-1]:.3g} N/m (paper: {low:.2g} to {high:.2g}; the "
+        "rig was made for this range)."
+    )
+    yield (
+        f"The FRF fitted with the rigid holder leaves {_span([level['rigid_rms'] for level in levels], '.0f')} "
+        f"standard deviations, with the elastic one "
+        f"{_span([level['elastic']['rms'] for level in levels], '.1f')}. K_Z1 is then "
+        f"{elastic[0]:.3g} to {elastic[-1]:.3g} N/m; that of the rigid holder is wrong by "
+        f"{_span([_percent(a, b) for a, b in zip(rigid, elastic, strict=True)], '+.1f')} %."
+    )
+    simulated = [_percent(level["simulated_hz"], level["experiment_hz"]) for level in levels]
+    yield (
+        "The K_Z1 of the rigid holder in the elastic model, which is how the paper simulates, gives an error of the "
+        f"first mode of {_span(simulated, '+.1f')} % (paper: about "
+        f"-{published['simulated_below_experiment_percent']:g} %)."
+    )
+    left = found["virtual"]["left_out"][0]
+    yield (
+        f"Force levels left out ({len(left['force_kn'])}), predicted from laws of the others: "
+        f"{left['before_rms_percent']:.2g} % rms with the rigid body, {left['after_rms_percent']:.2g} % with the "
+        "elastic one."
+    )
+
+
+def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
+    for one in found["virtual"]["diagnosis"]:
+        after = one["adequacy_after"]
+        yield (
+            f"`diagnose` was given the {one['motion']} FRFs at {', '.join(f'{force:g}' for force in one['seen_kn'])} "
+            f"kN, the rigid holder with its springs free at each force, and all causes of its catalogue. It answers: "
+            f"{one['verdict']}. The rigid holder leaves {one['adequacy']['misfit']:.3g} times the noise and floor"
+            + ("." if after is None else f", the best explanation {after['misfit']:.2f}.")
+        )
+        certain = [cause for cause in one["causes"] if cause["id"] in one["in_every_explanation"]]
+        ambiguous = ", ".join(one["ambiguous_between"])
+        if certain:
+            causes = "; ".join(f"{cause['meaning']} ({cause['id']}, {_sizes(cause)})" for cause in certain)
+            yield f"{'In every explanation' if ambiguous else 'The explanation'}: {causes}."
+        if ambiguous:
+            yield f"These data cannot distinguish {'a second cause' if certain else 'between'}: {ambiguous}."
+        gains = "; ".join(
+            f"{gain['metric']}, {gain['held_out_before']:.3g} before and {gain['held_out_after']:.3g} after, better by "
+            f"{gain['interval'][0]:.3g} to {gain['interval'][1]:.3g}"
+            for gain in one["gains"]
+        )
+        if gains:
+            yield (
+                f"At the {len(one['left_out_kn'])} forces between, which it was not given (springs interpolated "
+                f"linearly): {gains}."
+            )
+        advice = one["next_measurement"]
+        if advice is not None:
+            yield f"Next measurement: {advice['action']}: {advice['reason']}."
+
+
+def _sizes(cause: dict[str, Any]) -> str:
+    return ", ".join(
+        f"{name.partition('.')[2]} {size['value']:.3g} ({size['lower']:.3g} to {size['upper']:.3g})"
+        for name, size in cause["parameters"].items()
+    )
+
+
+def _on_damping(found: dict[str, Any]) -> Iterator[str]:
+    rough, fine = (found["virtual"]["damping_errors"][name] for name in ("half_power", "circle"))
+    lines = [level["half_power"]["lines_in_band"] for level in found["virtual"]["axial"]]
+    yield (
+        f"At {found['published']['spacing_hz']:g} Hz the axial half-power band contains {_span(lines, '.1f')} lines. "
+        f"Half-power damping has a mean error of {rough['mean_percent']:+.1f} % and a scatter of "
+        f"{rough['scatter_percent']:.1f} %; a circle through the same hits, with an exponential window, "
+        f"{fine['mean_percent']:+.2f} % and {fine['scatter_percent']:.2f} %."
+    )
+    yield (
+        f"Above {found['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: half-power "
+        f"{rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, circle "
+        f"{fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual "
+        "rig rises smoothly there."
+    )
+    yield (
+        "The response has not decayed at the end of a block of 50 ms: without a window the estimate warns of this on "
+        "most lines, and the paper states no window."
+    )
+
+
+def _on_radial(found: dict[str, Any]) -> Iterator[str]:
+    levels, left = found["virtual"]["radial"], found["virtual"]["left_out"][1]
+    counts = [len(level["rigid"]["solutions"]) for level in levels]
+    refused = sum(level["rigid"]["of_neither"] for level in levels)
+    last = levels[-1]
+    yield (
+        f"Rigid holder across: of {len(levels)} levels the mode shape selects one joint at {counts.count(1)}, permits "
+        f"two at {counts.count(2) - refused}, rejects both at {refused}, and at {counts.count(0)} no real joint has "
+        f"the frequencies. At {last['force_kn']:g} kN {last['rigid']['statement']}."
+    )
+    yield (
+        "The elastic holder, its contact fading from both ends, leaves "
+        f"{_span([level['elastic']['rms'] for level in levels], '.1f')} standard deviations. Left-out levels, both "
+        f"modes: {left['before_rms_percent']:.2g} % rms with the rigid holder's springs of the levels themselves, "
+        f"{left['after_rms_percent']:.2g} % with laws of the elastic holder's."
+    )
+
+
+def _on_trends(found: dict[str, Any]) -> Iterator[str]:
+    trends = found["virtual"]["trends"]
+    for series in trends.values():
+        yield f"{series['statement']}."
+    for claim, direction, names in _CLAIMS:
+        own = {name: trends[f"elastic {name}"]["trend"] for name in names}
+        shown = ", ".join(
+            f"{name} {trend['direction']} (p {'< 0.001' if (p := trend['p_value']) < 1e-3 else f'= {p:.2g}'})"
+            for name, trend in own.items()
+        )
+        holds = all(trend["direction"] == direction for trend in own.values())
+        yield (
+            f"Claim of the paper: {claim}. On the virtual rig this {'holds' if holds else 'does not hold'}: {shown}."
+        )
+
+
+def _on_use(found: dict[str, Any]) -> Iterator[str]:
+    virtual = found["virtual"]
+    for motion, bands in virtual["damping_matters_hz"].items():
+        places = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in bands)
+        low, high = RESPONSE_HZ
+        share = 100.0 * sum(b - a for a, b in bands) / (high - low)
+        yield (
+            f"Harmonic response at the tip, {motion}: without damping it is within 5 % except at {places} Hz, "
+            f"{share:.0f} % of the band to {high / 1e3:.0f} kHz. There the paper's advice to ignore damping does not "
+            "hold."
+        )
+    axial, radial = virtual["axial"][-1], virtual["radial"][-1]
+    bonded = virtual["bonded_hz"]
+    yield (
+        f"Bonded, the first modes are at {bonded['axial'][0]:.0f} Hz (axial) and {bonded['radial'][0]:.0f} Hz (radial) "
+        f"for any force; the experiment has {axial['experiment_hz']:.0f} and {radial['experiment_hz'][0]:.0f} Hz at "
+        f"{axial['force_kn']:g} kN."
+    )
+
+
+def _axial(levels: list[dict[str, Any]]) -> Table:
+    return table(
+        "Virtual experiment; simulated: the elastic holder on the rigid holder's spring",
+        [
+            {
+                **level,
+                "simulated_percent": _percent(level["simulated_hz"], level["experiment_hz"]),
+                "elastic_percent": _percent(level["elastic_hz"], level["experiment_hz"]),
+            }
+            for level in levels
+        ],
+        {
+            "force\n[kN]": "force_kn:g",
+            "experiment\n[Hz]": "experiment_hz:.1f",
+            "K_Z1 rigid\n[N/m]": "rigid.values.k_z1:.4e",
+            "K_Z1 elastic\n[N/m]": "elastic.values.k_z1:.4e",
+            "interval": "elastic.intervals.k_z1:.4e",
+            "simulated\n[Hz]": "simulated_hz:.1f",
+            "its error\n[%]": "simulated_percent:+.2f",
+            "elastic\n[Hz]": "elastic_hz:.1f",
+            "error\n[%]": "elastic_percent:+.3f",
+        },
+    )
+
+
+def _damping(levels: list[dict[str, Any]]) -> Table:
+    estimates = ("half_power", "circle", "truth")
+    return table(
+        "Damping ratio, and the damping of eq. 15 from it",
+        [{**level, **{f"{n} %": 100.0 * level[n]["damping_ratio"] for n in estimates}} for level in levels],
+        {
+            "force\n[kN]": "force_kn:g",
+            "lines in\nthe band": "half_power.lines_in_band:.1f",
+            "half-power\n[%]": "half_power %:.3f",
+            "circle\n[%]": "circle %:.3f",
+            "of the rig\n[%]": "truth %:.3f",
+            "C_Z1 half-power\n[N s/m]": "rigid_half_power.values.c_z1:.0f",
+            "C_Z1 circle\n[N s/m]": "rigid.values.c_z1:.0f",
+            "interval": "rigid.intervals.c_z1:.0f",
+        },
+    )
+
+
+def _radial(levels: list[dict[str, Any]]) -> Table:
+    rows = []
+    for level in levels:
+        simulated = level["simulated_hz"] or [None, None]
+        rows.append(
+            {
+                **level,
+                "measured": dict(zip("12", level["experiment_hz"], strict=True)),
+                "simulated": dict(zip("12", simulated, strict=True)),
+            }
+        )
+    return table(
+        "Elastic holder; simulated: on the rigid holder's springs",
+        rows,
+        {
+            "force\n[kN]": "force_kn:g",
+            **{f"mode {i}\n[Hz]": f"measured.{i}:.1f" for i in "12"},
+            "K_X1\n[N/m]": "elastic.values.k_x1:.3e",
+            "interval\nof K_X1": "elastic.intervals.k_x1:.3e",
+            "K_X2\n[N/m]": "elastic.values.k_x2:.3e",
+            "interval\nof K_X2": "elastic.intervals.k_x2:.3e",
+            **{f"C_X{i}\n[N s/m]": f"elastic.values.c_x{i}:.0f" for i in "12"},
+            **{f"simulated\n{i} [Hz]": f"simulated.{i}:.1f" for i in "12"},
+        },
+    )
+
+
+def series_of(trends: dict[str, Any]) -> dict[str, ForceSeries]:
+    """Return the parameters over force by name."""
+    return {
+        name: ForceSeries(
+            name=name,
+            force=np.array(one["force"]),
+            values=np.array(one["values"]),
+            standard_errors=np.array(one["standard_errors"]),
+        )
+        for name, one in trends.items()
+    }

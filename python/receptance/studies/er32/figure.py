@@ -1,0 +1,202 @@
+"""The figure of the ER32 study."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw"]
+
+_SYMBOLS = {"k_y": "$k_y$", "k_theta": "$k_\\theta$"}
+_HOLLOW: dict[str, Any] = {"marker": "D", "linestyle": "none", "markerfacecolor": "white", "markeredgecolor": INK}
+_CHANCE = ((4.0, "#DCE9F2", "chance, $\\pm$2 standard deviations"), (2.0, "#BDD7E7", "$\\pm$1 standard deviation"))
+_SOURCES = {
+    "reading": "readings",
+    "overhang": "overhangs",
+    "carbide": "carbide (shared)",
+    "steel": "steel (shared)",
+    "holder": "holder's shape (shared)",
+}
+
+
+def draw(found: dict[str, Any]) -> Figure:
+    """Draw stiffness over diameter and torque, transfer errors, parameter sets, and the bias against chance.
+
+    Parameters
+    ----------
+    found : dict
+        From `receptance.studies.er32.run`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure. It belongs to no window; save it with `savefig`.
+    """
+    figure = new_figure(16.0, 9.6, math=True)
+    panels = figure.subplots(2, 3)
+    _draw_diameter(panels[0, 0], found)
+    _draw_torque(panels[0, 1], found)
+    _draw_transfer(panels[0, 2], found["transfer"])
+    _draw_sets(panels[1, 0], found["parameter_sets"])
+    _draw_bias(panels[1, 1], found["long_first_mode_bias"])
+    _draw_sources(panels[1, 2], found["long_first_mode_bias"])
+    keep_clear(figure, 0.93)
+    title = "ER32 collet holder: the joint identified from the printed frequencies of Matthias et al. 2016"
+    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
+    note = (
+        "The holder's shape is inferred, not published: agreement in the data it was inferred from is consistency, "
+        "not validation."
+    )
+    figure.text(0.5, 0.95, note, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    return figure
+
+
+def _draw_diameter(axes: Axes, found: dict[str, Any]) -> None:
+    torque = found["trends"]["diameter"][0]["torque_nm"]
+    title = f"Stiffness over diameter at {torque:g} N m"
+    set_up(axes, title, "tool diameter (mm)", "$k_y$ (N/m),  $k_\\theta$ (N m/rad)")
+    joints = sorted((j for j in found["identified"] if j["torque_nm"] == torque), key=lambda j: float(j["diameter_mm"]))
+    x = np.array([j["diameter_mm"] for j in joints])
+    for law, colour in zip(found["trends"]["diameter"], COLOURS, strict=False):
+        name = law["quantity"]
+        y = np.array([j[name] for j in joints])
+        low, high = np.array([j[f"{name}_interval"] for j in joints], dtype=float).T
+        whiskers = [y - np.nan_to_num(low, nan=0.0), np.where(np.isnan(high), y, high) - y]
+        centre = np.exp(np.log(x).mean())
+        curve = np.exp(np.log(y).mean()) * (x / centre) ** law["exponent"]
+        axes.plot(x, curve, color=colour, alpha=0.35, linewidth=1.2)
+        axes.errorbar(
+            x, y, whiskers, fmt="o", color=colour, markersize=6, capsize=3, label=f"{_SYMBOLS[name]} identified"
+        )
+        paper = [j[f"published_{name}"] for j in joints]
+        hollow = _HOLLOW | {"markerfacecolor": "none"}
+        axes.plot(x, paper, markersize=9, label="paper" if name == "k_y" else None, **hollow)
+        ends = "95 %: {:.1f} to {:.1f}".format(*law["scatter_interval"])
+        text = f"{_SYMBOLS[name]} $\\propto d^{{{law['exponent']:.1f}}}$  ({ends})"
+        place: dict[str, Any] = {"xytext": (0, -50), "textcoords": "offset points", "ha": "right"}
+        axes.annotate(text, (x[-1], y[-1]), fontsize=9, color=colour, **place)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xticks(x, [f"{value:g}" for value in x])
+    axes.minorticks_off()
+    axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(0.0, 0.52))
+
+
+def _draw_torque(axes: Axes, found: dict[str, Any]) -> None:
+    low, high = found["trends"]["torque_range_nm"]
+    title = f"Change of stiffness from {low:g} to {high:g} N m, fitted line"
+    set_up(axes, title, "tool diameter (mm)", "change (%)")
+    diameters = sorted({trend["diameter_mm"] for trend in found["trends"]["torque"]})
+    for trend in found["trends"]["torque"]:
+        first = trend["quantity"] == "k_y"
+        change, ends = trend["change_percent"], trend["interval"]
+        place = diameters.index(trend["diameter_mm"]) + (-0.19 if first else 0.19)
+        label = _SYMBOLS[trend["quantity"]] if trend["diameter_mm"] == diameters[0] else None
+        strength = 0.85 if trend["exceeds"] else 0.3
+        axes.bar(place, change, 0.36, color=COLOURS[0 if first else 1], alpha=strength, label=label)
+        whiskers = [[0.0 if end is None else abs(change - end)] for end in ends]
+        axes.errorbar(place, change, whiskers, color=INK, capsize=4, linewidth=1.2)
+    axes.set_xticks(range(len(diameters)), [f"{value:g}" for value in diameters])
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.16 * (top - bottom))
+    fine, coarse, change = found["settings"]["resolution"].values()
+    note = f"whiskers: readings in steps of {fine:g} Hz,\n{coarse:g} Hz from {change / 1e3:g} kHz on"
+    axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=PALE)
+
+
+def _draw_transfer(axes: Axes, transfer: dict[str, Any]) -> None:
+    set_up(axes, "Other overhangs: predicted against measured", "tool diameter / overhang (mm)", "error (%)")
+    keys = sorted({(row["diameter_mm"], row["overhang_mm"]) for row in transfer["rows"]})
+    for index, key in enumerate(keys):
+        rows = [row for row in transfer["rows"] if (row["diameter_mm"], row["overhang_mm"]) == key]
+        for row in rows:
+            x = index + 0.24 * (row["mode"] - (len(rows) + 1) / 2.0)
+            ours, paper = row["error_percent"], row["published_error_percent"]
+            axes.plot([x, x], [paper, ours], color="#CFCFCF", linewidth=1.2, zorder=1)
+            axes.plot(x, paper, markersize=6, **_HOLLOW)
+            axes.plot(x, ours, "o", color=COLOURS[row["mode"] + 1], markersize=7)
+    for mode in sorted({row["mode"] for row in transfer["rows"]}):
+        axes.plot([], [], "o", color=COLOURS[mode + 1], label=f"ours, mode {mode}")
+    axes.plot([], [], label="paper", **_HOLLOW)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.set_xticks(range(len(keys)), [f"{d:g}\n{o:g}" for d, o in keys], fontsize=8)
+    largest = max(max(abs(r["error_percent"]), abs(r["published_error_percent"])) for r in transfer["rows"])
+    axes.set_ylim(-1.2 * largest, 1.7 * largest)  # room for the legend
+    _add_titled_legend(
+        axes, f"rms: ours {transfer['rms_percent']:.2f} %, paper {transfer['published_rms_percent']:.2f} %"
+    )
+
+
+def _draw_sets(axes: Axes, sets: list[dict[str, Any]]) -> None:
+    from matplotlib.patches import Rectangle
+
+    title = "Parameter sets of table 3: error per mode (%)"
+    axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
+    for row, one in enumerate(sets):
+        for column, error in enumerate(one["errors"]):
+            percent, betrayed = error["error_percent"], error in one["betrayed_by"]
+            strength = min(1.0, np.log10(max(abs(percent), 1.0)) / 2.0) if betrayed else 0.0
+            red = (1.0 - 0.35 * strength, 0.85 - 0.62 * strength, 0.8 - 0.6 * strength)
+            cell = Rectangle((column - 0.48, row - 0.46), 0.96, 0.92, facecolor=red if betrayed else (0.93,) * 3)
+            axes.add_patch(cell)
+            look: dict[str, Any] = {"color": "white" if strength > 0.6 else INK, "fontsize": 10}
+            look["fontweight"] = "bold" if betrayed else "normal"
+            axes.text(column, row, f"{percent:+.1f}", ha="center", va="center", **look)
+    places = [f"{error['overhang_mm']:g}\nmode {error['mode']}" for error in sets[0]["errors"]]
+    axes.set_xlim(-0.5, len(places) - 0.5)
+    axes.set_ylim(len(sets) - 0.5, -0.5)
+    axes.set_yticks(range(len(sets)), [one["set"].replace("_", " ") for one in sets], fontsize=9, color=INK)
+    axes.set_xticks(range(len(places)), places, fontsize=8, color=INK)
+    threshold = sets[0]["threshold_percent"]
+    axes.set_xlabel(f"overhang (mm), mode; red betrays the set: error above {threshold:.1f} %", color=INK)
+    axes.tick_params(length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _draw_bias(axes: Axes, bias: dict[str, Any]) -> None:
+    title = "First mode of the long tools against chance"
+    set_up(axes, title, "tool diameter (mm)", "100 (predicted / measured - 1)  (%)")
+    paper = [*bias["published_percent"], float(np.mean(bias["published_percent"]))]
+    deviation = np.array([*bias["tool_deviation_percent"], bias["mean_deviation_percent"]])
+    x = np.arange(len(paper))
+    for width, colour, label in _CHANCE:
+        axes.bar(x, width * deviation, 0.7, bottom=-0.5 * width * deviation, color=colour, label=label)
+    axes.plot(x, [*bias["percent"], bias["mean_percent"]], "o", color=BAD, markersize=8, label="ours")
+    axes.plot(x, paper, markersize=7, label="paper", **_HOLLOW)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.set_xticks(x, [*(f"{d:g}" for d in bias["diameter_mm"]), "mean"])
+    _add_titled_legend(axes, f"p = {bias['p_value']:.2g} for the mean, sign test p = {bias['sign_test_p_value']:.3g}")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.06 * (high - low), high + 0.45 * (high - low))
+
+
+def _draw_sources(axes: Axes, bias: dict[str, Any]) -> None:
+    set_up(axes, "Sources of chance in that mean", "standard deviation of the mean (%)")
+    axes.grid(visible=False, axis="y")
+    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
+    rows = {_SOURCES[name]: value for name, value in bias["deviations_percent"].items()}
+    rows["all together, linear"] = bias["mean_deviation_percent"]
+    rows[f"all, {bias['simulation']['draws']} simulations"] = bias["simulation"]["deviation_percent"]
+    for index, (name, value) in enumerate(rows.items()):
+        axes.barh(index, value, 0.62, color=COLOURS[0] if name.startswith("all") else "#BDD7E7")
+        axes.text(value + 0.02, index, f"{value:.2f}", va="center", fontsize=9, color=INK)
+    size = abs(bias["mean_percent"])
+    axes.axvline(size, color=BAD, linewidth=1.5)
+    axes.text(size - 0.03, -0.3, f"observed mean {bias['mean_percent']:+.2f} %", ha="right", fontsize=9, color=BAD)
+    axes.set_yticks(range(len(rows)), list(rows), fontsize=9)
+    axes.set_ylim(len(rows) - 0.4, -0.8)
+    axes.set_xlim(0.0, 1.12 * max(size, *rows.values()))
+
+
+def _add_titled_legend(axes: Axes, title: str) -> None:
+    axes.legend(frameon=False, fontsize=9, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")

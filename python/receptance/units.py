@@ -1,0 +1,606 @@
+"""Units and physical quantities: the unit registry, units of FRFs and records, quantities written as text.
+
+The program has one unit registry. It knows the units of mechanical measurements and nothing else, and the angle is a
+dimension of its own, so that rad/N and m/(N m) differ. The letter g stands for two units: it is the acceleration of
+gravity where that gives a motion or a motion per load (`g`, `g/N`, `V/(100 mV/g)`), and a gram elsewhere (`0.6 g`,
+`14.5 g/cm^3`). pint is imported when the first unit is read.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from receptance._text import did_you_mean, shown
+
+__all__ = [
+    "CHANNEL_UNITS",
+    "FORMS",
+    "NUMBER",
+    "QUANTITIES",
+    "Dimension",
+    "FRFKind",
+    "Form",
+    "Quantity",
+    "Unit",
+    "UnitError",
+    "channel_factor",
+    "channel_kind",
+    "form_name",
+    "frf_kind",
+    "frf_unit",
+    "parse",
+    "parse_any",
+    "parse_unit",
+    "split",
+]
+
+_DEFINITIONS = """
+pico- = 1e-12 = p-
+nano- = 1e-9 = n-
+micro- = 1e-6 = u- = µ- = μ-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+deci- = 1e-1 = d-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+giga- = 1e9 = G-
+metre = [length] = m = meter
+kilogram = [mass] = kg
+second = [time] = s = sec = Seconds
+radian = [angle] = rad
+volt = [voltage] = V
+kelvin = [temperature] = K
+gram = 0.001 * kilogram = g
+tonne = 1000 * kilogram = t
+pound = 0.45359237 * kilogram = lb
+ounce = 0.028349523125 * kilogram = oz
+minute = 60 * second = min
+hour = 3600 * second = h
+hertz = 1 / second = Hz = Hertz
+degree = 0.017453292519943295 * radian = deg
+arcminute = degree / 60 = arcmin
+arcsecond = degree / 3600 = arcsec
+revolution = 6.283185307179586 * radian = rev = turn
+revolutions_per_minute = revolution / minute = rpm
+inch = 0.0254 * metre = in
+foot = 0.3048 * metre = ft = feet
+mil = 0.0000254 * metre = thou
+litre = 0.001 * metre ** 3 = l = L = liter
+standard_gravity = 9.80665 * metre / second ** 2 = gn = g_n = g_0 = G
+newton = kilogram * metre / second ** 2 = N
+pound_force = 4.4482216152605 * newton = lbf
+poundal = 0.138254954376 * newton = pdl
+kilogram_force = 9.80665 * newton = kgf = kp
+dyne = 1e-5 * newton = dyn
+pascal = newton / metre ** 2 = Pa
+bar = 1e5 * pascal
+psi = pound_force / inch ** 2
+ksi = 1000 * psi
+joule = newton * metre = J
+watt = joule / second = W
+ampere = watt / volt = A
+percent = 0.01
+"""
+
+_SI = {"mass": "kg", "length": "m", "angle": "rad", "voltage": "V", "temperature": "K", "time": "s"}
+"""SI unit of each dimension, in the order in which a unit is written."""
+
+Form = Literal["receptance", "mobility", "accelerance"]
+"""Displacement, velocity or acceleration per load."""
+FORMS: tuple[Form, ...] = get_args(Form)
+"""In the order of time derivatives: the index is the power of i w that a receptance is multiplied with."""
+_SYNONYMS = {"compliance": "receptance", "inertance": "accelerance"}
+
+Dimension = tuple[tuple[str, float], ...]
+"""Powers of mass, length, time, angle, voltage and temperature other than zero, sorted by name."""
+
+
+class UnitError(ValueError):
+    """A text that is not a known unit; `word` is the part that is unknown."""
+
+    def __init__(self, message: str, word: str = "") -> None:
+        super().__init__(message)
+        self.word = word
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit.
+
+    Attributes
+    ----------
+    text : str
+        As it was written.
+    factor : float
+        Numbers in this unit times `factor` are in SI units.
+    dimension : Dimension
+        Powers of the base dimensions.
+    """
+
+    text: str
+    factor: float
+    dimension: Dimension
+
+
+# Reading a unit ------------------------------------------------------------------------------------------------------
+
+_LONGEST_UNIT = 80
+_EXPONENT = r"[+-]?\d(?:\.5)?"
+_POWER = re.compile(rf"(?<=[A-Za-zµμ)])\s*(?:\^|\*\*)\s*(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?![\d.]|\s*(?:\^|\*\*))")
+_SIGN = re.compile(r"(?:(?<=\d[eE])[+-]|(?:^|(?<=[(/*]))\s*-)(?=\s*\d)")
+"""A sign of a number, as against a difference or a sum."""
+_ALLOWED = re.compile(r"[A-Za-zµμ_0-9.*/() ]+")
+_GRAM_OR_GRAVITY = re.compile(r"\b([mµμun]?)g\b")
+_LINEAR_POWER = re.compile(r"\b([A-Za-zµμ]+)(-?\d)\b")
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint  # takes a third of a second
+
+    registry: Any = pint.UnitRegistry(None)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return registry
+
+
+def _plain(text: str) -> str:
+    """Return a unit as pint spells it."""
+    plain = text.strip()
+    for sign, power in (("⁻", "-"), ("¹", "1"), ("²", "2"), ("³", "3"), ("⁴", "4")):
+        plain = plain.replace(sign, power)
+    plain = plain.replace("·", "*").replace("×", "*").replace("⋅", "*").replace("°", "deg").replace("%", "percent")
+    plain = re.sub(r"\b([kmMµμu]?N)([mc]?m)\b", r"\1 \2", plain)
+    plain = re.sub(r"\bsec\b", "s", plain, flags=re.IGNORECASE)
+    plain = re.sub(r"\bg0\b", "gn", plain)
+    # s2 and s-2 are s^2 and s^-2.
+    return _LINEAR_POWER.sub(r"\1^\2", plain)
+
+
+@functools.lru_cache(maxsize=1024)
+def _read(text: str, gravity: bool = False) -> Unit:
+    """Return the unit that a text names; g is the acceleration of gravity or a gram."""
+    plain = _plain(text)
+    wrong = f"{text!r} is not understood as a unit, expected one such as 'm/s^2/N' or 'g'"
+    # pint evaluates any expression in a text, and a power of a power such as m^9^9^9 takes for ever.
+    bare = _SIGN.sub("", _POWER.sub("", plain))
+    if len(plain) > _LONGEST_UNIT or "//" in bare or "**" in bare or not _ALLOWED.fullmatch(bare):
+        raise UnitError(wrong, text)
+    if plain != "1" and not re.search(r"[A-Za-zµμ]", plain):
+        raise UnitError(wrong, text)
+    if gravity:
+        plain = _GRAM_OR_GRAVITY.sub(r"\1gn", plain)
+    try:
+        base = (_registry().Quantity(1.0, "") * _registry().parse_expression(plain)).to_base_units()
+        factor = float(base.magnitude)
+        powers = {name.strip("[]"): float(power) for name, power in dict(base.dimensionality).items()}
+    except Exception as error:
+        # pint raises whatever its parts raise: syntax errors, undefined units, arithmetic.
+        found = getattr(error, "unit_names", None) or ()
+        words = (found,) if isinstance(found, str) else tuple(map(str, found))
+        hint = f" (what is {', '.join(words)!r}?)" if words else ""
+        raise UnitError(wrong + hint, words[0] if words else text) from None
+    if not 0.0 < abs(factor) < math.inf:
+        raise UnitError(f"{wrong}: it is a factor of {factor:g}", text)
+    return Unit(text, factor, tuple(sorted((name, power) for name, power in powers.items() if power)))
+
+
+def parse_unit(text: str) -> Unit:
+    """Return the unit that a text names, as analysers spell it: `m/s^2/N`, `(m/s²)/N`, `g/lbf`, `um/N`, `rad/(N m)`.
+
+    Parameters
+    ----------
+    text : str
+        A unit, perhaps with numbers such as the sensitivity of a sensor, `V/(2.25 mV/N)`. g is the acceleration of
+        gravity if the whole is then a motion or a motion per load, else a gram.
+
+    Raises
+    ------
+    TypeError
+        Not text.
+    UnitError
+        A text that is not a known unit, or a level in dB.
+
+    Examples
+    --------
+    >>> from receptance.units import parse_unit
+    >>> parse_unit("g/N").factor, parse_unit("g").factor, parse_unit("g/m^3").factor
+    (9.80665, 9.80665, 0.001)
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"the unit is {text!r}, expected a text such as 'm/s^2/N'")
+    if "db" in text.lower():
+        raise UnitError(
+            f"the unit {text!r} is a level in dB; export linear values, a level does not say what it refers to"
+        )
+    unit = _read(text)
+    if _GRAM_OR_GRAVITY.search(text):
+        gravity = _read(text, gravity=True)
+        if frf_kind(gravity) is not None or channel_kind(gravity) is not None:
+            unit = gravity
+    if any(power != round(power) for _, power in unit.dimension):
+        raise UnitError(f"{text!r} is not understood as a unit, expected whole powers as in 'm/s^2/N'", text)
+    return unit
+
+
+# Units of FRFs and of time records -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FRFKind:
+    """What the dimension of an FRF's unit tells."""
+
+    form: Form
+    response: str
+    """`"y"` or `"theta"`: translation or rotation per load."""
+    excitation: str
+    """`"y"` or `"theta"`: per force or per moment."""
+
+
+def form_name(quantity: str) -> Form:
+    """Return receptance, mobility or accelerance for one of their names, or raise a ValueError.
+
+    Examples
+    --------
+    >>> from receptance.units import form_name
+    >>> form_name("Inertance")
+    'accelerance'
+    """
+    if not isinstance(quantity, str):
+        raise TypeError(f"quantity is {quantity!r}, expected one of {', '.join(FORMS)}")
+    name = quantity.strip().lower()
+    for form in FORMS:
+        if _SYNONYMS.get(name, name) == form:
+            return form
+    raise ValueError(f"quantity is {quantity!r}, expected one of {', '.join(FORMS)}")
+
+
+def frf_unit(kind: FRFKind) -> str:
+    """Return the SI unit of an FRF.
+
+    Examples
+    --------
+    >>> from receptance.units import FRFKind, frf_unit
+    >>> frf_unit(FRFKind("mobility", "theta", "theta"))
+    'rad/s/(N m)'
+    """
+    motion = "m" if kind.response == "y" else "rad"
+    rate = ("", "/s", "/s^2")[FORMS.index(kind.form)]
+    return f"{motion}{rate}/{'N' if kind.excitation == 'y' else '(N m)'}"
+
+
+def frf_kind(unit: Unit) -> FRFKind | None:
+    """Return the kind of FRF that has this unit, or None.
+
+    Examples
+    --------
+    >>> from receptance.units import frf_kind, parse_unit
+    >>> frf_kind(parse_unit("(m/s²)/N"))
+    FRFKind(form='accelerance', response='y', excitation='y')
+    """
+    return _frf_kinds().get(unit.dimension)
+
+
+@functools.cache
+def _frf_kinds() -> dict[Dimension, FRFKind]:
+    kinds = [FRFKind(form, row, column) for form in FORMS for row in ("y", "theta") for column in ("y", "theta")]
+    return {_read(frf_unit(kind)).dimension: kind for kind in kinds}
+
+
+CHANNEL_UNITS = {
+    "force": "N",
+    "moment": "N m",
+    "displacement": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "rotation": "rad",
+    "angular velocity": "rad/s",
+    "angular acceleration": "rad/s^2",
+}
+"""Quantities of time records and their SI units."""
+
+
+def channel_kind(unit: Unit) -> tuple[str, str] | None:
+    """Return the quantity and the SI unit of a time record with this unit, or None.
+
+    Examples
+    --------
+    >>> from receptance.units import channel_kind, parse_unit
+    >>> channel_kind(parse_unit("g"))
+    ('acceleration', 'm/s^2')
+    """
+    return _channel_kinds().get(unit.dimension)
+
+
+@functools.cache
+def _channel_kinds() -> dict[Dimension, tuple[str, str]]:
+    return {_read(unit).dimension: (name, unit) for name, unit in CHANNEL_UNITS.items()}
+
+
+def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
+    """Return the factor from a recorded number to SI.
+
+    Parameters
+    ----------
+    owner, what : str
+        Named in errors, such as "TimeRecords 'hammer'" and "force_unit".
+    quantity : str
+        A key of `CHANNEL_UNITS`.
+    unit : str
+        A unit, such as "m/s^2", "um" or "g", or an expression with the sensitivity of a sensor, such as
+        "V/(2.25 mV/N)"; negative for a sensor of opposite sign.
+
+    Raises
+    ------
+    TypeError
+        Not text.
+    ValueError
+        An unknown unit, or the unit of another quantity.
+
+    Examples
+    --------
+    >>> from receptance.units import channel_factor
+    >>> channel_factor("here", "response_unit", "acceleration", "g")
+    9.80665
+    >>> round(channel_factor("here", "force_unit", "force", "V/(2.25 mV/N)"), 3)
+    444.444
+    """
+    si = CHANNEL_UNITS[quantity]
+    expected = f'a unit of {quantity} such as "{si}", or "V/(10 mV/({si}))"'
+    if not isinstance(unit, str):
+        raise TypeError(f"{owner}: {what} is {unit!r}, expected {expected}")
+    if unit.strip() == si:
+        return 1.0  # without pint
+    if not unit.strip():
+        raise ValueError(f"{owner}: {what} is {unit!r}, expected {expected}")
+    try:
+        found = parse_unit(unit)
+    except UnitError as error:
+        raise ValueError(f"{owner}: {what} is no unit: {error}; expected {expected}") from None
+    if (kind := channel_kind(found)) is None or kind[0] != quantity:
+        raise ValueError(f"{owner}: {what} is {unit!r}, which is {_name_of(found.dimension)}, expected {expected}")
+    return found.factor
+
+
+# Quantities written as a number with a unit --------------------------------------------------------------------------
+
+NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+"""Pattern of a number in a quantity."""
+_TEXT = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>.*?)\s*", re.DOTALL)
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+")
+_LONGEST_QUANTITY = 200
+_COMMON = ("mm", "cm", "m", "µm", "um", "GPa", "MPa", "Pa", "kg", "g", "N", "kN", "Hz", "kHz", "rad", "deg", "s", "ms")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A physical quantity: name, SI unit, an example and the values that are allowed.
+
+    Parameters
+    ----------
+    name : str
+        With its article, as in "a length".
+    unit : str
+        Unit of its values; empty for a plain number.
+    example : str
+        A value as a user writes it.
+    above, least, most : float, optional
+        Bounds: values are more than `above`, at least `least` and at most `most`.
+    """
+
+    name: str
+    unit: str
+    example: str
+    above: float = -math.inf
+    least: float = -math.inf
+    most: float = math.inf
+
+    @property
+    def expected(self) -> str:
+        """What a text must be, for messages."""
+        if not self.unit:
+            return f"a number such as {self.example}"
+        return f'{self.name} as text with a unit, such as "{self.example}"'
+
+    @property
+    def bounds(self) -> str:
+        """The allowed values, as in "more than -1 and at most 0.5"; empty without bounds."""
+        texts = []
+        if math.isfinite(self.above):
+            texts.append(f"more than {self.above:g}" if self.above else "more than zero")
+        if math.isfinite(self.least):
+            texts.append(f"at least {self.least:g}" if self.least else "zero or more")
+        if math.isfinite(self.most):
+            texts.append(f"at most {self.most:g}")
+        return " and ".join(texts)
+
+    def holds(self, value: float) -> bool:
+        """Return whether a value is within the bounds."""
+        return value > self.above and self.least <= value <= self.most
+
+
+LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0)
+LENGTH_OR_ZERO = Quantity("a length or zero", "m", "20 mm", least=0.0)
+MODULUS = Quantity("a modulus", "Pa", "580 GPa", above=0.0)
+DENSITY = Quantity("a density", "kg/m^3", "14500 kg/m^3", above=0.0)
+POISSON_RATIO = Quantity("a Poisson's ratio", "", "0.22", above=-1.0, most=0.5)
+LOSS_FACTOR = Quantity("a loss factor", "", "0.002", least=0.0)
+MASS = Quantity("a mass", "kg", "0.6 g", least=0.0)
+INERTIA = Quantity("a moment of inertia", "kg m^2", "2e-7 kg m^2", least=0.0)
+STIFFNESS = Quantity("a stiffness", "N/m", "3.5e8 N/m", least=0.0)
+SPRING_STIFFNESS = Quantity("a stiffness above zero", "N/m", "3.5e8 N/m", above=0.0)
+ROTATIONAL_STIFFNESS = Quantity("a rotational stiffness", "N m/rad", "4e4 N m/rad", least=0.0)
+COUPLING_STIFFNESS = Quantity("a coupling stiffness", "N/rad", "1e5 N/rad")
+DAMPING = Quantity("a damping", "N s/m", "120 N s/m", least=0.0)
+ROTATIONAL_DAMPING = Quantity("a rotational damping", "N m s/rad", "0.03 N m s/rad", least=0.0)
+COUPLING_DAMPING = Quantity("a coupling damping", "N s/rad", "0.5 N s/rad")
+SHARE = Quantity("a share", "", "0.1", least=0.0)
+EXPONENT = Quantity("an exponent", "", "1.0", above=0.0, most=4.0)
+LEVEL = Quantity("a level", "", "2.0", least=0.0)
+AMPLITUDE = Quantity("an amplitude", "m", "1 um", least=0.0)
+ANGLE = Quantity("an angle", "rad", "1e-5 rad", least=0.0)
+DAMPING_RATIO = Quantity("a damping ratio", "", "0.03", least=0.0)
+MODE_SHAPE = Quantity("a mode shape", "1/kg**0.5", "0.25 1/kg**0.5")
+MODE_SLOPE = Quantity("a slope of a mode shape", "rad/(m*kg**0.5)", "1.1 rad/(m*kg**0.5)")
+RECEPTANCE = Quantity("a receptance", "m/N", "2e-9 m/N")
+ROTATIONAL_RECEPTANCE = Quantity("a rotational receptance", "rad/(N m)", "2e-7 rad/(N m)")
+COUPLING_RECEPTANCE = Quantity("a coupling receptance", "m/(N m)", "1e-8 m/(N m)")
+FREQUENCY = Quantity("a frequency", "Hz", "2.5 kHz", above=0.0)
+FREQUENCY_OR_ZERO = Quantity("a frequency or zero", "Hz", "500 Hz", least=0.0)
+DECAY_RATE = Quantity("a rate of decay", "1/s", "20 1/s", least=0.0)
+TIME = Quantity("a time", "s", "2 ms", above=0.0)
+TIME_OR_ZERO = Quantity("a time or zero", "s", "2 ms", least=0.0)
+DELAY = Quantity("a time of either sign", "s", "5e-6 s")
+LOGARITHM = Quantity("a logarithm", "", "0.03")
+FORCE = Quantity("a force", "N", "20 N", above=0.0)
+SHARE_ABOVE_ZERO = Quantity("a share above zero", "", "0.05", above=0.0, most=1.0)
+CUTTING_COEFFICIENT = Quantity("a cutting coefficient", "N/m^2", "800 MPa", above=0.0)
+CUTTING_COEFFICIENT_OR_ZERO = Quantity("a cutting coefficient or zero", "N/m^2", "300 MPa", least=0.0)
+IMMERSION = Quantity("an immersion", "", "0.5", above=0.0, most=1.0)
+SPINDLE_SPEED = Quantity("a spindle speed", "rpm", "12000 rpm", above=0.0)
+DIRECTION = Quantity("a direction", "deg", "30 deg")
+
+QUANTITIES = tuple(one for one in tuple(globals().values()) if isinstance(one, Quantity))
+"""All of them."""
+
+_RATES = {
+    "Hz": ("Hz or kHz", re.compile(r"[A-Za-zµμ]*(Hz|hertz|Hertz)")),
+    "rpm": ("rpm", re.compile(r"rpm|revolutions_per_minute")),
+    "1/s": ("1/s; a rate of decay is in 1/s, not in Hz", re.compile(r"(?!.*(Hz|hertz)).*", re.IGNORECASE)),
+}
+"""How rates must be written: Hz and 1/s have the same dimension, and differ by 2 pi where the reader errs."""
+
+
+def parse(text: Any, quantity: Quantity) -> float:
+    """Return the value of a quantity in its unit.
+
+    Parameters
+    ----------
+    text : str or float
+        A number and a unit; a plain number where the quantity has no unit.
+    quantity : Quantity
+        What is expected.
+
+    Raises
+    ------
+    ValueError
+        Not text, no unit, an unknown unit, another quantity, or a value out of range; the message begins with "is",
+        for the name of the value to be put before it.
+
+    Examples
+    --------
+    >>> from receptance.units import LENGTH, MODULUS, parse
+    >>> parse("580 GPa", MODULUS)
+    580000000000.0
+    >>> parse("62.3 N", LENGTH)
+    Traceback (most recent call last):
+    ValueError: is "62.3 N", a force, expected a length as text with a unit, such as "62.3 mm"
+    """
+    if quantity.unit:
+        number, unit = split(text, quantity.expected)
+        if not unit:
+            raise ValueError(f"is {shown(text)}, without a unit, expected {quantity.expected}")
+        value = number * _factor(text, unit, quantity)
+    elif isinstance(text, bool) or not isinstance(text, (int, float)):
+        raise ValueError(f"is {shown(text)}, expected {quantity.expected}")
+    else:
+        try:
+            value = float(text)
+        except OverflowError:
+            raise ValueError(f"is a number of more than 300 digits, expected {quantity.expected}") from None
+    if not math.isfinite(value):
+        raise ValueError(f"is {shown(text)}, expected a finite value: {quantity.expected}")
+    if not quantity.holds(value):
+        raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {quantity.expected}")
+    return value
+
+
+def parse_any(text: str) -> tuple[float, str]:
+    """Return the SI value and the SI unit of a quantity of any kind; no unit means a plain number.
+
+    Examples
+    --------
+    >>> from receptance.units import parse_any
+    >>> parse_any("5 kN")
+    (5000.0, 'kg m/s^2')
+    """
+    number, unit = split(text, 'a number, or text with a number and a unit such as "135 N m"')
+    if not unit:
+        return number, ""
+    expected = 'a unit without angle over time or offset, such as "Hz" or "K"'
+    found = _bare_unit(text, unit, expected)
+    powers = dict(found.dimension)
+    if "angle" in powers and "time" in powers and not powers.keys() & {"mass", "length"}:
+        raise ValueError(f"is {shown(text)}, expected {expected}")
+    return number * found.factor, _si_unit(found.dimension)
+
+
+def split(text: Any, expected: str) -> tuple[float, str]:
+    """Return the number and the unit of a text."""
+    if not isinstance(text, str):
+        raise ValueError(f"is {shown(text)}, expected {expected}")
+    if len(text) > _LONGEST_QUANTITY:
+        raise ValueError(f"is {shown(text)}, a text of {len(text)} characters, expected {expected}")
+    match = _TEXT.fullmatch(text)
+    if _DECIMAL_COMMA.match(text):
+        raise ValueError(f"is {shown(text)}, expected {expected}; decimals are written with a point")
+    if match is None:
+        raise ValueError(f"is {shown(text)}, expected {expected}")
+    number = float(match["number"])
+    if not math.isfinite(number):
+        raise ValueError(f"is {shown(text)}, too large a number, expected {expected}")
+    return number, match["unit"]
+
+
+def _factor(text: str, unit: str, quantity: Quantity) -> float:
+    found, wanted = _bare_unit(text, unit, quantity.expected), _read(quantity.unit)
+    powers = dict(found.dimension)
+    rate = _RATES.get(quantity.unit)
+    hint = (
+        f"; write it in {rate[0]}" if rate and powers.get("time") == -1 and powers.keys() <= {"angle", "time"} else ""
+    )
+    # An angle may be left out, as in "4e4 N m" for "4e4 N m/rad".
+    without = tuple(one for one in wanted.dimension if one[0] != "angle")
+    if found.dimension not in (wanted.dimension, wanted.dimension if rate else without):
+        raise ValueError(f"is {shown(text)}, {_name_of(found.dimension)}, expected {quantity.expected}{hint}")
+    if rate and not rate[1].fullmatch(unit):
+        raise ValueError(f"is {shown(text)}, expected {quantity.expected}{hint}")
+    return found.factor / wanted.factor
+
+
+def _bare_unit(text: str, unit: str, expected: str) -> Unit:
+    """Return a unit without numbers, in which g is a gram."""
+    try:
+        if re.search(r"\d", _POWER.sub("", _plain(unit)).replace("1/", "/")):
+            raise UnitError("a number", unit)
+        return _read(unit)
+    except UnitError as error:
+        raise ValueError(
+            f"is {shown(text)}, with the unknown unit {shown(error.word)}{did_you_mean(error.word, _COMMON)}, "
+            f"expected {expected}"
+        ) from None
+
+
+@functools.lru_cache(maxsize=256)
+def _name_of(dimension: Dimension) -> str:
+    """Return the name of a quantity of some dimension, for messages."""
+    plain = {"a force": "N", "a moment": "N m", "an area": "m^2", "an acceleration": "m/s^2", "a velocity": "m/s"}
+    named = ((one.name.removesuffix(" or zero"), one.unit) for one in QUANTITIES if one.unit)
+    for name, unit in (*plain.items(), *named):
+        if _read(unit).dimension == dimension:
+            return name
+    return f"a quantity in {_si_unit(dimension)}" if dimension else "without a dimension"
+
+
+def _si_unit(dimension: Dimension) -> str:
+    powers = dict(dimension)
+    above = [_power(unit, powers[name]) for name, unit in _SI.items() if powers.get(name, 0.0) > 0.0]
+    below = ["/" + _power(unit, -powers[name]) for name, unit in _SI.items() if powers.get(name, 0.0) < 0.0]
+    return (" ".join(above) or ("1" if below else "")) + "".join(below)
+
+
+def _power(unit: str, power: float) -> str:
+    return unit if power == 1.0 else f"{unit}^{power:g}"

@@ -1,0 +1,57 @@
+"""Residuals evaluated with assemblies and fitted by SciPy: the reference of the problems of the core."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from receptance.identification.mapping import Parameters
+from receptance.identification.problem import Observed, prior_table
+from receptance.identification.residuals import InfeasibleError
+from receptance.identification.task import Task, place_of
+
+
+def task_of(observations: Any, unknowns: Any, unit: str = "logarithm", tolerances: Any = (), **settings: Any) -> Task:
+    """Return a task in which all observations have one unit."""
+    observed = tuple(observations) if isinstance(observations, (list, tuple)) else (observations,)
+    parameters = Parameters(tuple(unknowns), tolerances, [place_of(one, i) for i, one in enumerate(observed)])
+    return Task(observed, parameters, (unit,) * len(observed), **{"threads": 1, **settings})
+
+
+def residual_and_jacobian(task: Task, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return all residuals and their derivatives by the variables, those of priors last; infinite without a value."""
+    variables = task.variables
+    values = variables.to_values(x)
+    rows, slopes = [], []
+    for i, (one, placed, unit) in enumerate(zip(task.observed, task.placed, task.units, strict=True)):
+        residual = Observed(one, placed, unit, task.chosen(i)).residual(1)
+        try:
+            row, slope = residual.evaluate(values, variables.slopes(values))
+        except InfeasibleError:
+            row, slope = np.full(residual.size, np.inf), np.zeros((residual.size, x.size))
+        rows.append(row)
+        slopes.append(slope)
+    for variable, scale, offset in prior_table(variables.unknowns):
+        rows.append(np.array([scale * x[int(variable)] - offset]))
+        slopes.append(scale * np.eye(x.size)[[int(variable)]])
+    return np.concatenate(rows), np.vstack(slopes)
+
+
+def fit(task: Task, start: np.ndarray, smoothing: float | None = None, tolerance: float = 1e-10) -> Any:
+    """Return the end of SciPy's fit."""
+    options: dict[str, Any] = {} if smoothing is None else {"loss": "soft_l1", "f_scale": smoothing}
+    return least_squares(
+        lambda x: residual_and_jacobian(task, x)[0],
+        start,
+        jac=lambda x: residual_and_jacobian(task, x)[1],
+        bounds=tuple(task.variables.limits),
+        method="trf",
+        x_scale="jac",
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
+        max_nfev=200,
+        **options,
+    )
