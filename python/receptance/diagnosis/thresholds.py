@@ -6,6 +6,8 @@ laboratory (`tests/blind`) checks them together: see `docs/validation.md`.
 
 from __future__ import annotations
 
+import math
+
 __all__: list[str] = []
 
 # Lines of measured receptances.
@@ -196,5 +198,5 @@ SPRING_COUNT = 6
 """Springs between two point springs."""
 SPRING_DECAY = 2.3
 """Natural logarithm of the decay of these springs from one end to the other."""
-SPRING_TRACE = 1e-3
-"""Sum of these springs relative to the point spring, at the null of the cause."""
+SPRING_TRACE = math.log(1e-3)
+"""Natural logarithm of the sum of these springs relative to the point spring, at the null of the cause."""
