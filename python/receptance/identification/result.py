@@ -504,6 +504,7 @@ class Identification(Result):
             "rms": self.rms,
             "degrees_of_freedom": self.degrees_of_freedom,
             "known_scatter": self.known_scatter,
+            "noise_factor": self.noise_factor,
             "starts": len(self.starts),
             "starts_agreeing": self.agreeing,
             "evaluations": self.evaluations,
