@@ -23,7 +23,7 @@ from receptance.identification import (
     find_bands,
     identify,
 )
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.materials import CARBIDE, STEEL, Material
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart, Mode
@@ -72,6 +72,7 @@ __all__ = [
     "ReceptanceError",
     "ReceptanceWarning",
     "ResonanceError",
+    "Resonator",
     "Section",
     "Segment",
     "SingularInterfaceError",

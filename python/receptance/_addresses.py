@@ -13,7 +13,7 @@ from receptance._flatten import Flat
 from receptance.beams import Part, Segment
 from receptance.collet import ColletJoint
 from receptance.errors import SingularInterfaceError
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
@@ -27,6 +27,7 @@ _KIND: dict[type, str] = {
     **dict.fromkeys(_TERMINALS, "spindle"),
     PointMass: "mass",
     GroundSpring: "ground",
+    Resonator: "resonator",
 }
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
@@ -47,8 +48,10 @@ def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> 
         if motion != "bending" and isinstance(element, (*_JOINTS, *_TERMINALS)) and type(element) is not PointJoint:
             raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which there is for bending only")
     for index, point in enumerate(points):
-        if not isinstance(point, (PointMass, GroundSpring)):
-            raise TypeError(f"Assembly: attachments[{index}] is {point!r}, expected a PointMass or a GroundSpring")
+        if not isinstance(point, (PointMass, GroundSpring, Resonator)):
+            raise TypeError(
+                f"Assembly: attachments[{index}] is {point!r}, expected a PointMass, a GroundSpring or a Resonator"
+            )
     if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], (Part, *_TERMINALS)):
         raise ValueError(
             "Assembly: the chain must begin and end with a Part, or end with a MeasuredPart or a ModalPart"

@@ -14,7 +14,7 @@ import numpy as np
 from receptance import _core
 from receptance.beams import Part, Segment
 from receptance.collet import ColletJoint
-from receptance.joints import WIDTHS, GroundSpring, PointJoint, PointMass
+from receptance.joints import WIDTHS, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart, Mode
 from receptance.spread import SpreadJoint
@@ -118,7 +118,7 @@ def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def flatten(
     chain: Sequence[tuple[str, Element]],
-    attachments: Sequence[tuple[str, PointMass | GroundSpring, str, list[float]]],
+    attachments: Sequence[tuple[str, PointMass | GroundSpring | Resonator, str, list[float]]],
     positions: dict[str, set[float]],
 ) -> Flat:
     """Flatten a chain from the tip on.
@@ -140,7 +140,11 @@ def flatten(
         else:
             node = _add_joint(flat, name, element, node)
     for name, attachment, part, places in attachments:
-        _add_attachment(flat, name, attachment, [flat.nodes[part, position] for position in places])
+        nodes = [flat.nodes[part, position] for position in places]
+        if isinstance(attachment, Resonator):
+            _add_resonator(flat, name, attachment, nodes[0])
+        else:
+            _add_attachment(flat, name, attachment, nodes)
     return flat
 
 
@@ -203,6 +207,19 @@ def _add_attachment(flat: Flat, name: str, attachment: PointMass | GroundSpring,
     for node, share in zip(nodes, attachment.shares, strict=True):
         columns = zip(attachment.columns_of, attachment.columns(), strict=True)
         rows.append([float(node), *(value if name == "loss_factor" else value * share for name, value in columns)])
+
+
+def _add_resonator(flat: Flat, name: str, resonator: Resonator, node: int) -> None:
+    """Add a joint to a node of its own, and the mass on that node."""
+    # The mass has no moment of inertia, so the rotational stiffness transmits nothing, whatever its value.
+    joint = PointJoint(k_y=resonator.k_y, k_theta=1.0, c_y=resonator.c_y)
+    row, far = len(flat.joints), flat.new_node()
+    flat.titles["joint", row] = name
+    flat.joints.append([float(node), float(far), *joint.columns()])
+    for quantity in ("k_y", "c_y"):
+        flat.entries[f"{name}.{quantity}"] = [(JOINTS, row, 2 + PointJoint.columns_of.index(quantity), 1.0)]
+    flat.entries[f"{name}.mass"] = [(MASSES, len(flat.masses), 1, 1.0)]
+    flat.masses.append([float(far), resonator.mass, 0.0])
 
 
 def _add_part(flat: Flat, name: str, part: Part, node: int, positions: list[float]) -> int:

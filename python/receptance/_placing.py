@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.coordinates import Coordinate
-    from receptance.joints import GroundSpring, PointMass
+    from receptance.joints import GroundSpring, PointMass, Resonator
 
 __all__ = ["distinct", "flattened", "places_of", "rows_of"]
 
 
 def places_of(
-    elements: Mapping[str, Element], name: str, attachment: PointMass | GroundSpring
+    elements: Mapping[str, Element], name: str, attachment: PointMass | GroundSpring | Resonator
 ) -> tuple[str, list[float]]:
     """Return the name of the part and the points along it at which an attachment acts."""
     owner = f"attachment {name!r}"
@@ -30,7 +30,7 @@ def places_of(
 
 def flattened(
     elements: Mapping[str, Element],
-    attachments: Mapping[str, PointMass | GroundSpring],
+    attachments: Mapping[str, PointMass | GroundSpring | Resonator],
     points: tuple[Coordinate, ...],
 ) -> Flat:
     """Return the tables of an assembly with a node at each of some coordinates and wherever something acts."""

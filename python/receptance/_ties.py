@@ -13,7 +13,7 @@ from receptance._flatten import MOTIONS
 from receptance.assembly import Assembly
 from receptance.beams import Part
 from receptance.collet import ColletJoint
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
 from receptance.terminals import MeasuredPart
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Tied", "tie"]
 
-_KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring, ModalPart, MeasuredPart)
+_KNOWN = (Part, PointJoint, ColletJoint, SpreadJoint, PointMass, GroundSpring, Resonator, ModalPart, MeasuredPart)
 """Elements whose table entries are sums of their parameters."""
 
 

@@ -25,7 +25,7 @@ from receptance._flatten import MOTIONS, Element, Flat, Motion
 from receptance._placing import distinct, flattened, places_of, rows_of
 from receptance.beams import Part
 from receptance.coordinates import Coordinate, as_coordinates
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.terminals import MeasuredPart, Terminal
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Assembly"]
 
-Attachment = PointMass | GroundSpring
+Attachment = PointMass | GroundSpring | Resonator
 
 
 class Assembly:
@@ -50,8 +50,8 @@ class Assembly:
     chain : iterable of parts and joints
         From the tip on; begins with a part, and ends with one or with a spindle. Unnamed elements are called `part`,
         `joint`, `spindle`, numbered where there are several.
-    attachments : iterable of PointMass and GroundSpring, optional
-        Point elements; each says on which part and where. Unnamed ones are called `mass` and `ground`.
+    attachments : iterable of PointMass, GroundSpring and Resonator, optional
+        Point elements, each with its part and position. Unnamed ones are called `mass`, `ground` and `resonator`.
     motion : {"bending", "axial"}, optional
         In axial motion parts are rods, "y", k_y and c_y are along the axis, and what is about theta is not used.
 
@@ -120,6 +120,7 @@ class Assembly:
         `.poisson_ratio`, `.loss_factor` and `.core.youngs_modulus` and so on; `<joint>.k_y` and its six
         companions, a spread joint's `.length`, `.shank.outer_diameter` and so on, a collet's `.inner.k_y` and
         `.mass`, a slipping one's `.slip_y`, `.level` and so on; `<mass>.mass`, `.inertia`; `<ground>.k_y` and so on;
+        `<resonator>.mass`, `.k_y`, `.c_y`;
         `<spindle>.residual_y`, `.mode[i].frequency_hz` and so on. `segment[*]` stands for all segments of a part
         together.
         """

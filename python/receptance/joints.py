@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks, units
 from receptance.fields import Count, Element, Field, Number
 
-__all__ = ["GroundSpring", "PointJoint", "PointMass"]
+__all__ = ["GroundSpring", "PointJoint", "PointMass", "Resonator"]
 
 Position = float | Literal["end"]
 
@@ -185,6 +185,41 @@ class PointMass(Element):
 
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
     shares: ClassVar[tuple[float, ...]] = (1.0,)
+
+    def __post_init__(self) -> None:
+        self.check()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resonator(Element):
+    """A mass on a spring and a dashpot at a point of a part.
+
+    It stands for one mode of a structure that is not modelled, or for a vibration absorber. It acts on the translation
+    of its point, with the dynamic stiffness -w^2 mass k / (k - w^2 mass), k = k_y + i w c_y (Den Hartog, Mechanical
+    Vibrations, 4th edition 1956, section 3.3).
+
+    Parameters
+    ----------
+    {fields}
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Part, Resonator, Segment
+    >>> bar = Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")
+    >>> absorber = Resonator(mass=0.02, k_y=0.02 * (2.0 * np.pi * 800.0) ** 2, c_y=1.0)
+    >>> Assembly([bar], [absorber]).natural_frequencies(3e3).round(0)
+    array([ 851., 2269.])
+    """
+
+    mass: Annotated[float, Number(units.MASS, "mass")]
+    k_y: Annotated[float, Number(units.SPRING_STIFFNESS, "stiffness")]
+    c_y: Annotated[float, Number(units.DAMPING, "viscous damping")] = 0.0
+    part: Annotated[str, Field("name of the part that carries it; by default the first part")] = ""
+    position: Annotated[Position, Field("distance in m from the part's tip-side end, or its far end")] = 0.0
+    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
+
+    offsets: ClassVar[tuple[float, ...]] = (0.0,)
 
     def __post_init__(self) -> None:
         self.check()

@@ -61,7 +61,7 @@ def test_chains_that_are_none(chain: Any, error: type[Exception], words: str) ->
 @pytest.mark.parametrize(
     ("attachments", "error", "words"),
     [
-        ([JOINT], TypeError, r"attachments\[0\] is PointJoint.*, expected a PointMass or a GroundSpring"),
+        ([JOINT], TypeError, r"attachments\[0\] is PointJoint.*, expected a PointMass, a GroundSpring or a Resonator"),
         (
             [PointMass(mass=1.0, part="spindle")],
             ValueError,

@@ -13,7 +13,7 @@ import pytest
 from campaign_text import TEXT, load
 from receptance import FRF, campaign
 from receptance.campaign.diagnosis import campaign_model
-from receptance.diagnosis import CATALOGUE, Cause, UndecidableError, Variant
+from receptance.diagnosis import CATALOGUE, Cause, Step, UndecidableError, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
@@ -82,12 +82,13 @@ def written(folder: Path, more: str = "", **changes: float) -> campaign.Campaign
 def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> tuple[campaign.Campaign, Any]:
     """A diagnosis that ended at causes where they are small, without the work of one."""
     model, _ = campaign_model(read, read.to_identify)
-    model = model.witnessed()
+    model = model.with_witnesses()
     base = _at_start(model)
-    for cause, variant in steps:
-        model = next(v.model for v in CATALOGUE[cause].variants(model) if v.name == variant)
+    causes = tuple(Step(CATALOGUE[cause], variant) for cause, variant in steps)
+    for step in causes:
+        model = step.extend(model)
     fit = _at_start(model)
-    explanation = Explanation(tuple((CATALOGUE[c], v) for c, v in steps), fit, 100.0, 100.0)
+    explanation = Explanation(causes, fit, 100.0, 100.0)
     verdict: Any = SimpleNamespace(
         verdict="named",
         explanation=explanation,
@@ -112,17 +113,17 @@ def _at_start(model: Model) -> Fit:
 
 
 def variants() -> list[Any]:
-    """Every way of every cause that acts on a small campaign; the first of each in every test run."""
+    """Every variant of every cause that acts on a small campaign; the first of each in every test run."""
     with tempfile.TemporaryDirectory() as folder:
         read = written(Path(folder))
         model, _ = campaign_model(read, read.to_identify)
         found = []
         for cause in CATALOGUE.values():
             try:
-                ways = cause.variants(model)[:8]
+                found_variants = cause.variants(model)[:8]
             except UndecidableError:
                 continue  # of what this campaign has not, a rigid body say
-            for number, variant in enumerate(ways):
+            for number, variant in enumerate(found_variants):
                 marks = [pytest.mark.slow] if number else []
                 found.append(pytest.param((cause.id, variant.name), id=f"{cause.id}-{variant.name}", marks=marks))
     assert len({one.values[0][0] for one in found}) >= 18
@@ -222,7 +223,7 @@ def test_what_a_campaign_cannot_say_is_refused(tmp_path: Path) -> None:
     read = written(tmp_path)
     read, verdict = as_if_found(read)
     model = odd.variants(verdict.explanation.fit.model)[0].model
-    verdict.explanation = Explanation(((odd, "all"),), _at_start(model), 100.0, 100.0)
+    verdict.explanation = Explanation((Step(odd, "all"),), _at_start(model), 100.0, 100.0)
     with pytest.raises(ValueError, match="a campaign cannot say"):
         read.write_extended(verdict, tmp_path / "extended.toml")
     assert not (tmp_path / "extended.toml").exists()

@@ -45,6 +45,7 @@ ODD: list[Any] = [
         "hammer records",
         "mass",
         "ground",
+        "resonator",
         "..",
         "/",
     ),

@@ -117,7 +117,7 @@ def test_too_few_numbers_judge_nothing() -> None:
     seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
     verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.adequacy.misfit < 1e-3
-    assert "1 degree of freedom is left, fewer than the 3 it takes" in verdict.summary(1000)
+    assert "1 degree of freedom is left, expected at least 3" in verdict.summary(1000)
     assert "The model cannot be judged" in verdict.summary(1000)
     assert verdict.next_measurement is not None
     # What one degree of freedom is enough to refute is refuted, but no cause is named for it.
@@ -379,10 +379,10 @@ def test_progress_counts_steps_and_names_what_leads() -> None:
 
 @pytest.mark.parametrize(
     ("what", "times", "tried"),
-    [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("something without a name", 3, 3)],
+    [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("no cause: ", 3, 3)],
 )
 def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what: str, times: int, tried: int) -> None:
-    """In the base fit, while starts are compared, while fits end, beside the rivals."""
+    """In the base fit, while starts are compared, while fits end, beside the alternatives."""
     lines, progress = stopping(what, times)
     verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress)
     assert not verdict.final
@@ -469,7 +469,7 @@ def test_every_cause_is_nothing_at_its_null(name: str) -> None:
     problem = model.task().problem()
     before = problem.residual(problem.variables.start).copy()
     for variant in CATALOGUE[name].variants(model):
-        if variant.fresh or "insertion" in variant.name or name in ("joint_spread", "fluted_part"):
+        if variant.changes_data or "insertion" in variant.name or name in ("joint_spread", "fluted_part"):
             continue
         there = variant.model.task().problem()
         after = there.residual(there.variables.start)
@@ -546,14 +546,14 @@ def test_a_cause_of_no_size_moves_no_place(name: str, witnessed: bool) -> None:
     """
     pairs = [(one, PLACES[0]) for one in PLACES] + [(one, one) for one in PLACES[1:]]
     model = Model(tuple(of_places(stepped(0.05), *pair) for pair in pairs), tuple(STARTED))
-    model = model.witnessed() if witnessed else model
+    model = model.with_witnesses() if witnessed else model
     try:
         variants = CATALOGUE[name].variants(model)
     except UndecidableError:
         assert name == "joint_overhang_law"  # one overhang
         return
     for variant in variants:
-        if not variant.fresh:
+        if not variant.changes_data:
             assert np.abs(off(variant.model, {})).max() < 0.3, variant.name
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
-from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
 from receptance.diagnosis.advice import MENU, advise
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import refit, starting_at
+from receptance.diagnosis.fitting import evaluate_at, refit
 from receptance.diagnosis.foresight import with_causes
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.simulated import Alone, FRFAgain, Known, Rival, at_the_nose, other_overhang, same_again
@@ -64,7 +64,7 @@ def selection() -> Selection:
         starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
         fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)
         gain = base.chi_square - fit.chi_square
-        selection.singles.append(Explanation(((CATALOGUE[name], variant),), fit, gain, gain - 7.0))
+        selection.singles.append(Explanation((Step(CATALOGUE[name], variant),), fit, gain, gain - 7.0))
     return selection
 
 
@@ -163,10 +163,10 @@ def test_losses_that_look_alike_are_looked_up(selection: Selection) -> None:
     for name in ("joint_hysteretic_loss", "exponential_window", "suspension"):
         variant = CATALOGUE[name].variants(model)[-1 if name == "suspension" else 0]
         start = {"suspension.stiffness": 2e4, "suspension.damping": 20.0, "exponential_window.decay_rate": 2.0}
-        fit = replace(starting_at(selection.base, variant.model))
+        fit = replace(evaluate_at(selection.base, variant.model))
         values = {**fit.values, **{key: value for key, value in start.items() if key in fit.values}}
         fit = replace(fit, x=fit.task.variables.from_values(np.array(list(values.values()))))
-        close.append(Explanation(((CATALOGUE[name], variant.name),), fit, 40.0, 30.0))
+        close.append(Explanation((Step(CATALOGUE[name], variant.name),), fit, 40.0, 30.0))
     found = advise(selection, Judgement("ambiguous", tuple(close), tuple(next(iter(one.ids)) for one in close), ()))
     assert found is not None
     assert found.resolves == 1.0

@@ -7,8 +7,7 @@ import pytest
 
 from receptance import campaign, examples
 from receptance.campaign.diagnosis import campaign_model
-from receptance.diagnosis.bias import bias_of, slenderness_of
-from receptance.diagnosis.by_mode import ModeResidual
+from receptance.diagnosis.by_mode import ModeResidual, bias_of, slenderness_of
 
 NAN = float("nan")
 
@@ -30,7 +29,7 @@ def test_the_long_tools_first_mode() -> None:
     assert (found.mode, found.configurations, found.slenderness) == (1, ("c6", "c7", "c8"), (8.0, 10.0))
     assert found.mean_percent == pytest.approx(-1.2, abs=0.1)
     assert str(found).startswith(
-        "mode 1 of the 3 tools that stick out 8.0 to 10.0 diameters is calculated 1.2 % too low"
+        "mode 1 of the 3 tools with overhangs of 8.0 to 10.0 diameters is calculated 1.2 % too low"
     )
 
 

@@ -13,7 +13,7 @@ from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, 
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.foresight import Foresight
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, _Fold, gain_of, measured_by
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, _Fold, gain_of, metrics_of
 from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -121,8 +121,8 @@ def test_own_errors_are_fitted_before_and_after_alike() -> None:
     off = MeasuredFRF(
         assembly=assembled(0.1), frequency_hz=LINES, receptance=off.receptance, standard_deviation=0.01, label="0.1"
     )
-    without, _ = measured_by(fit, Model((off,), tuple(JOINT)))
-    with_error, _ = measured_by(fit, Model((off,), tuple(JOINT), clamping(0.1)))
+    without, _ = metrics_of(fit, Model((off,), tuple(JOINT)))
+    with_error, _ = metrics_of(fit, Model((off,), tuple(JOINT), clamping(0.1)))
     assert with_error[SPECTRAL] < 0.7 * without[SPECTRAL]
     assert with_error[SCORE] > without[SCORE] + 100.0
 
@@ -132,7 +132,7 @@ def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
     (variant,) = [v for v in CATALOGUE["calibration_gain"].variants(model) if v.name == "all"]
     base, fit = refit(model, {}), refit(variant.model, {})
     other = Model((observed(0.1, seed=3, factor=1.05),), tuple(JOINT))
-    before, after = (measured_by(one, other)[0] for one in (base, fit))
+    before, after = (metrics_of(one, other)[0] for one in (base, fit))
     assert after[SPECTRAL] == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)
     assert before[SPECTRAL] > 2.0 * after[SPECTRAL]
     assert abs(before[FREQUENCIES] - after[FREQUENCIES]) < 0.05
@@ -143,7 +143,7 @@ def test_a_prediction_without_a_model_is_none() -> None:
     model = Model((observed(0.08),), (*JOINT, Move(address="longer", lower=-0.1, upper=0.1, moves={LENGTH: 1.0})))
     fit = refit(model, {"longer": 0.0})
     far = replace(fit, x=np.append(fit.x[:-1], -0.09))
-    assert measured_by(far, Model((observed(0.06),), model.unknowns)) == ({}, ())
+    assert metrics_of(far, Model((observed(0.06),), model.unknowns)) == ({}, ())
 
 
 def folds(*pairs: tuple[float, float]) -> list[_Fold]:
@@ -171,7 +171,7 @@ def test_intervals() -> None:
 def test_bad_metrics() -> None:
     with pytest.raises(TypeError, match="expected a name and a function"):
         diagnose([observed(0.06)], JOINT, metrics={"depth": 3.0})  # type: ignore[dict-item]
-    with pytest.raises(ValueError, match="is there already"):
+    with pytest.raises(ValueError, match="exists already"):
         diagnose([observed(0.06)], JOINT, metrics={SCORE: lambda one: 0.0})
 
 

@@ -14,10 +14,10 @@ from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, 
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.adequacy import _strain, judge
 from receptance.diagnosis.averaging import Ensemble, Target
-from receptance.diagnosis.explanation import MARGIN
 from receptance.diagnosis.fitting import fit_base, refit
-from receptance.diagnosis.held_out import SPECTRAL, measured_by
+from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.identification import Law
 
 SEED = 31
@@ -57,10 +57,10 @@ def test_no_fold_sees_what_it_is_tried_on() -> None:
     spectral = next(one for one in verdict.gains if one.metric == SPECTRAL)
     for index, fold in enumerate(spectral.folds):
         others = tuple(one for i, one in enumerate(data) if i != index)
-        alone = measured_by(fit_base(Model(others, tuple(JOINT))), Model((data[index],), tuple(JOINT)))[0][SPECTRAL]
+        alone = metrics_of(fit_base(Model(others, tuple(JOINT))), Model((data[index],), tuple(JOINT)))[0][SPECTRAL]
         assert fold["before"] == pytest.approx(alone, rel=1e-4)
     everything = fit_base(Model(tuple(data), tuple(JOINT)))
-    seen = measured_by(everything, Model((data[2],), tuple(JOINT)))[0][SPECTRAL]
+    seen = metrics_of(everything, Model((data[2],), tuple(JOINT)))[0][SPECTRAL]
     assert spectral.folds[2]["before"] > 1.2 * seen
 
 
@@ -74,7 +74,7 @@ def test_what_is_small_on_each_line_and_the_same_on_all_is_no_noise() -> None:
     assert waving.misfit < waving.limit
     assert waving.strain.passed
     assert not waving.passed
-    assert "times what noise and floor explain" in waving.why_not
+    assert "neighbouring lines together" in waving.why_not
 
 
 @pytest.mark.parametrize("count", [1, 10, 40])
@@ -97,7 +97,7 @@ def test_one_error_far_off_among_many_is_strain(count: int) -> None:
         assert found.passed == passes
 
 
-def test_rivals_within_the_margin_are_reported_and_others_are_not() -> None:
+def test_explanations_within_the_margin_are_reported_and_others_are_not() -> None:
     data = [observed(x, 1.05) for x in (0.06, 0.08, 0.1)]
     ids = ["calibration_gain", "exponential_window"]
     selection = diagnose(data, JOINT, causes=ids, most=1).selection

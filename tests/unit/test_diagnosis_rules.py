@@ -20,14 +20,14 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose
+from receptance.diagnosis import CATALOGUE, Model, Step, Verdict, diagnose
 from receptance.diagnosis.adequacy import judge
+from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.selection import _exchanged, select
-from receptance.diagnosis.steps import Steps
-from receptance.diagnosis.usable import usable
+from receptance.diagnosis.line_selection import select_lines
+from receptance.diagnosis.selection import Search, select
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.observations import altered
 
@@ -81,7 +81,7 @@ def test_lines_whose_logarithm_is_not_normal_are_left_out_aloud() -> None:
     data = [noisy(measured(assembled(x), assembled(x), f"{x}", i), slice(60, 70)) for i, x in enumerate(OVERHANGS)]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["missing_mode", "calibration_gain"], most=1)
     assert verdict.verdict == "adequate"
-    assert any("30 of 600 lines are left out" in note for note in verdict.notes)
+    assert any("30 of 600 lines are not used" in note for note in verdict.notes)
     assert all(one.frequency_hz.size == 190 for one in verdict.selection.base.model.observations)
 
 
@@ -89,12 +89,12 @@ def test_a_record_without_coherence_is_left_out_with_what_only_it_has() -> None:
     data = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     data[1] = noisy(data[1], slice(5, None))
     own = Tolerance(name="overhang", moves={"tool.segment[0].length": 5e-5}, configurations="0.07")
-    model, notes = usable(Model(tuple(data), tuple(JOINT), (*TOLERANCES, own)))
+    model, notes = select_lines(Model(tuple(data), tuple(JOINT), (*TOLERANCES, own)))
     assert [one.label for one in model.observations] == ["0.05", "0.09"]
     assert model.tolerances == tuple(TOLERANCES)
     assert any("0.07 (5 of 200)" in note for note in notes)
     with pytest.raises(ValueError, match="coherence is too low"):
-        usable(Model((data[1],), tuple(JOINT)))
+        select_lines(Model((data[1],), tuple(JOINT)))
 
 
 def test_clampings_that_scatter_more_than_stated_are_no_adequate_model() -> None:
@@ -134,14 +134,14 @@ def test_a_mode_that_no_line_shows_is_not_believed() -> None:
     data = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     cause = CATALOGUE["missing_mode"]
     for variant in cause.variants(Model(tuple(data), tuple(JOINT))):
-        tuned = variant.of(cause).parameter_of("missing_mode.log_frequency")
+        tuned = parameters_of(variant.model.unknowns)["missing_mode.log_frequency"]
         for target in (0.9 * LINES[0], 1.01 * LINES[0], 0.99 * LINES[-1], 1.1 * LINES[-1]):
             away = float(np.log(target / hertz(variant.name)))
             if abs(away) < 0.3:
-                assert tuned.believable(away) == (LINES[0] < target < LINES[-1])
+                assert tuned.is_plausible(away) == (LINES[0] < target < LINES[-1])
 
 
-def test_causes_are_exchanged_for_other_ways_of_acting() -> None:
+def test_causes_are_exchanged_for_their_other_variants() -> None:
     """A gain that was found in one configuration while it is in all of them, beside a sensor."""
     sensor = PointMass(mass=2e-3)
     data = [
@@ -154,10 +154,10 @@ def test_causes_are_exchanged_for_other_ways_of_acting() -> None:
     variants = {v.name: v.model for v in causes[1].variants(root.fit.model)}
     fit = refit(variants["0.05"], root.fit.values)
     gain = selection.base.chi_square - fit.chi_square
-    steps = (*root.steps, (causes[1], "0.05"))
-    selection.several.append(Explanation(steps, fit, gain, root.evidence + 1.0))
+    steps = (*root.steps, Step(causes[1], "0.05"))
+    selection.add([Explanation(steps, fit, gain, root.evidence + 1.0)])
     assert selection.explanations[0].adequacy.of_lines
-    _exchanged(selection, causes, 0, None, Steps())
+    Search(selection, causes).exchange_causes()
     found = {cause.id: name for cause, name in selection.explanations[0].steps}
     assert found == {"sensor_mass": "all", "calibration_gain": "all"}
 
@@ -167,7 +167,7 @@ def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> N
         data = [measured(assembled(x, flutes=flutes), assembled(x), f"{x}", 0) for x in OVERHANGS]
         cause = CATALOGUE["fluted_part"]
         (variant,) = cause.variants(Model(tuple(data), tuple(JOINT)))
-        return variant.of(cause).parameter_of("fluted_part.log_diameter").plausible
+        return parameters_of(variant.model.unknowns)["fluted_part.log_diameter"].plausible
 
     assert plausible(0.012) == CATALOGUE["fluted_part"].parameters[0].plausible
     assert plausible(0.0105)[1] == pytest.approx(0.02 + np.log(0.012 / 0.0105))
@@ -207,7 +207,7 @@ def test_several_causes_beside_a_model_that_passes_are_a_suspicion() -> None:
     selection = replace(verdict.selection, base=verdict.explanation.fit)
     judgement = conclude(selection)
     assert judgement.answer == "suspected"
-    assert any("take it up between them" in note for note in judgement.notes)
+    assert any("may explain the rest" in note for note in judgement.notes)
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_what_shows_on_one_tool_alone_is_a_suspicion() -> None:
     assert answer(3e-3).verdict == "named"
     alone = answer(4e-4)
     assert alone.verdict == "suspected"
-    assert any("shows in 0.07 alone" in note for note in alone.notes)
+    assert any("improves 0.07 alone" in note for note in alone.notes)
 
 
 def hertz(name: str) -> float:

@@ -10,7 +10,7 @@ import pytest
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.diagnosis.fitting import fit_base
-from receptance.diagnosis.levels import fit_again, fit_from_far, has_levels
+from receptance.diagnosis.starts import fit_anew, fit_levels, has_levels
 from receptance.identification import Law
 from receptance.taper import Holder
 
@@ -101,7 +101,7 @@ def test_levels_are_fitted_one_by_one_from_far() -> None:
     """Free springs at two forces are two problems."""
     model = Model(tuple(observed("axial")), tuple(springs("taper")))
     assert has_levels(model)
-    whole, alone = fit_from_far(model), fit_base(model.of(model.observations[:1]))
+    whole, alone = fit_levels(model), fit_base(model.select(model.observations[:1]))
     assert whole.by_configuration["5 kN"] == pytest.approx(alone.chi_square, rel=1e-6)
 
 
@@ -109,9 +109,9 @@ def test_levels_are_fitted_one_by_one_from_far() -> None:
 def test_what_explains_a_level_is_fitted_to_all() -> None:
     """The rigid body does not explain one force, and is not fitted to the other; the elastic one explains both."""
     model = Model(tuple(observed("axial")), tuple(springs("taper")))
-    rigid = fit_from_far(model)
-    assert fit_again(rigid) is None
-    elastic = fit_again(replace(rigid, model=CATALOGUE["flexible_body"].variants(model)[0].model))
+    rigid = fit_levels(model)
+    assert fit_anew(rigid) is None
+    elastic = fit_anew(replace(rigid, model=CATALOGUE["flexible_body"].variants(model)[0].model))
     assert elastic is not None
     assert elastic.misfit < 1.3
     assert elastic.values["flexible_body.decades"] == pytest.approx(np.log10(STEEL.youngs_modulus / 2e11), abs=0.02)

@@ -7,7 +7,7 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import diagnose
-from receptance.diagnosis.records import visible_end
+from receptance.diagnosis.measurement_causes import truncation_time
 from receptance.identification import Tolerance
 from receptance.identification.early_end import EarlyEnd
 from receptance.identification.factors import END
@@ -105,7 +105,7 @@ def test_derivatives_of_what_a_cut_off_record_shows() -> None:
 
 
 def test_the_end_is_seen_and_named(records: list[MeasuredFRF]) -> None:
-    end = visible_end(records)
+    end = truncation_time(records)
     assert end == pytest.approx(END_AT, abs=1.5e-3)
     tolerance = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)
     verdict = diagnose(
@@ -121,7 +121,7 @@ def test_the_end_is_seen_and_named(records: list[MeasuredFRF]) -> None:
 def test_a_response_that_dies_away_has_no_early_end() -> None:
     lines = np.arange(100, 2500) / 0.5
     one = MeasuredFRF(assembly=assembled(0.09), frequency_hz=lines, receptance=assembled(0.09).receptance(lines))
-    assert visible_end([one]) is None
+    assert truncation_time([one]) is None
 
 
 def test_bad_ends_are_told() -> None:

@@ -22,7 +22,7 @@ from receptance.fields import Element, Member, Number
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Power
 from receptance.identification.unknowns import Unknown, covered
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.materials import STEEL, Material
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart, Mode
@@ -58,7 +58,11 @@ JOINTS: dict[str, type[Element]] = {
     "micro-slip": MicroslipJoint,
 }
 """Classes of joints by the `kind` of their tables."""
-_ATTACHMENTS: dict[str, type[Element]] = {"mass": PointMass, "ground": GroundSpring}
+_ATTACHMENTS: dict[str, type[Element]] = {
+    "mass": PointMass,
+    "ground": GroundSpring,
+    "resonator": Resonator,
+}
 _SINGULAR = {
     "assemblies": "an assembly",
     "attachments": "an attachment",
@@ -89,7 +93,7 @@ class Built:
     parts: dict[str, Part] = field(default_factory=dict)
     modal_parts: dict[str, ModalPart] = field(default_factory=dict)
     joints: dict[str, AnyJoint] = field(default_factory=dict)
-    attachments: dict[str, PointMass | GroundSpring] = field(default_factory=dict)
+    attachments: dict[str, PointMass | GroundSpring | Resonator] = field(default_factory=dict)
     sensors: dict[str, PointMass] = field(default_factory=dict)
     unknowns: dict[str, Unknown] = field(default_factory=dict)
     assemblies: dict[str, Assembly] = field(default_factory=dict)
@@ -471,7 +475,7 @@ def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) ->
     return carrying(assembly, replace(sensor, part=at.part, position=at.position))
 
 
-def carrying(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
+def carrying(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more attached to it."""
     return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points], motion=assembly.motion)
 

@@ -22,9 +22,9 @@ __all__ = ["campaign_model", "diagnose_campaign"]
 
 def _as_split(campaign: Campaign) -> list[str]:
     """Say how the base model does as the campaign splits it, with nothing left to judge a cause by."""
-    from receptance.diagnosis.bias import bias_of, slenderness_of
+    from receptance.diagnosis.by_mode import bias_of, slenderness_of
     from receptance.diagnosis.fitting import fit_base
-    from receptance.diagnosis.held_out import FREQUENCIES, measured_by
+    from receptance.diagnosis.held_out import FREQUENCIES, metrics_of
 
     model, _ = campaign_model(campaign, campaign.to_identify)
     out = replace(
@@ -33,7 +33,7 @@ def _as_split(campaign: Campaign) -> list[str]:
         tolerances=tuple(tolerances_of_measurements(campaign.held_out)),
     )
     try:
-        errors, modes = measured_by(fit_base(model, seed=campaign.table.settings.seed), out, scored=False)
+        errors, modes = metrics_of(fit_base(model, seed=campaign.table.settings.seed), out, scored=False)
     except (ValueError, ReceptanceError):
         return []
     if FREQUENCIES not in errors:
@@ -62,9 +62,9 @@ def diagnose_campaign(
 ) -> Verdict:
     """Diagnose a campaign; see `Campaign.diagnose`."""
     from receptance.diagnosis import diagnose
-    from receptance.diagnosis.adequacy import FEWEST
-    from receptance.diagnosis.fitting import numbers_of
+    from receptance.diagnosis.fitting import observed_numbers
     from receptance.diagnosis.held_out import improvement
+    from receptance.diagnosis.thresholds import LEAST_FREEDOM
 
     if not campaign.unknowns:
         raise CampaignError.about(campaign.file, "there is nothing to identify, expected `unknowns`")
@@ -72,8 +72,8 @@ def diagnose_campaign(
         raise CampaignError.about(campaign.file, "there is nothing to diagnose, expected `measurements`")
     notes = list(campaign.notes)
     seen, kept_back = dict(campaign.to_identify), dict(campaign.held_out)
-    numbers = sum(numbers_of(one.observation) for one in seen.values())
-    if kept_back and numbers - len(campaign.unknowns) < FEWEST:
+    numbers = sum(observed_numbers(one.observation) for one in seen.values())
+    if kept_back and numbers - len(campaign.unknowns) < LEAST_FREEDOM:
         notes.append(
             f"{numbers:.3g} numbers to identify {len(campaign.unknowns)} unknowns from leave too little to judge the "
             "model by, so the diagnosis uses what is held out as well; improvement is measured on assemblies left out "
@@ -107,6 +107,6 @@ def diagnose_campaign(
             tolerances_of_measurements(kept_back),
             metrics,
         )
-        verdict = verdict.improved(found)
+        verdict = verdict.with_improvement(found)
     notes += [*left_out, *verdict.notes]
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())

@@ -23,7 +23,6 @@ from receptance.campaign.series_tables import spelled_out
 from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.writer import Materials, attachment_table, element_table, quantity, quantity_at, unknown_table
 from receptance.coordinates import Coordinate
-from receptance.diagnosis.causes import changed
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered, on_lines
@@ -129,10 +128,10 @@ def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFre
     base = verdict.selection.base.model
     model = replace(base, observations=(observation,), tolerances=tuple(tolerances_of(effects, name or None)))
     beside: list[str] = []
-    for cause, variant in explanation.steps:
+    for step in explanation.steps:
         before = set(model.observations[0].assembly.attachments)
-        model = changed(cause, variant, model)
-        if cause.group == "measurement":
+        model = step.transfer(model)
+        if step.cause.group == "measurement":
             beside += [one for one in model.observations[0].assembly.attachments if one not in before]
     return _Extended(observation, model.observations[0], model.tolerances, tuple(beside))
 

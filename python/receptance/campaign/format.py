@@ -16,7 +16,7 @@ from receptance.beams import Segment
 from receptance.campaign.element_tables import AtAddress, ByAddress, ElementTable, Of, OneKind, Position, Table
 from receptance.campaign.quantities import Amount, Condition, Deviation, OneOf, Spread, parse_condition, parse_level
 from receptance.collet import ColletJoint
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.materials import Material
 from receptance.microslip import MicroslipJoint
 from receptance.modal_parts import ModalPart, Mode
@@ -108,7 +108,9 @@ JointTable = Annotated[
     ),
 ]
 SensorTable = Annotated[ElementTable, Of(PointMass, without=("part", "position"), name="SensorTable")]
-AttachmentTable = Annotated[ElementTable, OneKind(Of(PointMass, "mass"), Of(GroundSpring, "ground"))]
+AttachmentTable = Annotated[
+    ElementTable, OneKind(Of(PointMass, "mass"), Of(GroundSpring, "ground"), Of(Resonator, "resonator"))
+]
 
 
 class CoordinateTable(Table):

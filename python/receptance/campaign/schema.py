@@ -26,6 +26,7 @@ _SECTIONS = (
     ("SensorTable", "`[sensors.NAME]`"),
     ("PointMassTable", '`[attachments.NAME]` with `kind = "mass"`'),
     ("GroundSpringTable", '`[attachments.NAME]` with `kind = "ground"`'),
+    ("ResonatorTable", '`[attachments.NAME]` with `kind = "resonator"`'),
     ("AssemblyTable", "`[assemblies.NAME]`"),
     ("FRFTable", '`[measurements.NAME]` with `kind = "frf"`'),
     ("HammerTable", '`[measurements.NAME]` with `kind = "hammer records"`'),

@@ -10,10 +10,11 @@ from receptance import units
 from receptance.beams import Part
 from receptance.campaign.addresses import kind_of
 from receptance.campaign.element_tables import PLAIN_NUMBER
+from receptance.collet import ColletJoint
 from receptance.fields import Choice, Count, Element, Member, Number
 from receptance.identification.laws import Law, Move
 from receptance.identification.unknowns import Prior, Unknown
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.materials import Material
 from receptance.modal_parts import ModalPart
 from receptance.spread import SpreadJoint
@@ -76,6 +77,8 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         return {"kind": "spread", **_fields(element, materials)}
     if type(element) is PointJoint:
         return _fields(element, materials)
+    if isinstance(element, ColletJoint):
+        return {"kind": "collet", **_fields(element, materials)}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a band, which campaigns do not have for modal parts, and is not written")
@@ -83,8 +86,8 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
     raise ValueError(f"{element!r} cannot be written as a table of a campaign")
 
 
-def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
-    """Return the table of a mass or of a ground spring at a point.
+def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
+    """Return the table of a mass, a resonator or a ground spring at a point.
 
     Raises
     ------
@@ -94,7 +97,7 @@ def attachment_table(point: PointMass | GroundSpring) -> dict[str, Any]:
     if isinstance(point, GroundSpring) and point.length:
         raise ValueError(f"{point!r} acts along a stretch and cannot be written as a table of a campaign")
     position = point.position if isinstance(point.position, str) else quantity(point.position, units.LENGTH)
-    kind = "mass" if isinstance(point, PointMass) else "ground"
+    kind = {PointMass: "mass", GroundSpring: "ground", Resonator: "resonator"}[type(point)]
     return {"kind": kind, "part": point.part, "position": position, **_fields(point, Materials(()))}
 
 

@@ -1,7 +1,7 @@
-"""What a simulation gets wrong: shown, named, and added to the model."""
+"""Diagnosis of a model: whether it is adequate, and which causes explain the data if it is not."""
 
 from receptance.diagnosis.catalogue import CATALOGUE
-from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.engine import diagnose
 from receptance.diagnosis.held_out import HeldOut, Metric
 from receptance.diagnosis.model import Model
@@ -17,6 +17,7 @@ __all__ = [
     "Model",
     "NextMeasurement",
     "Parameter",
+    "Step",
     "UndecidableError",
     "Variant",
     "Verdict",

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.simulated import (
     Alone,
@@ -21,6 +21,7 @@ from receptance.diagnosis.simulated import (
     other_overhang,
     same_again,
 )
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.verdict import NextMeasurement
 
 __all__ = ["MENU", "Choice", "advise"]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.causes import IndescribableError, changed
+from receptance.diagnosis.causes import IndescribableError
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
@@ -57,14 +57,14 @@ def extension(
     """Return an identification and another assembly as a model, both without what belongs to the measurement."""
     model = replace(base, observations=(_stand_in(base, target),), tolerances=tuple(target.tolerances or ()))
     nulls: dict[str, float] = {}
-    for cause, name in explanation.steps if explanation is not None else ():
+    for step in explanation.steps if explanation is not None else ():
         try:
-            model = changed(cause, name, model)
+            model = step.transfer(model)
         except IndescribableError:
-            if cause.group == "structure":
+            if step.cause.group == "structure":
                 raise
-        if explanation is not None and cause.group == "measurement":
-            nulls |= {n: cause.parameter_of(n).null for n in explanation.sizes(cause)}
+        if explanation is not None and step.cause.group == "measurement":
+            nulls |= {n: explanation.parameters[n].null for n in explanation.sizes(step.cause)}
     return (replace(found, values={**found.values, **nulls}) if nulls else found), model
 
 

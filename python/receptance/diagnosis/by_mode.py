@@ -1,17 +1,22 @@
-"""Residuals as people read them: frequency, damping, level and phase of each mode, by configuration."""
+"""Residuals by mode: frequency, damping, level and phase of each mode, and their bias over the configurations."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.joint_causes import overhang_of
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.thresholds import BIAS_CHANCE, BIAS_CONFIGURATIONS, CIRCLE_WIDTHS, LEAST_BIAS, SAME_MODE
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.task import place_of
 from receptance.modal import ModeEstimate, circle_fit, find_peaks
 
 if TYPE_CHECKING:
@@ -19,30 +24,35 @@ if TYPE_CHECKING:
 
     from receptance.identification.task import Observation
 
-__all__ = ["Curve", "ModeResidual", "curve_of", "curves", "modes_of", "residuals_by_mode"]
-
-_SAME_MODE = 0.06
-"""Peaks further apart than this, relatively, are different modes."""
-_AROUND = 4.0
-"""A circle is fitted over so many half-power widths on each side."""
+__all__ = [
+    "Bias",
+    "Curve",
+    "ModeResidual",
+    "bias_of",
+    "curve_of",
+    "curves",
+    "modes_of",
+    "residuals_by_mode",
+    "slenderness_of",
+]
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One observation as measured and as a fit has it.
+    """One observation, measured and modelled.
 
     Attributes
     ----------
     label, configuration : str
         The observation's.
     frequency_hz : ndarray
-        Lines or natural frequencies `(n,)`, the measured ones for those.
+        `(n,)` lines, or measured natural frequencies, in Hz.
     measured, modelled : ndarray
-        Receptances `(n,)`, complex, or natural frequencies in Hz.
+        `(n,)` complex receptances, or natural frequencies in Hz.
     residual : ndarray
         In standard deviations: `(2, n)` real and imaginary part of the logarithm, or `(1, n)`.
     damping_ratio : ndarray or None
-        `(n,)` modelled damping ratios of natural frequencies; not a number where none was measured.
+        `(n,)` modelled damping ratios of natural frequencies; NaN where none was measured.
     """
 
     label: str
@@ -56,20 +66,20 @@ class Curve:
 
 @dataclass(frozen=True)
 class ModeResidual:
-    """What is left at one mode of one observation: measured less modelled.
+    """Residual of one mode of one observation: measured less modelled.
 
     Attributes
     ----------
     label, configuration : str
         The observation's.
     mode : int
-        Its number: of the elastic modes where natural frequencies were measured, else among the peaks in the band.
+        Number of the elastic mode where natural frequencies were measured, else of the peak in the band.
     measured_hz : float
         The measured natural frequency.
     frequency_percent, damping_percent : float
-        Of the measured frequency and of the modelled damping ratio; NaN where the lines do not show it.
+        In percent of the measured frequency and of the modelled damping ratio; NaN where the lines do not show it.
     level_db, phase_deg : float
-        At the peaks of both; NaN where only frequencies were observed.
+        At the peaks of both; NaN for natural frequencies.
     """
 
     label: str
@@ -83,13 +93,13 @@ class ModeResidual:
 
 
 def curves(fit: Fit) -> list[Curve]:
-    """Return every observation as measured and as fitted, from the residuals of the fit."""
+    """Return every observation, measured and fitted."""
     parts = fit.problem.parts(fit.residual)
     return [curve_of(one, part) for one, part in zip(fit.model.observations, parts, strict=True)]
 
 
 def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
-    """Return an observation as measured and as modelled, from its residual in standard deviations."""
+    """Return an observation, measured and modelled, from its residual in standard deviations."""
     label, configuration = one.label or one.configuration, one.configuration or one.label
     if isinstance(one, MeasuredFrequencies):
         # Calculated minus measured.
@@ -109,10 +119,10 @@ def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
 
 
 def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
-    """Return what a fit leaves at each mode that stands out of the data.
+    """Return the residuals of a fit at each mode that the data show.
 
-    Modes of receptances are the measured peaks; frequency and damping come from a circle through each, and through the
-    modelled one beside it.
+    Modes of receptances are the measured peaks. Frequency and damping are those of a circle fitted to the measured
+    peak, and to the nearest modelled one.
     """
     found: list[ModeResidual] = []
     for one, curve in zip(fit.model.observations, curves(fit), strict=True):
@@ -121,19 +131,19 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
 
 
 def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
-    """Return what is left at each mode of one observation."""
+    """Return the residuals at each mode of one observation."""
     return _at_peaks(one, curve) if isinstance(one, MeasuredFRF) else _at_frequencies(one, curve)
 
 
 def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual]:
     measured, modelled = curve.measured.real, curve.modelled.real
-    nothing = float("nan")
-    damping = np.full(measured.size, nothing)
+    missing = float("nan")
+    damping = np.full(measured.size, missing)
     if one.damping_ratio is not None and curve.damping_ratio is not None:
         damping = 100.0 * (one.damping_ratio / curve.damping_ratio - 1.0)
     return [
         ModeResidual(
-            curve.label, curve.configuration, mode, float(f), float(100.0 * (f - g) / f), float(d), nothing, nothing
+            curve.label, curve.configuration, mode, float(f), float(100.0 * (f - g) / f), float(d), missing, missing
         )
         for mode, f, g, d in zip(one.modes, measured, modelled, damping, strict=True)
     ]
@@ -142,7 +152,7 @@ def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual
 def _at_peaks(one: MeasuredFRF, curve: Curve) -> list[ModeResidual]:
     decay = float(-2.0 * np.pi * np.median(np.imag(one.frequency_hz)))
     with warnings.catch_warnings():
-        # What a drive point should look like was said when the data came in.
+        # Warnings on drive points were given when the data were read.
         warnings.simplefilter("ignore", ReceptanceWarning)
         measured = FRF(
             frequency_hz=curve.frequency_hz,
@@ -151,21 +161,21 @@ def _at_peaks(one: MeasuredFRF, curve: Curve) -> list[ModeResidual]:
             log_variance=None if one.standard_deviation is None else np.square(one.standard_deviation),
         )
         modelled = FRF(frequency_hz=curve.frequency_hz, values=curve.modelled, decay_rate=decay)
-        theirs = _modes(modelled)
+        others = _modes(modelled)
         rows = []
         for number, mode in enumerate(_modes(measured)):
-            near = min(theirs, key=lambda other: abs(other.frequency_hz - mode.frequency_hz), default=None)
-            if near is not None and abs(near.frequency_hz / mode.frequency_hz - 1.0) > _SAME_MODE:
+            near = min(others, key=lambda other: abs(other.frequency_hz - mode.frequency_hz), default=None)
+            if near is not None and abs(near.frequency_hz / mode.frequency_hz - 1.0) > SAME_MODE:
                 near = None
-            rows.append(_compared(curve, number + 1, mode, near))
+            rows.append(_compare(curve, number + 1, mode, near))
     return rows
 
 
 def _modes(frf: FRF) -> list[ModeEstimate]:
-    """The peaks, each by a circle where there are lines enough."""
+    """Return the peaks, each from a circle fit where there are enough lines."""
     found: list[ModeEstimate] = []
     for peak in find_peaks(frf):
-        half = _AROUND * peak.frequency_hz * (peak.damping_ratio if np.isfinite(peak.damping_ratio) else 0.01)
+        half = CIRCLE_WIDTHS * peak.frequency_hz * (peak.damping_ratio if np.isfinite(peak.damping_ratio) else 0.01)
         try:
             found.append(circle_fit(frf, low_hz=peak.frequency_hz - half, high_hz=peak.frequency_hz + half))
         except ValueError:
@@ -173,11 +183,11 @@ def _modes(frf: FRF) -> list[ModeEstimate]:
     return found
 
 
-def _compared(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate | None) -> ModeResidual:
+def _compare(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate | None) -> ModeResidual:
     if near is None:
-        nothing = float("nan")
+        missing = float("nan")
         return ModeResidual(
-            curve.label, curve.configuration, number, mode.frequency_hz, nothing, nothing, nothing, nothing
+            curve.label, curve.configuration, number, mode.frequency_hz, missing, missing, missing, missing
         )
     own = _highest(curve.frequency_hz, curve.measured, mode.frequency_hz)
     other = _highest(curve.frequency_hz, curve.modelled, near.frequency_hz)
@@ -196,8 +206,95 @@ def _compared(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate 
 def _highest(
     lines: NDArray[np.float64], values: NDArray[np.complex128] | NDArray[np.float64], frequency: float
 ) -> complex:
-    """The value at the highest line within one percent of a natural frequency."""
+    """Return the largest value within one percent of a natural frequency."""
     near = np.flatnonzero(np.abs(lines - frequency) <= 0.01 * frequency)
     if not near.size:
         near = np.array([np.argmin(np.abs(lines - frequency))])
     return complex(values[near[np.argmax(np.abs(values[near]))]])
+
+
+@dataclass(frozen=True)
+class Bias:
+    """A common sign of the errors of one natural frequency in a group of tools.
+
+    Attributes
+    ----------
+    mode : int
+        Number of the mode.
+    slenderness : (float, float)
+        Smallest and largest ratio of overhang and diameter in the group.
+    configurations : tuple of str
+        The group.
+    mean_percent : float
+        Mean of calculated less measured, in percent of measured.
+    deviation_percent : float
+        Standard deviation of a single error.
+    """
+
+    mode: int
+    slenderness: tuple[float, float]
+    configurations: tuple[str, ...]
+    mean_percent: float
+    deviation_percent: float
+
+    def __str__(self) -> str:
+        low, high = self.slenderness
+        count = len(self.configurations)
+        way = "low" if self.mean_percent < 0.0 else "high"
+        return (
+            f"mode {self.mode} of the {count} tools with overhangs of {low:.1f} to {high:.1f} diameters is calculated "
+            f"{abs(self.mean_percent):.2g} % too {way} on average, with the same sign in all of them"
+        )
+
+
+def slenderness_of(model: Model) -> dict[str, float]:
+    """Return the ratio of overhang and diameter of each configuration with a tool in a joint."""
+    found: dict[str, float] = {}
+    for index, (one, anatomy) in enumerate(zip(model.observations, model.anatomies, strict=True)):
+        if anatomy.joint and anatomy.tool:
+            length = overhang_of(one.assembly, anatomy)
+            diameter = one.assembly.get(f"{length.rpartition('.')[0]}.outer_diameter")
+            found[place_of(one, index).configuration] = one.assembly.get(length) / diameter
+    return found
+
+
+def bias_of(modes: Sequence[ModeResidual], slenderness: Mapping[str, float]) -> Bias | None:
+    """Return the most significant common sign of errors: of all tools, or of a half or a third of them by slenderness.
+
+    Parameters
+    ----------
+    modes : sequence of ModeResidual
+        Residuals by mode.
+    slenderness : mapping of str to float
+        Of the configurations, see `slenderness_of`.
+    """
+    known = [one for one in modes if one.configuration in slenderness and np.isfinite(one.frequency_percent)]
+    order = sorted({one.configuration for one in known}, key=lambda name: slenderness[name])
+    names = np.array(order, dtype=object)
+    groups = [tuple(map(str, part)) for count in (1, 2, 3) for part in np.array_split(names, count)]
+    tried: list[tuple[float, Bias]] = []
+    for number in sorted({one.mode for one in known}):
+        # A ModeResidual is measured less modelled.
+        errors = {one.configuration: -one.frequency_percent for one in known if one.mode == number}
+        for group in groups:
+            own = {name: errors[name] for name in group if name in errors}
+            if len(own) >= BIAS_CONFIGURATIONS:
+                tried.append(_test(number, own, slenderness))
+    if not tried:
+        return None
+    chance, best = min(tried, key=lambda one: one[0])
+    # Bonferroni correction for the number of groups and modes.
+    return best if chance * len(tried) < BIAS_CHANCE and abs(best.mean_percent) >= LEAST_BIAS else None
+
+
+def _test(number: int, errors: Mapping[str, float], slenderness: Mapping[str, float]) -> tuple[float, Bias]:
+    """Return the probability of so significant a common sign by chance, and the bias."""
+    from scipy.special import stdtr  # the light part of scipy.stats
+
+    values = np.array(list(errors.values()))
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    same_sign = bool(np.all(np.sign(values) == np.sign(mean)))
+    t = abs(mean) / max(spread / np.sqrt(values.size), 1e-9)
+    ratios = [slenderness[name] for name in errors]
+    bias = Bias(number, (min(ratios), max(ratios)), tuple(errors), mean, spread)
+    return (2.0 * float(stdtr(values.size - 1, -t)) if same_sign else 1.0), bias

@@ -1,31 +1,32 @@
-"""All causes that are looked for unless something else is asked."""
+"""The catalogue: all causes that a diagnosis tries by default."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
+from receptance.diagnosis.boundary_causes import BOUNDARY_CAUSES
 from receptance.diagnosis.causes import Cause
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.part_causes import PART_CAUSES
-from receptance.diagnosis.spindle_causes import SPINDLE_CAUSES
-from receptance.diagnosis.support_causes import SUPPORT_CAUSES
-from receptance.diagnosis.tool_materials import tool_material
 
-__all__ = ["CATALOGUE", "listed"]
+__all__ = ["CATALOGUE", "resolve_causes"]
 
 CATALOGUE: Mapping[str, Cause] = MappingProxyType(
-    {
-        cause.id: cause
-        for cause in (*JOINT_CAUSES, *PART_CAUSES, tool_material, *SUPPORT_CAUSES, *SPINDLE_CAUSES, *MEASUREMENT_CAUSES)
-    }
+    {cause.id: cause for cause in (*JOINT_CAUSES, *PART_CAUSES, *BOUNDARY_CAUSES, *MEASUREMENT_CAUSES)}
 )
 """The causes by id."""
 
 
-def listed(causes: Iterable[Cause | str] | None) -> tuple[Cause, ...]:
-    """Return causes by themselves or by id; None stands for the catalogue."""
+def resolve_causes(causes: Iterable[Cause | str] | None) -> tuple[Cause, ...]:
+    """Return causes given as objects or ids; None stands for the catalogue.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An unknown id, an object that is not a cause, or a cause that is given twice.
+    """
     if causes is None:
         return tuple(CATALOGUE.values())
     found: dict[str, Cause] = {}

@@ -1,47 +1,60 @@
-"""What a cause is: a declared nested change of the one forward model."""
+"""Causes: declared changes of the model under diagnosis, their parameters and their variants."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from receptance import _checks
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
 from receptance.identification.laws import Move
 from receptance.identification.unknowns import Prior, Unknown
 
-__all__ = ["Cause", "Group", "IndescribableError", "Parameter", "UndecidableError", "Variant", "changed"]
+__all__ = [
+    "Cause",
+    "CauseMove",
+    "CauseUnknown",
+    "Group",
+    "IndescribableError",
+    "Parameter",
+    "Step",
+    "UndecidableError",
+    "Variant",
+    "parameters_of",
+]
 
 Group = Literal["structure", "measurement"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One number of a cause.
+    """One parameter of a cause.
 
     Parameters
     ----------
     name : str
-        One word.
+        One word, unique within the cause.
     unit : str
-        SI unit, for people; empty for shares, exponents and logarithms.
+        SI unit, as text; empty for ratios, exponents and logarithms.
     lower, upper : float
         Bounds of the fit.
     typical : float
-        An ordinary size, from which one of the fits starts.
+        A typical size, from which one of the fits starts.
     null : float, optional
-        Value at which the cause is not there.
+        Value at which the cause has no effect.
     plausible : (float, float), optional
-        Range outside which nobody would believe it; by default the bounds.
+        Plausible range; by default the bounds.
     secondary : bool, optional
-        Whether it only says where or how the cause acts: it means nothing while the other ones are null, and fits
-        start from its typical value.
+        Whether it only says where or how the cause acts. It has no effect while the other parameters are null, and
+        fits start from its typical value.
     prior : Prior, optional
-        What is known of it beforehand.
-    least : float, optional
-        Distance from null below which nobody would call it a cause, however well the data show it: beside another
-        cause that explains the data it is then left out.
+        Prior distribution.
+    negligible : float, optional
+        Distance from null below which the cause is negligible, however well the data show it. Beside another cause
+        that explains the data it is then left out.
+    cause : str, optional
+        Id of the cause, set by `Cause`.
     """
 
     name: str
@@ -53,21 +66,29 @@ class Parameter:
     plausible: tuple[float, float] | None = None
     secondary: bool = False
     prior: Prior | None = None
-    least: float = 0.0
+    negligible: float = 0.0
+    cause: str = ""
 
     def __post_init__(self) -> None:
         owner = f"Parameter {self.name!r}"
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ValueError(f"{owner}: expected one word of letters, digits and underscores")
         for name in ("lower", "upper", "typical", "null"):
             object.__setattr__(self, name, _checks.number(owner, name, getattr(self, name)))
-        object.__setattr__(self, "least", _checks.not_negative(owner, "least", self.least))
+        object.__setattr__(self, "negligible", _checks.not_negative(owner, "negligible", self.negligible))
         if not self.lower <= min(self.typical, self.start) or not max(self.typical, self.start) <= self.upper:
             raise ValueError(f"{owner}: typical {self.typical:g} or null {self.null:g} lies outside the bounds")
         if self.plausible is None:
             object.__setattr__(self, "plausible", (self.lower, self.upper))
 
     @property
+    def key(self) -> str:
+        """Id of the cause and name: `sensor_mass.mass`."""
+        return f"{self.cause}.{self.name}"
+
+    @property
     def start(self) -> float:
-        """Where a fit begins: null, or the typical value of what is secondary."""
+        """Starting value of a fit: null, or the typical value of a secondary parameter."""
         return self.typical if self.secondary else self.null
 
     @property
@@ -75,103 +96,135 @@ class Parameter:
         """Whether its null is a bound."""
         return not self.secondary and self.null in (self.lower, self.upper)
 
-    def believable(self, value: float) -> bool:
+    def is_plausible(self, value: float) -> bool:
         """Return whether a value lies in the plausible range."""
         low, high = self.plausible or (self.lower, self.upper)
         return low <= value <= high
 
-    def unknown(self, address: str, configurations: str | None = None, part: str = "") -> Unknown:
-        """Return it as the unknown of an address; `part` tells several of one kind apart."""
-        return Unknown(
-            address=address,
-            lower=self.lower,
-            upper=self.upper,
-            start=self.start,
-            scale="linear",
-            prior=self.prior,
-            configurations=None if configurations is None else (configurations,),
-            name=self._title(configurations, part),
+    def unknown(self, address: str, configurations: str | None = None, part: str = "", **changes: Any) -> CauseUnknown:
+        """Return the parameter as the unknown of an address.
+
+        Parameters
+        ----------
+        address : str
+            As in `receptance.Unknown`.
+        configurations : str, optional
+            The only configuration that has it; by default all.
+        part : str, optional
+            A word for its name in the result, where there are several of one kind.
+        **changes
+            Other arguments of `Unknown`: `lower`, `upper`, `start`, `scale`, `multiple`, `also`.
+        """
+        return CauseUnknown(
+            **{**self._declared(configurations, part), "address": address, "scale": "linear", **changes}
         )
 
     def move(
-        self,
-        moves: Mapping[str, float],
-        *,
-        relative: bool = False,
-        configurations: str | None = None,
-        of: str = "",
-        reference: float = 1.0,
-        part: str = "",
-    ) -> Move:
-        """Return it as an unknown that moves several parameters, see `receptance.identification.Move`."""
-        return Move(
-            address=self._title(configurations, part),
-            lower=self.lower,
-            upper=self.upper,
-            start=self.start,
-            prior=self.prior,
-            configurations=None if configurations is None else (configurations,),
-            name=self._title(configurations, part),
-            moves=moves,
-            relative=relative,
-            of=of,
-            reference=reference,
-        )
+        self, moves: Mapping[str, float], *, configurations: str | None = None, part: str = "", **changes: Any
+    ) -> CauseMove:
+        """Return the parameter as an unknown that moves several model parameters.
 
-    def _title(self, configurations: str | None, part: str) -> str:
-        return self.name + (f" {part}" if part else "") + (f" @ {configurations}" if configurations else "")
+        Parameters
+        ----------
+        moves : mapping of str to float
+            As in `receptance.identification.Move`.
+        configurations, part
+            As in `unknown`.
+        **changes
+            Other arguments of `Move`: `relative`, `of`, `reference`, `lower`, `upper`, `start`.
+        """
+        declared = self._declared(configurations, part)
+        return CauseMove(**{**declared, "address": declared["name"], "moves": moves, **changes})
+
+    def _declared(self, configurations: str | None, part: str) -> dict[str, Any]:
+        name = self.key + (f" {part}" if part else "") + (f" @ {configurations}" if configurations else "")
+        return {
+            "parameter": self,
+            "name": name,
+            "lower": self.lower,
+            "upper": self.upper,
+            "start": self.start,
+            "prior": self.prior,
+            "configurations": None if configurations is None else (configurations,),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class CauseUnknown(Unknown):
+    """An unknown that a cause adds; `parameter` is the one that it stands for."""
+
+    parameter: Parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class CauseMove(Move):
+    """An unknown that a cause adds and that moves several model parameters; `parameter` is the one it stands for."""
+
+    parameter: Parameter
+
+
+def parameters_of(unknowns: Iterable[Unknown]) -> dict[str, Parameter]:
+    """Return the parameters of causes among unknowns, by the names of the unknowns."""
+    return {one.name: one.parameter for one in unknowns if isinstance(one, (CauseUnknown, CauseMove))}
 
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One way in which a cause can act: its name, and the model that has it.
+    """One way in which a cause can act on a model.
 
-    `fresh` says that the data have changed so much that the fit begins anew; `limited` has those parameters of the
-    cause that have other plausible ranges in this way of acting; `local` that it acts only where its name says;
-    `distant` that it changes so much that it is only tried where the model is not adequate without it;
-    `meaning` and `remedy` take the place of the cause's own where this way of acting knows more.
+    Attributes
+    ----------
+    name : str
+        Identifies it among the variants of its cause.
+    model : Model
+        The model with the cause, its parameters among the unknowns.
+    changes_data : bool
+        Whether it changes the measured data, so that the model is fitted from its own starting values.
+    local : bool
+        Whether it acts only at the place in its name.
+    large : bool
+        Whether the change is so large that it is tried only where the model is inadequate.
+    meaning, remedy : str
+        Replace those of the cause, where the variant knows more.
     """
 
     name: str
     model: Model
-    fresh: bool = False
-    limited: tuple[Parameter, ...] = ()
+    changes_data: bool = False
     local: bool = False
-    distant: bool = False
+    large: bool = False
     meaning: str = ""
     remedy: str = ""
 
-    def of(self, cause: Cause) -> Cause:
-        """Return the cause as it is in this way of acting: plausible ranges, meaning and remedy."""
-        own = {one.name: one for one in self.limited}
-        return replace(
-            cause,
-            parameters=tuple(own.get(one.name, one) for one in cause.parameters),
-            meaning=self.meaning or cause.meaning,
-            remedy=self.remedy or cause.remedy,
-        )
+    def describe(self, cause: Cause) -> Cause:
+        """Return the cause with the meaning and the remedy of this variant."""
+        return replace(cause, meaning=self.meaning or cause.meaning, remedy=self.remedy or cause.remedy)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Something that the simulation may get wrong.
+    """A possible error of a simulation.
 
     Parameters
     ----------
     id : str
         One word.
     group : {"structure", "measurement"}
-        Whether it belongs to the thing, and so to all predictions, or to how it was measured.
+        Whether it belongs to the structure, and so to all predictions, or to the measurement.
     parameters : sequence of Parameter
-        Its numbers; unknowns of the change are made of these.
+        Its parameters; the unknowns of its variants are made of these.
     change : callable
-        Gets the cause's parameters as a mapping by name, and a `Model`; yields `Variant` after `Variant`, ways in
-        which it can act. Raises `UndecidableError` where the data cannot speak about it. It only describes, and
-        fits nothing.
+        Gets the parameters as a mapping by name, and a `Model`; yields a `Variant` for each way of acting. Raises
+        `UndecidableError` where the data cannot show the cause. It describes changes and fits nothing.
     meaning : str
-        What it is in the workshop.
+        The cause in the words of the workshop.
     remedy : str
-        What to do about it.
+        What the user can do about it.
+
+    Raises
+    ------
+    ValueError
+        An id that is not one word, or an unknown group.
 
     Examples
     --------
@@ -194,38 +247,82 @@ class Cause:
             raise ValueError(
                 f"Cause {self.id!r}: group is {self.group!r}, expected one of {', '.join(get_args(Group))}"
             )
-        named = tuple(replace(one, name=f"{self.id}.{one.name.split('.')[-1]}") for one in self.parameters)
-        object.__setattr__(self, "parameters", named)
+        object.__setattr__(self, "parameters", tuple(replace(one, cause=self.id) for one in self.parameters))
 
     def variants(self, model: Model) -> list[Variant]:
-        """Return the ways in which it can act on a model."""
-        return list(self.change({one.name.split(".")[1]: one for one in self.parameters}, model))
+        """Return the ways in which it can act on a model.
 
-    def parameter_of(self, unknown: str) -> Parameter:
-        """Return the parameter behind an unknown of a variant."""
-        return next(one for one in self.parameters if one.name == unknown.split(" ")[0])
+        Raises
+        ------
+        UndecidableError
+            The data cannot show it.
+        TypeError
+            A variant has a new unknown that is not made of a `Parameter`.
+        """
+        found = list(self.change({one.name: one for one in self.parameters}, model))
+        before = {one.name for one in model.unknowns}
+        for variant in found:
+            for unknown in variant.model.unknowns:
+                if unknown.name not in before and not isinstance(unknown, (CauseUnknown, CauseMove)):
+                    raise TypeError(
+                        f"Cause {self.id!r}: the unknown {unknown.name!r} of {variant.name!r} is not made of one of "
+                        "its parameters, expected Parameter.unknown(...) or Parameter.move(...)"
+                    )
+        return found
+
+    def variant(self, model: Model, name: str) -> Variant:
+        """Return one of the ways in which it can act on a model.
+
+        Raises
+        ------
+        UndecidableError
+            The data cannot show it.
+        IndescribableError
+            The model has no such variant.
+        """
+        for variant in self.variants(model):
+            if variant.name == name:
+                return variant
+        raise IndescribableError(f"{self.id} {name}: the model has no such place or condition")
 
 
-def changed(cause: Cause, name: str, model: Model) -> Model:
-    """Return other observations as a variant of a cause changes them; unknowns and tolerances go with them.
+class Step(NamedTuple):
+    """A cause that acts in one of its variants: one step from the base model to an explanation."""
 
-    A law across configurations, which one configuration alone cannot have, changes no assembly.
+    cause: Cause
+    variant: str
+    """Name of the variant."""
 
-    Raises
-    ------
-    IndescribableError
-        The observations have a place or an assembly with which the change cannot be described.
-    """
-    try:
-        variants = cause.variants(model)
-    except IndescribableError:
-        raise
-    except UndecidableError:
-        return model
-    chosen = [variant for variant in variants if variant.name == name]
-    if not chosen and any(v.local for v in variants):
-        raise IndescribableError(f"{cause.id} {name}: the assembly has no such place")
-    if not chosen and len({str(v.model.observations[0].assembly.parameters) for v in variants}) == 1:
-        # Where it acts was named by what was measured there; the structure is the same.
-        chosen = variants[:1]
-    return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model
+    def extend(self, model: Model) -> Model:
+        """Return the model with the cause and its parameters.
+
+        Raises
+        ------
+        UndecidableError
+            The model does not have this variant.
+        """
+        return self.cause.variant(model, self.variant).model
+
+    def transfer(self, model: Model) -> Model:
+        """Return other observations as the cause changes them, without its parameters.
+
+        A law across configurations, which a single configuration cannot have, changes no assembly.
+
+        Raises
+        ------
+        IndescribableError
+            The observations have a place or an assembly with which the change cannot be described.
+        """
+        try:
+            variants = self.cause.variants(model)
+        except IndescribableError:
+            raise
+        except UndecidableError:
+            return model
+        chosen = [variant for variant in variants if variant.name == self.variant]
+        if not chosen and any(one.local for one in variants):
+            raise IndescribableError(f"{self.cause.id} {self.variant}: the assembly has no such place")
+        if not chosen and len({str(one.model.observations[0].assembly.parameters) for one in variants}) == 1:
+            # All variants change the structure alike; their names say what was measured in the diagnosed model.
+            chosen = variants[:1]
+        return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model

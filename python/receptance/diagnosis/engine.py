@@ -1,4 +1,4 @@
-"""The diagnosis: base fit, adequacy, every cause refitted, causes added, the answer."""
+"""The diagnosis: selection of lines, selection of causes, judgement, advice, improvement on held-out data."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from receptance import _checks
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
-from receptance.diagnosis.catalogue import listed
-from receptance.diagnosis.causes import Cause
-from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
-from receptance.diagnosis.fitting import EXPLORING
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, folded, folds_of
+from receptance.diagnosis.catalogue import resolve_causes
+from receptance.diagnosis.causes import Cause, Step
+from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, cross_validate, folds_of
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.steps import Steps
-from receptance.diagnosis.usable import usable
+from receptance.diagnosis.thresholds import EXPLORING_LINES, LOOK_ALIKE, MARGIN, VETOED_SHOWN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.identification.laws import Tolerance
@@ -31,11 +31,6 @@ from receptance.identification.task import Observation
 from receptance.identification.unknowns import Unknown
 
 __all__ = ["diagnose"]
-
-_TOLD = 3
-"""So many vetoed causes are told."""
-_ALIKE = 0.9
-"""Cosine from which two causes are said to look alike."""
 
 
 def diagnose(
@@ -51,40 +46,40 @@ def diagnose(
     metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Verdict:
-    """Say whether a model is adequate for what was measured, and which cause explains it if not.
+    """Test whether a model is adequate for the measured data, and find the causes that explain them if it is not.
 
     Parameters
     ----------
     observations : sequence of MeasuredFRF and MeasuredFrequencies
-        What was measured, with standard deviations; several configurations, and force levels as the condition "force".
+        Measurements with standard deviations, best of several configurations; force levels are the condition "force".
     unknowns : sequence of Unknown and Law
-        What the base model identifies: the joint.
+        Unknowns of the base model: the joint.
     tolerances : sequence of Tolerance
-        Errors of dimensions, materials and clampings, as in `identify`. Without them ordinary tolerances are taken for
-        effects.
+        Errors of dimensions, materials and clampings, as in `identify`. Without them ordinary deviations are mistaken
+        for causes.
     causes : sequence of Cause and str, optional
         Causes or their ids; by default the `CATALOGUE`.
     seed : int, optional
-        Of everything random.
+        Seed of all random numbers.
     threads : int, optional
-        As in `Assembly.receptance`; it changes no result.
+        As in `Assembly.receptance`; it does not change the result.
     held_out : bool, optional
-        Whether improvement is measured on configurations that were left out one by one, with the whole selection
-        repeated without them.
+        Whether the improvement is measured by cross-validation, with the whole selection repeated without each
+        configuration.
     most : int, optional
-        How many causes may act together.
+        Largest number of causes that act together.
     metrics : mapping of str to callable, optional
-        With `held_out`: errors of a prediction that matter to you, by name. Each gets a
-        `receptance.diagnosis.HeldOut` and returns a number, smaller where the prediction is better.
+        With `held_out`: user-defined errors of a prediction, by name. Each gets a `receptance.diagnosis.HeldOut` and
+        returns a number, smaller where the prediction is better.
     progress : callable, optional
-        Gets one line of text at the beginning of each step: which step of how many, about how long the rest takes,
-        which explanation leads, and what is being done. The number of steps is an estimate that later steps correct.
+        Called with one line of text at the start of each step: its number, the expected number of steps, the remaining
+        time, the leading explanation, and the step. The expected number is an estimate that later steps correct.
 
     Returns
     -------
     Verdict
-        The answer, the reported causes with sizes and evidence, fitted models, advice. A KeyboardInterrupt ends the
-        diagnosis with what is known so far: `Verdict.final` is then False. A second one is raised as always.
+        The answer, the reported causes with sizes and evidence, the fitted models, and advice. A KeyboardInterrupt ends
+        the diagnosis with the results so far, and `Verdict.final` is then False. A second one is raised.
 
     Raises
     ------
@@ -131,19 +126,19 @@ def diagnose(
         raise ValueError(f"most is {most!r}, expected a whole number of at least 1")
     own = _metrics(metrics)
     _checks.thread_count(threads)
-    model, left_out = usable(Model(observed, wanted, errors))
-    model = model.witnessed()
-    steps = Steps(progress, 1 + (folds_of(model) if held_out else 0))
-    selection = select(model, listed(causes), seed=seed, threads=threads, most=most, progress=steps)
-    verdict = _verdict(selection, seed, most, left_out, steps)
+    model, line_notes = select_lines(Model(observed, wanted, errors))
+    model = model.with_witnesses()
+    report = Progress(progress, 1 + (folds_of(model) if held_out else 0))
+    selection = select(model, resolve_causes(causes), seed=seed, threads=threads, most=most, progress=report)
+    verdict = _verdict(selection, seed, most, line_notes, report)
     if not held_out or not verdict.final:
         return verdict
-    steps.again()
-    options: dict[str, Any] = {"metrics": own, "progress": steps}
-    found = folded(model, listed(causes), seed=seed, threads=threads, most=most, **options)
+    report.next_selection()
+    options: dict[str, Any] = {"metrics": own, "progress": report}
+    found = cross_validate(model, resolve_causes(causes), seed=seed, threads=threads, most=most, **options)
     if not found.complete:
-        verdict = verdict.unfinished(steps.how_far, tried=True)
-    return verdict.improved(found)
+        verdict = verdict.interrupt(report.position, tried=True)
+    return verdict.with_improvement(found)
 
 
 def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
@@ -152,7 +147,7 @@ def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
         if not isinstance(name, str) or not callable(metric):
             raise TypeError(f"metrics has {name!r}: {metric!r}, expected a name and a function")
         if name in (FREQUENCIES, SPECTRAL, SCORE):
-            raise ValueError(f"the metric {name!r} is there already, expected another name")
+            raise ValueError(f"the metric {name!r} exists already, expected another name")
     return given
 
 
@@ -165,15 +160,19 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
             raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
         spread = one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz
         if spread is None:
-            said = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
+            causes = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
             raise ValueError(
-                f"{one!r} has no standard deviation, and without one nothing can be said of what is left; "
-                + (said[0] if said else "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF")
+                f"{one!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
+                + (
+                    causes[0]
+                    if causes
+                    else "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
+                )
             )
     return found
 
 
-def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str], steps: Steps) -> Verdict:
+def _verdict(selection: Selection, seed: int, most: int, line_notes: Sequence[str], report: Progress) -> Verdict:
     judgement = conclude(selection)
     interrupted = selection.interrupted
     next_measurement = None
@@ -182,7 +181,7 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
             next_measurement = advise(selection, judgement)
         except KeyboardInterrupt:
             interrupted = True
-    notes = [*judgement.notes, *_on_data(selection), *left_out]
+    notes = [*judgement.notes, *_data_notes(selection), *line_notes]
     fitted: dict[Explanation, Identification] = {}
 
     def identified(one: Explanation) -> Identification:
@@ -193,10 +192,10 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
     best = judgement.reported[0] if judgement.reported else None
     reported: dict[str, Candidate] = {}
     for one in judgement.reported:
-        for cause, variant in one.steps:
-            reported.setdefault(cause.id, _candidate(selection, one, cause, variant, identified(one)))
-    candidates = [_candidate(selection, one, *one.steps[0], identified(one)) for one in selection.singles]
-    rivals = {one: _candidate(selection, one, *one.steps[0], identified(one)) for one in selection.rivals}
+        for step in one.steps:
+            reported.setdefault(step.cause.id, _candidate(selection, one, step, identified(one)))
+    candidates = [_candidate(selection, one, one.steps[0], identified(one)) for one in selection.singles]
+    alternatives = {one: _candidate(selection, one, one.steps[0], identified(one)) for one in selection.alternatives}
     verdict = Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
@@ -213,33 +212,34 @@ def _verdict(selection: Selection, seed: int, most: int, left_out: Sequence[str]
         notes=tuple(notes),
         settings=_settings(selection, seed, most),
         selection=selection,
-        vetoed=tuple(
-            _candidate(selection, one, cause, variant, identified(one)) for one, (cause, variant) in _vetoed(selection)
-        ),
-        rivals=tuple(rivals.values()),
-        rival=None if judgement.rival is None else rivals[judgement.rival],
+        vetoed=tuple(_candidate(selection, one, step, identified(one)) for one, step in _vetoed(selection)),
+        alternatives=tuple(alternatives.values()),
+        alternative=None if judgement.alternative is None else alternatives[judgement.alternative],
         explanation=best,
     )
-    return verdict.unfinished(steps.how_far, tried=not selection.interrupted) if interrupted else verdict
+    return verdict.interrupt(report.position, tried=not selection.interrupted) if interrupted else verdict
 
 
-def _vetoed(selection: Selection) -> Iterator[tuple[Explanation, tuple[Cause, str]]]:
-    """Yield causes that do as well as the best plausible explanation, or better, with sizes that are not plausible.
+def _vetoed(selection: Selection) -> Iterator[tuple[Explanation, Step]]:
+    """Yield implausible causes with at least the evidence of the best plausible explanation, less the margin.
 
-    Each cause once, in its best explanation, and only the best few.
+    Each cause is yielded once, in its best explanation, and only the best few are.
     """
-    believed = max((one.evidence for one in selection.explanations if not one.implausible), default=0.0)
-    least = max(selection.threshold, believed - MARGIN, 0.0)
-    told: set[str] = set()
+    plausible = max((one.evidence for one in selection.explanations if not one.implausible), default=0.0)
+    least = max(selection.threshold, plausible - MARGIN, 0.0)
+    seen: set[str] = set()
     for one in selection.explanations:
-        for cause, variant in one.steps if one.evidence > least else ():
-            if cause.id not in told and len(told) < _TOLD and set(one.sizes(cause)) & set(one.implausible):
-                told.add(cause.id)
-                yield one, (cause, variant)
+        for step in one.steps if one.evidence > least else ():
+            id, sizes = step.cause.id, one.sizes(step.cause)
+            if id not in seen and len(seen) < VETOED_SHOWN and set(sizes) & set(one.implausible):
+                seen.add(id)
+                yield one, step
 
 
-def _candidate(selection: Selection, one: Explanation, cause: Cause, variant: str, found: Identification) -> Candidate:
+def _candidate(selection: Selection, one: Explanation, step: Step, found: Identification) -> Candidate:
+    cause, variant = step
     own = one.sizes(cause)
+    declared = {name: one.parameters[name] for name in own}
     return Candidate(
         id=cause.id,
         group=cause.group,
@@ -249,12 +249,13 @@ def _candidate(selection: Selection, one: Explanation, cause: Cause, variant: st
         evidence=one.evidence,
         misfit=one.adequacy.misfit,
         plausible=not set(one.implausible) & set(own),
-        vetoed=implausible(cause, own),
+        vetoed=implausible(declared, own),
         converged=one.fit.converged,
         together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
         look_alikes=_look_alikes(selection.found, cause.id, variant),
         meaning=cause.meaning,
         remedy=cause.remedy,
+        declared=declared,
     )
 
 
@@ -267,36 +268,36 @@ def _look_alikes(found: Sequence[Direction], name: str, variant: str) -> dict[st
         if other.cause.id != name and other.slopes.shape[1] <= own.slopes.shape[1]:
             cosines[other.cause.id] = max(cosines.get(other.cause.id, 0.0), look_alike(own, other))
     kept = sorted(cosines.items(), key=lambda pair: -pair[1])
-    return {other: round(cosine, 4) for other, cosine in kept if cosine >= _ALIKE}
+    return {other: round(cosine, 4) for other, cosine in kept if cosine >= LOOK_ALIKE}
 
 
-def _on_data(selection: Selection) -> list[str]:
+def _data_notes(selection: Selection) -> list[str]:
     model = selection.base.model
     notes = []
     if not model.tolerances:
         notes.append(
-            "there are no tolerances: an ordinary deviation of a dimension or a material can look like a cause"
+            "there are no tolerances: an ordinary deviation of a dimension or a material may be mistaken for a cause"
         )
     if len(model.configurations) == 1:
-        notes.append("there is one configuration: measure another overhang to tell the joint from the parts")
+        notes.append("there is one configuration: measure another overhang to distinguish the joint from the parts")
     if selection.base.one_mode:
-        notes.append("there is one mode in each record: measure up to a second one to tell the joint from the parts")
-    listed = [isinstance(one, MeasuredFrequencies) for one in model.observations]
-    if all(listed):
+        notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
+    are_frequencies = [isinstance(one, MeasuredFrequencies) for one in model.observations]
+    if all(are_frequencies):
         damped = any(isinstance(one, MeasuredFrequencies) and one.damped.size for one in model.observations)
-        what = "gain, delay and hits" if damped else "damping, gain, delay and hits"
-        notes.append(f"there are natural frequencies alone: they say nothing of {what}")
-    elif any(listed):
-        notes.append("gain, delay, window and hits are judged by the FRFs alone: natural frequencies do not have them")
+        hidden = "gain, delay and hits" if damped else "damping, gain, delay and hits"
+        notes.append(f"there are natural frequencies alone: they do not show {hidden}")
+    elif any(are_frequencies):
+        notes.append("gain, delay, window and hits are judged by the FRFs alone: natural frequencies do not show them")
     return notes
 
 
 def _work(selection: Selection) -> dict[str, Any]:
-    """Return how much was calculated, and what few lines had lost of base and best cause before they got all lines."""
+    """Return the amount of calculation, and the loss by the selection of few lines of base and best explanation."""
     fits = [selection.base, *(one.fit for one in selection.explanations[:1])]
     return {
         "lines": sum(one.frequency_hz.size for one in selection.base.model.observations),
-        "lines_of_each_while_exploring": EXPLORING,
+        "lines_of_each_while_exploring": EXPLORING_LINES,
         "regained_on_all_lines": round(max(fit.regained for fit in fits), 1),
         "model_evaluations": selection.evaluations,
     }

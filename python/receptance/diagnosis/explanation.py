@@ -1,36 +1,36 @@
-"""What was fitted: explanations of the data by causes, and all of a diagnosis together."""
+"""Explanations of the data by causes, and the set of all explanations of a diagnosis."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from receptance.diagnosis.adequacy import Adequacy, judge
-from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
 
-__all__ = ["MARGIN", "Explanation", "Selection"]
-
-MARGIN = 10.0
-"""What is within this much of the best evidence is reported with it."""
+__all__ = ["Explanation", "Selection", "best_of_each"]
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Causes that act together, and the fit that has them.
+    """Causes that act together, and the fit that includes them.
 
     Attributes
     ----------
-    steps : tuple of (Cause, str)
-        The causes in the order of adding, each with the name of its variant.
+    steps : tuple of Step
+        The causes in the order in which they were added, each with its variant.
     fit : Fit
         The extended model at its best point.
+    gain : float
+        Decrease of chi-square relative to the base.
     evidence : float
-        Decrease of chi-square against the base, less the penalty for its unknowns: twice the logarithm of odds, nearly.
+        The gain less the penalty of its unknowns; about twice the logarithm of the odds.
     """
 
-    steps: tuple[tuple[Cause, str], ...]
+    steps: tuple[Step, ...]
     fit: Fit
     gain: float
     evidence: float
@@ -40,90 +40,139 @@ class Explanation:
         """Ids of the causes."""
         return frozenset(cause.id for cause, _ in self.steps)
 
+    @property
+    def title(self) -> str:
+        """Ids of the causes as text, in the order of the steps."""
+        return " + ".join(cause.id for cause, _ in self.steps)
+
     @cached_property
     def adequacy(self) -> Adequacy:
-        """What it leaves."""
+        """Adequacy of the fit."""
         return judge(self.fit)
 
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """Parameters of all its causes by the names of their unknowns."""
+        return parameters_of(self.fit.model.unknowns)
+
     def sizes(self, cause: Cause) -> dict[str, float]:
-        """Return the values of a cause's parameters by the names of its unknowns."""
-        return {name: value for name, value in self.fit.values.items() if name.split(" ")[0].split(".")[0] == cause.id}
+        """Return the values of the parameters of a cause by the names of their unknowns."""
+        return {name: self.fit.values[name] for name, one in self.parameters.items() if one.cause == cause.id}
 
     @property
     def negligible(self) -> frozenset[str]:
-        """Ids of the causes all of whose sizes are so small that nobody would mean them."""
+        """Ids of the causes all of whose sizes are negligible."""
         found = set()
         for cause, _ in self.steps:
-            sizes = [(cause.parameter_of(name), value) for name, value in self.sizes(cause).items()]
-            if sizes and all(abs(value - one.null) < one.least for one, value in sizes):
+            sizes = [(self.parameters[name], value) for name, value in self.sizes(cause).items()]
+            if sizes and all(abs(value - one.null) < one.negligible for one, value in sizes):
                 found.add(cause.id)
         return frozenset(found)
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Names of sizes that nobody would believe."""
+        """Names of the unknowns whose values lie outside their plausible range."""
         return tuple(
             name
             for cause, _ in self.steps
             for name, value in self.sizes(cause).items()
-            if not cause.parameter_of(name).believable(value)
+            if not self.parameters[name].is_plausible(value)
         )
+
+
+def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
+    """Return the explanation with the highest evidence of each set of causes, the highest evidence first."""
+    best: dict[frozenset[str], Explanation] = {}
+    for one in sorted(found, key=lambda one: -one.evidence):
+        best.setdefault(one.ids, one)
+    return list(best.values())
 
 
 @dataclass(eq=False)
 class Selection:
-    """All that was fitted.
+    """All fits of a diagnosis.
+
+    `singles` and `several` have at most one explanation of each set of causes, that with the highest evidence, and are
+    in the order of descending evidence. The evidence of every explanation is relative to `base`. The methods `add`,
+    `remove` and `replace_base` keep it so.
 
     Attributes
     ----------
     base : Fit
-        The model as it was given.
-    singles, several : list of Explanation
-        Each cause alone, and causes together, the best evidence first.
-    tried : list of Explanation
-        All causes together that were fitted, those that added nothing too.
-    found : list of Direction
-        What the causes promised at the base.
+        The model without causes.
+    penalty : float
+        Penalty of each unknown in evidence: the logarithm of the number of independent observed numbers.
     threshold : float
         Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
+    found : list of Direction
+        Linear effects of the causes on the base.
     undecidable : dict of str to str
-        Causes that the data cannot speak about, and why.
-    rivals : list of Explanation
-        Changes that are no causes, and that a cause must not lose against; see `receptance.diagnosis.rivals`.
+        Causes that the data cannot show, and the reasons.
+    singles, several : list of Explanation
+        Explanations by one cause, and by several.
+    tried : list of Explanation
+        All explanations by several causes that were fitted, including those that are not better than one cause.
+    alternatives : list of Explanation
+        Changes that are not causes, see `receptance.diagnosis.alternatives`.
     evaluations : int
-        How often all observations were calculated with their derivatives, on few lines or on all.
+        Number of evaluations of all observations with derivatives, on few lines or on all.
     seconds : float
-        How long it took.
+        Duration in s.
     interrupted : bool
-        Whether it was ended by a KeyboardInterrupt: what was not reached is missing, and not all fits have ended.
+        Whether a KeyboardInterrupt ended it: later steps are missing, and not all fits have converged.
     """
 
     base: Fit
     penalty: float
-    threshold: float
-    found: list[Direction]
-    undecidable: dict[str, str]
+    threshold: float = 0.0
+    found: list[Direction] = field(default_factory=list)
+    undecidable: dict[str, str] = field(default_factory=dict)
     singles: list[Explanation] = field(default_factory=list)
     several: list[Explanation] = field(default_factory=list)
     tried: list[Explanation] = field(default_factory=list)
-    rivals: list[Explanation] = field(default_factory=list)
+    alternatives: list[Explanation] = field(default_factory=list)
     evaluations: int = 0
     seconds: float = 0.0
     interrupted: bool = False
 
-    def explained(self, steps: tuple[tuple[Cause, str], ...], fit: Fit, more: float = 0.0) -> Explanation:
-        """Return what a fit makes of the data; `more` is what it is expected to gain beyond that."""
+    def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
+        """Return the explanation of a fit; `expected` is a further gain that a complete fit is expected to reach."""
         own = sum(unknown.prior is None for unknown in fit.model.unknowns)
         count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
-        gain = self.base.chi_square - fit.chi_square + more
+        gain = self.base.chi_square - fit.chi_square + expected
         return Explanation(steps, fit, gain, gain - self.penalty * count)
+
+    def add(self, found: Iterable[Explanation]) -> None:
+        """Add explanations; of each set of causes the best one is kept."""
+        listed = list(found)
+        self.singles = best_of_each([*self.singles, *(one for one in listed if len(one.steps) == 1)])
+        self.several = best_of_each([*self.several, *(one for one in listed if len(one.steps) > 1)])
+
+    def remove(self, explanation: Explanation) -> None:
+        """Remove an explanation."""
+        self.singles = [one for one in self.singles if one is not explanation]
+        self.several = [one for one in self.several if one is not explanation]
+
+    def replace_base(self, base: Fit) -> None:
+        """Replace the fit of the base by a better one; all evidence becomes relative to it."""
+        less = self.base.chi_square - base.chi_square
+
+        def lower(found: list[Explanation]) -> list[Explanation]:
+            return [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in found]
+
+        self.base, self.singles, self.several = base, lower(self.singles), lower(self.several)
 
     @property
     def evaluations_per_second(self) -> float:
-        """Evaluations of the whole model a second, everything else that was done included."""
+        """Evaluations of all observations in one second, over the whole duration."""
         return self.evaluations / self.seconds if self.seconds else 0.0
 
     @property
     def explanations(self) -> list[Explanation]:
-        """All explanations, the best evidence first."""
+        """All explanations, the highest evidence first."""
         return sorted([*self.singles, *self.several], key=lambda one: -one.evidence)
+
+    @property
+    def best(self) -> Explanation | None:
+        """The explanation with the highest evidence."""
+        return next(iter(self.explanations), None)

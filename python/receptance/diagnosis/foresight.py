@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.causes import Cause, changed
+from receptance.diagnosis.causes import Step
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import error_of
@@ -40,10 +40,10 @@ _STEPS = 12
 _LEAST = 1e-3
 
 
-def with_causes(model: Model, steps: Sequence[tuple[Cause, str]]) -> Model:
+def with_causes(model: Model, steps: Sequence[Step]) -> Model:
     """Return other observations with causes; unknowns and errors go with them."""
-    for cause, name in steps:
-        model = changed(cause, name, model)
+    for step in steps:
+        model = step.transfer(model)
     return model
 
 

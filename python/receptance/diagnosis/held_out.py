@@ -1,4 +1,4 @@
-"""What an explanation improves on a configuration that its fit never saw."""
+"""Improvement by an explanation on held-out configurations, by cross-validation or on separate measurements."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.bias import slenderness_of
-from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of
+from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import Cause, IndescribableError
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.steps import Steps
-from receptance.diagnosis.verdict import Gain
+from receptance.diagnosis.thresholds import FOLDS, SINGLES_HELD_OUT
+from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFRF
@@ -31,29 +31,36 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
 
-__all__ = ["FREQUENCIES", "SCORE", "SPECTRAL", "HeldOut", "Improvement", "Metric", "folded", "folds_of", "improvement"]
+__all__ = [
+    "FREQUENCIES",
+    "SCORE",
+    "SPECTRAL",
+    "HeldOut",
+    "Metric",
+    "cross_validate",
+    "folds_of",
+    "gain_of",
+    "improvement",
+    "metrics_of",
+]
 
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"
 SCORE = "predictive log score in nats"
-_RIVALS = 8
-"""Causes whose own improvement is measured in each fold, the best evidence first."""
-_FOLDS = 4
-"""Folds at most: each repeats the whole selection."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """An observation that the fit never saw, and what was predicted of it: what a metric of one's own is given.
+    """A held-out observation and its prediction: the argument of a user-defined metric.
 
     Attributes
     ----------
     observation : MeasuredFRF or MeasuredFrequencies
-        What was measured.
+        The measurement.
     assembly : Assembly
-        The predicted structure as it was measured, a sensor's mass included.
+        The predicted structure as measured, a sensor's mass included.
     receptance : ndarray or None
-        `(n,)` predicted on the lines of a MeasuredFRF, as the chain would record it; None of natural frequencies.
+        `(n,)` prediction on the lines of a MeasuredFRF, measuring chain included; None for natural frequencies.
     """
 
     observation: Observation
@@ -62,50 +69,24 @@ class HeldOut:
 
 
 Metric = Callable[[HeldOut], float]
-"""An error of a prediction: smaller is better. Not a number where it says nothing of that observation."""
+"""An error of a prediction: smaller is better; NaN where it does not apply to an observation."""
 
 
 @dataclass(frozen=True)
 class _Fold:
-    """One configuration that was held out, and each metric before and after."""
+    """Metrics of one held-out configuration, before and after."""
 
     configuration: str
     verdict: str
     causes: tuple[str, ...]
     before: Mapping[str, float]
     after: Mapping[str, float]
-    rivals: Mapping[str, float] = field(default_factory=dict)
+    singles: Mapping[str, float] = field(default_factory=dict)
     modes: tuple[ModeResidual, ...] = ()
     modes_after: tuple[ModeResidual, ...] = ()
 
 
-@dataclass(frozen=True)
-class Improvement:
-    """What was found on data that no fit has seen.
-
-    Attributes
-    ----------
-    gains : tuple of Gain
-        By metric, the one of what was measured most first.
-    rivals : dict of str to float
-        The first metric if one cause alone were believed, by id, whatever the verdict says of it.
-    modes, modes_after : tuple of ModeResidual
-        Held-out modes, measured less predicted, before and after.
-    slenderness : dict of str to float
-        Overhang over diameter of the held-out configurations.
-    complete : bool
-        Whether all folds were done.
-    """
-
-    gains: tuple[Gain, ...] = ()
-    rivals: Mapping[str, float] = field(default_factory=dict)
-    modes: tuple[ModeResidual, ...] = ()
-    modes_after: tuple[ModeResidual, ...] = ()
-    slenderness: Mapping[str, float] = field(default_factory=dict)
-    complete: bool = True
-
-
-def folded(
+def cross_validate(
     model: Model,
     causes: Sequence[Cause],
     *,
@@ -113,24 +94,33 @@ def folded(
     threads: int | None,
     most: int,
     metrics: Mapping[str, Metric] | None = None,
-    progress: Steps | None = None,
+    progress: Progress | None = None,
 ) -> Improvement:
-    """Leave out one configuration after the other, with the whole selection repeated without it.
+    """Return the improvement on configurations that are left out in turn, with the whole selection repeated.
 
-    Where there are many, every few of them are left out together. A KeyboardInterrupt ends it with the folds that are
-    done.
+    Where there are more configurations than folds, several are left out together. A KeyboardInterrupt ends it with the
+    completed folds.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    causes, seed, threads, most, progress
+        As in `select`.
+    metrics : mapping of str to callable, optional
+        User-defined metrics.
     """
     names = model.configurations
     count = folds_of(model)
-    steps = progress or Steps(selections=count)
+    report = progress or Progress(selections=count)
     folds: list[_Fold] = []
     complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
         out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration in group)
-        steps.holding_out = name
+        report.holding_out = name
         try:
-            selection = select(without(model, group), causes, seed=seed, threads=threads, most=most, progress=steps)
+            selection = select(without(model, group), causes, seed=seed, threads=threads, most=most, progress=report)
             if selection.interrupted:
                 raise KeyboardInterrupt
         except (ValueError, ReceptanceError) as error:
@@ -139,17 +129,17 @@ def folded(
         except KeyboardInterrupt:
             complete = False
             break
-        steps.again()
+        report.next_selection()
         judgement = conclude(selection)
         best = judgement.reported[0] if judgement.reported else None
         folds.append(_fold(name, judgement.answer, selection, best, out, model.tolerances, metrics))
-    return replace(_together(folds, model, metrics), complete=complete)
+    return replace(_combine(folds, model, metrics), complete=complete)
 
 
 def folds_of(model: Model) -> int:
-    """Return in how many folds configurations are left out; none of a model with one."""
+    """Return the number of folds; zero for a model with one configuration."""
     count = len(model.configurations)
-    return min(count, _FOLDS) if count > 1 else 0
+    return min(count, FOLDS) if count > 1 else 0
 
 
 def improvement(
@@ -159,13 +149,27 @@ def improvement(
     tolerances: Sequence[Tolerance],
     metrics: Mapping[str, Metric] | None = None,
 ) -> Improvement:
-    """Return what the explanation improves on observations that no fit has seen."""
+    """Return the improvement by an explanation on observations that were not fitted.
+
+    Parameters
+    ----------
+    selection : Selection
+        The fits.
+    best : Explanation or None
+        The explanation.
+    observations : sequence of MeasuredFRF and MeasuredFrequencies
+        The held-out observations.
+    tolerances : sequence of Tolerance
+        Their tolerances.
+    metrics : mapping of str to callable, optional
+        User-defined metrics.
+    """
     groups: dict[str, list[Observation]] = {}
     for index, one in enumerate(observations):
         groups.setdefault(place_of(one, index).configuration, []).append(one)
     answer = conclude(selection).answer
     folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
-    return _together(folds, replace(selection.base.model, observations=tuple(observations)), metrics)
+    return _combine(folds, replace(selection.base.model, observations=tuple(observations)), metrics)
 
 
 def _fold(
@@ -178,35 +182,35 @@ def _fold(
     metrics: Mapping[str, Metric] | None,
 ) -> _Fold:
     base = replace(selection.base.model, observations=tuple(observations), tolerances=tuple(tolerances))
-    before, modes = measured_by(selection.base, base, metrics)
+    before, modes = metrics_of(selection.base, base, metrics)
     after, modes_after = before, modes
     if best is not None:
-        after, modes_after = _believed(best, base, metrics)
+        after, modes_after = _metrics_with(best, base, metrics)
     first = _names(observations)[0]
-    rivals = {}
-    for one in [single for single in selection.singles if single.evidence > 0.0][:_RIVALS]:
-        found, _ = _believed(one, base, scored=False)
-        rivals[one.steps[0][0].id] = found.get(first, math.nan)
+    singles = {}
+    for one in [single for single in selection.singles if single.evidence > 0.0][:SINGLES_HELD_OUT]:
+        found, _ = _metrics_with(one, base, scored=False)
+        singles[one.steps[0].cause.id] = found.get(first, math.nan)
     causes = () if best is None else tuple(sorted(best.ids))
-    return _Fold(name, answer, causes, before, after, rivals, modes, modes_after)
+    return _Fold(name, answer, causes, before, after, singles, modes, modes_after)
 
 
-def _believed(
+def _metrics_with(
     one: Explanation, base: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
 ) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
-    """Return the metrics of an explanation; none where its causes cannot be described for what was held out."""
+    """Return the metrics with an explanation; none where its causes cannot be described for the held-out data."""
     try:
-        return measured_by(one.fit, with_causes(base, one.steps), metrics, scored=scored)
+        return metrics_of(one.fit, with_causes(base, one.steps), metrics, scored=scored)
     except IndescribableError:
         return {}, ()
 
 
-def measured_by(
+def metrics_of(
     fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
 ) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
-    """Return each metric of a prediction of observations, as `model` has them with the causes of the fit, and modes.
+    """Return each metric of a prediction of the observations of a model with the causes of a fit, and their modes.
 
-    Their own errors, which nothing else could tell, are fitted to them with their tolerances, before and after alike.
+    Errors that only these observations have are fitted to them with their tolerances, before and after alike.
     """
     foresight = Foresight(fit, model)
     try:
@@ -250,25 +254,25 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _names(observations: Sequence[Observation]) -> list[str]:
-    """Return the metrics, that of what was measured most first."""
+    """Return the names of the metrics, that of the quantity that was measured most first."""
     frfs = any(isinstance(one, MeasuredFRF) for one in observations)
     return [SPECTRAL, FREQUENCIES, SCORE] if frfs else [FREQUENCIES, SCORE]
 
 
-def _together(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
-    """Return what all folds together say."""
+def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
+    """Return the improvement over all folds."""
     names = _names(model.observations)
     gains = [gain_of(name, folds) for name in (*names, *(metrics or ()))]
-    rivals = {}
-    for id in dict.fromkeys(id for one in folds for id in one.rivals):
-        # Where a fold does not have a cause, it would not have been believed there.
-        own = [one.rivals.get(id, one.before.get(names[0], math.nan)) for one in folds]
-        told = gain_of(names[0], [replace(one, after={names[0]: x}) for one, x in zip(folds, own, strict=True)])
-        if told is not None:
-            rivals[id] = told.held_out_after
+    singles = {}
+    for id in dict.fromkeys(id for one in folds for id in one.singles):
+        # In a fold without evidence for a cause the base predicts.
+        own = [one.singles.get(id, one.before.get(names[0], math.nan)) for one in folds]
+        gain = gain_of(names[0], [replace(one, after={names[0]: x}) for one, x in zip(folds, own, strict=True)])
+        if gain is not None:
+            singles[id] = gain.held_out_after
     return Improvement(
         gains=tuple(one for one in gains if one is not None),
-        rivals=rivals,
+        singles=singles,
         modes=tuple(mode for one in folds for mode in one.modes),
         modes_after=tuple(mode for one in folds for mode in one.modes_after),
         slenderness=slenderness_of(model),
@@ -277,11 +281,10 @@ def _together(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric
 
 def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
     """Return a metric before and after, and the 95 % interval of the improvement by the jackknife over the folds."""
-    there = [one for one in folds if math.isfinite(one.before.get(metric, math.nan))]
-    there = [one for one in there if math.isfinite(one.after.get(metric, math.nan))]
-    if not there:
+    pairs = [(one.before.get(metric, math.nan), one.after.get(metric, math.nan)) for one in folds]
+    table = np.array([pair for pair in pairs if np.isfinite(pair).all()])
+    if not table.size:
         return None
-    table = np.array([(one.before[metric], one.after[metric]) for one in there])
     sign = -1.0 if metric == SCORE else 1.0
 
     def ends(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -310,7 +313,7 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
 
 
 def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]], float]) -> tuple[float, float]:
-    """Return the 95 % interval of a number made of the folds; open where one fold says nothing of scatter."""
+    """Return the 95 % interval of a function of the folds by the jackknife; infinite for one fold."""
     from receptance.identification.spread import quantile
 
     count = len(table)
@@ -326,6 +329,6 @@ def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]],
 
 
 def without(model: Model, configurations: Sequence[str]) -> Model:
-    """Return the model without some configurations, and without the unknowns and errors that only these have."""
+    """Return the model without some configurations, and without unknowns and errors that only these have."""
     kept = (o for i, o in enumerate(model.observations) if place_of(o, i).configuration not in configurations)
-    return model.of(tuple(kept))
+    return model.select(tuple(kept))

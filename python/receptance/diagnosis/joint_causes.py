@@ -1,4 +1,4 @@
-"""Causes that lie in the joint."""
+"""Causes in the joint between tool and holder."""
 
 from __future__ import annotations
 
@@ -9,30 +9,22 @@ from functools import partial
 from typing import Any, TypeVar
 
 from receptance.assembly import Assembly
-from receptance.beams import Part, Section, Segment
+from receptance.beams import Part, Section
+from receptance.collet import ColletJoint
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Anatomy, Model, renamed
-from receptance.identification.laws import Move, Tolerance
+from receptance.diagnosis.model import Anatomy, Model, named_elements
+from receptance.diagnosis.thresholds import COLLET_GYRATION, SAME_PLACE, SHORTEST_SPREAD, VARIED
+from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation
 from receptance.identification.unknowns import covered
-from receptance.joints import GroundSpring, PointJoint, PointMass
-from receptance.materials import Material
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.spread import SpreadJoint
 
 __all__ = ["JOINT_CAUSES", "overhang_of"]
 
-_SHORTEST = 1e-4
-"""A spread joint this short is a point joint."""
-_VARIED = 1.05
-"""A condition has been varied where its largest value is this many times its smallest."""
-_SAME_PLACE = 1e-9
-"""Places in m that are nearer than this are one."""
-_STUB = 1e-5
-"""Length in m of the body that stands for a collet between two springs."""
-_LIGHT = Material(youngs_modulus=1e13, density=1e2, poisson_ratio=0.3, name="stands for a collet")
-_Placed = TypeVar("_Placed", bound=Coordinate | PointMass | GroundSpring)
+_Placed = TypeVar("_Placed", bound=Coordinate | PointMass | GroundSpring | Resonator)
 _STIFFNESSES = ("k_y", "k_theta")
 _DAMPINGS = ("c_y", "c_theta")
 
@@ -52,42 +44,49 @@ def _point_joints(model: Model) -> tuple[str, ...]:
     return joints
 
 
-def _own(joints: tuple[str, ...], name: str) -> str:
+def _part(joints: tuple[str, ...], name: str) -> str:
+    """Return the word that distinguishes the unknowns of a joint: its name, where there are several."""
     return name if len(joints) > 1 else ""
 
 
-def _cross(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+def _require_joint(model: Model) -> None:
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+
+
+def _cross_term(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     joints = _point_joints(model)
     if any(model.has(f"{name}.k_ytheta") for name in joints):
         raise UndecidableError("the coupling term is an unknown of the model already")
-    terms = [p["k_ytheta"].unknown(f"{name}.k_ytheta", part=_own(joints, name)) for name in joints]
-    stiff = model.coupled(*joints).plus(*terms)
+    terms = [p["k_ytheta"].unknown(f"{name}.k_ytheta", part=_part(joints, name)) for name in joints]
+    stiff = model.couple_terms(*joints).plus(*terms)
     yield Variant("stiffness", stiff)
     damped = [name for name in joints if all(model.has(f"{name}.{c}") for c in _DAMPINGS)]
     if damped:
-        both = (p["c_ytheta"].unknown(f"{name}.c_ytheta", part=_own(joints, name)) for name in damped)
+        both = (p["c_ytheta"].unknown(f"{name}.c_ytheta", part=_part(joints, name)) for name in damped)
         yield Variant("stiffness and damping", stiff.plus(*both))
 
 
 def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    if not model.joints:
-        raise UndecidableError("the model has no joint between tool and holder")
-    _needs_receptances(model)
-    if any(model.has(f"{name}.loss_factor") for name in model.joints):
+    _require_joint(model)
+    _require_damping(model)
+    if any(model.has(address) for address in model.joint_addresses("loss_factor")):
         raise UndecidableError("the loss factor is an unknown of the model already")
-    joints = model.joints
-    yield Variant(
-        "all stiffnesses",
-        model.plus(*(p["loss_factor"].unknown(f"{name}.loss_factor", part=_own(joints, name)) for name in joints)),
-    )
+    unknowns = []
+    for name in model.joints:
+        first, *others = model.addresses_of(name, "loss_factor")
+        part, also = _part(model.joints, name), dict.fromkeys(others, 1.0)
+        unknowns.append(p["loss_factor"].unknown(first, part=part, also=also))
+    yield Variant("all stiffnesses", model.plus(*unknowns))
 
 
-def _needs_receptances(model: Model) -> None:
+def _require_damping(model: Model) -> None:
     if not any(isinstance(one, MeasuredFRF) or one.damped.size for one in model.observations):
-        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs, or damping ratios")
+        raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
 
 
 def _values(model: Model, condition: str) -> list[float]:
+    """Return the values of a condition, or of an address, in all observations that have it."""
     found = []
     for one in model.observations:
         if condition in one.conditions:
@@ -97,61 +96,62 @@ def _values(model: Model, condition: str) -> list[float]:
     return found
 
 
-def _varied(values: list[float]) -> bool:
-    return bool(values) and min(values) > 0.0 and max(values) > _VARIED * min(values)
+def _is_varied(values: list[float]) -> bool:
+    return bool(values) and min(values) > 0.0 and max(values) > VARIED * min(values)
 
 
 def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Iterator[Variant]:
-    """Yield powers of a condition for the joint's stiffnesses: one, both, both and their dampings."""
+    """Yield power laws of a condition for the joint's stiffnesses and dampings, together and separately."""
     values = _values(model, of)
     reference = math.exp(sum(math.log(value) for value in values) / len(values))
 
-    def law(*fields: str) -> Model:
-        # What a fit of the base has taken as fixed, and zero, no power can change.
-        moved = [field for field in fields if any(_there(model, f"{name}.{field}") for name in model.joints)]
-        moves = [
-            p[field].move(dict.fromkeys(model.joint_addresses(field), 1.0), relative=True, of=of, reference=reference)
-            for field in moved
-        ]
-        return model.plus(*moves)
+    def separate(*fields: str) -> Model:
+        # A term that is zero and no unknown stays zero under any power.
+        moved = [field for field in fields if any(_is_present(model, a) for a in model.joint_addresses(field))]
+        return model.plus(
+            *(
+                p[field].move(
+                    dict.fromkeys(model.joint_addresses(field), 1.0), relative=True, of=of, reference=reference
+                )
+                for field in moved
+            )
+        )
 
-    def shared(fields: tuple[str, ...], losing: bool) -> Model:
+    def shared(fields: tuple[str, ...], *, damping: bool) -> Model:
         moves = {address: 1.0 for field in fields for address in model.joint_addresses(f"k_{field}")}
-        if losing:
+        if damping:
             moves |= {address: -1.0 for field in fields for address in model.joint_addresses(f"c_{field}")}
         return model.plus(p["exponent"].move(moves, relative=True, of=of, reference=reference))
 
-    damped = any(model.has(f"{name}.{field}") for name in model.joints for field in _DAMPINGS)
+    damped = any(model.has(a) for field in _DAMPINGS for a in model.joint_addresses(field))
     for fields in (("y",), ("theta",), ("y", "theta")):
-        title = " and ".join(f"k_{field}" for field in fields)
-        yield Variant(f"{prefix}{title}", shared(fields, False))
+        name = " and ".join(f"k_{field}" for field in fields)
+        yield Variant(f"{prefix}{name}", shared(fields, damping=False))
         if damped:
-            yield Variant(f"{prefix}{title}, damping the other way", shared(fields, True))
-    yield Variant(f"{prefix}k_y and k_theta apart", law(*_STIFFNESSES))
+            yield Variant(f"{prefix}{name}, damping the other way", shared(fields, damping=True))
+    yield Variant(f"{prefix}k_y and k_theta apart", separate(*_STIFFNESSES))
     if damped:
-        yield Variant(f"{prefix}stiffness and damping apart", law(*_STIFFNESSES, *_DAMPINGS))
+        yield Variant(f"{prefix}stiffness and damping apart", separate(*_STIFFNESSES, *_DAMPINGS))
 
 
-def _there(model: Model, address: str) -> bool:
+def _is_present(model: Model, address: str) -> bool:
     return model.has(address) or any(
         covered(address, one.assembly) and one.assembly.get(address) for one in model.observations
     )
 
 
 def _amplitude(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    if not model.joints:
-        raise UndecidableError("the model has no joint between tool and holder")
-    if not _varied(_values(model, "force")):
+    _require_joint(model)
+    if not _is_varied(_values(model, "force")):
         raise UndecidableError(
-            "one force level cannot tell an amplitude-dependent joint from another joint: measure at two, and state "
-            "them as the condition 'force'"
+            "one force level does not show whether the joint depends on the amplitude: measure at two, and state them "
+            "as the condition 'force'"
         )
     yield from _laws(p, model, "force", "")
 
 
-def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    if not model.joints:
-        raise UndecidableError("the model has no joint between tool and holder")
+def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _require_joint(model)
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
     lengths = {
         overhang_of(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
@@ -159,32 +159,33 @@ def _across(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     wanted = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
         wanted += lengths
-    chosen = [name for name in wanted if _varied(_values(model, name))]
+    chosen = [name for name in wanted if _is_varied(_values(model, name))]
     if not chosen:
-        raise UndecidableError("no condition (overhang, torque, pre-force) was varied that a joint could depend on")
+        raise UndecidableError("no condition that a joint could depend on (overhang, torque, pre-force) was varied")
     for name in chosen:
         yield from _laws(p, model, name, f"{name}: ")
 
 
 def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
-    """Return the address of the overhang: the length of the tool's last piece."""
+    """Return the address of the overhang: the length of the tool's last segment."""
     part = anatomy.tool[-1]
     return f"{part}.segment[{len(assembly.elements[part].segments) - 1}].length"  # type: ignore[union-attr]
 
 
 def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    if not model.joints:
-        raise UndecidableError("the model has no joint between tool and holder")
-    if not _varied(_values(model, "plane")):
+    _require_joint(model)
+    if not _is_varied(_values(model, "plane")):
         raise UndecidableError(
-            "all was measured in one plane: measure in two, and state the condition 'plane' as 1 and 2"
+            "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2"
         )
     yield from _laws(p, model, "plane", "")
 
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    if not model.joints:
-        raise UndecidableError("the model has no joint between tool and holder")
+    _require_joint(model)
+    elements = [one.assembly.elements for one in model.observations]
+    if any(isinstance(own.get(name), ColletJoint) for own in elements for name in model.joints):
+        raise UndecidableError("the model has a collet between tool and holder already")
     yield from _between(p, model)
     own = [anatomy for anatomy in model.anatomies if anatomy.joint]
     sides = {
@@ -193,11 +194,11 @@ def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     }
     for name, listed in sides.items():
         points = dict.fromkeys(listed)
-        yield Variant(name, model.attached(*points).plus(p["mass"].unknown("cause_collet.mass")))
+        yield Variant(name, model.attach(*points).plus(p["mass"].unknown("cause_collet.mass")))
 
 
 def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Yield a collet between two springs in series that together are the joint (Matthias et al. 2016, eq. 15)."""
+    """Yield a collet between two equal springs that in series are the joint (Matthias et al. 2016, eq. 15)."""
     joints = _point_joints(model)
     if len(joints) > 1:
         return
@@ -205,7 +206,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tools = {one.tool[-1] for one in model.anatomies if one.joint}
     if len(tools) > 1:
         return
-    gyration = min(
+    diameter = min(
         _diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements
     )
     fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
@@ -213,34 +214,44 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     def build(assembly: Assembly) -> Assembly:
         if joint not in assembly.elements:
             return assembly
-        elements = renamed(assembly)
+        elements = named_elements(assembly)
         own = elements[joint]
-        inner = PointJoint(**{**{f: 2.0 * getattr(own, f) for f in fields}, "loss_factor": own.loss_factor}, name=joint)
-        stub = Part([Segment(length=_STUB, outer_diameter=gyration, material=_LIGHT)], name="cause_collet")
-        chain: list[Any] = []
-        for name, element in elements.items():
-            chain += [inner, stub, replace(inner, name="cause_seat")] if name == joint else [element]
-        point = PointMass(mass=0.0, part="cause_collet", name="cause_collet_mass")
+        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in fields}, loss_factor=own.loss_factor)
+        elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
         points = [replace(one, name=name) for name, one in assembly.attachments.items()]
-        return Assembly(chain, [*points, point], motion=assembly.motion)
+        return Assembly(elements.values(), points, motion=assembly.motion)
 
-    changed = model.rebuilt(build)
+    def halves(moves: Mapping[str, float]) -> dict[str, float]:
+        """Return moves of the joint's fields as moves of both springs."""
+        return {half: n for address, n in moves.items() for half in _halves(address, joint)}
+
     unknowns = []
     for unknown in model.unknowns:
         own, field = unknown.address.partition(".")[::2]
-        if own == joint and field in PointJoint.columns_of:
-            # Two springs in series, each twice as stiff; a loss factor is that of both.
+        if isinstance(unknown, Law):
+            unknown = replace(unknown, follows=halves(unknown.follows))
+        if isinstance(unknown, Move):
+            unknown = replace(unknown, moves=halves(unknown.moves))
+        elif own == joint:
+            # Each of two equal springs is twice as stiff as both in series; their loss factor is the same.
             times = 1.0 if field == "loss_factor" else 2.0
-            unknown = replace(unknown, multiple=times, also={f"cause_seat.{field}": times})
-        elif isinstance(unknown, Move):
-            moves = dict(unknown.moves)
-            moves |= {f"cause_seat.{a.partition('.')[2]}": n for a, n in moves.items() if a.partition(".")[0] == joint}
-            unknown = replace(unknown, moves=moves)
+            inner, outer = _halves(unknown.address, joint)
+            unknown = replace(unknown, address=inner, name=unknown.name, multiple=times, also={outer: times})
         unknowns.append(unknown)
-    mass = p["mass"].move({"cause_collet_mass.mass": 1.0, "cause_collet_mass.inertia": (0.6 * gyration) ** 2})
-    halves = {f"{joint}.{field}": 1.0 for field in fields} | {f"cause_seat.{field}": -1.0 for field in fields}
-    split = p["split"].move(halves, relative=True)
-    yield Variant("between tool and holder", replace(changed, unknowns=tuple(unknowns)).plus(mass, split))
+    changed = replace(
+        model.rebuild(build),
+        unknowns=tuple(unknowns),
+        tolerances=tuple(replace(one, moves=halves(one.moves)) for one in model.tolerances),
+    )
+    mass = p["mass"].move({f"{joint}.mass": 1.0, f"{joint}.inertia": (COLLET_GYRATION * diameter) ** 2})
+    split = {f"{joint}.inner.{field}": 1.0 for field in fields} | {f"{joint}.outer.{field}": -1.0 for field in fields}
+    yield Variant("between tool and holder", changed.plus(mass, p["split"].move(split, relative=True)))
+
+
+def _halves(address: str, joint: str) -> tuple[str, ...]:
+    """Return an address with a field of the joint as those of the two springs of a collet."""
+    own, _, field = address.partition(".")
+    return (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
 
 
 def _diameter(assembly: Assembly, tool: str) -> float:
@@ -255,80 +266,84 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         raise UndecidableError("a spread joint has no coupling term of its own, and the model's joint has one")
     anatomy = next(one for one in model.anatomies if one.joint)
     inside = min(model.places(anatomy.holder[0]), default=math.inf) < _mouth(model, anatomy)
-    model = _with_fixed_places(model, anatomy)
+    model = _fix_places(model, anatomy)
     longest = _mouth(model, anatomy)
     length = p["length"]
     upper = min(length.upper, 0.98 * longest)
-    tolerances = tuple(replace(t, moves=_beside(t.moves, anatomy)) for t in model.tolerances)
-    unknowns = tuple(replace(u, moves=_beside(u.moves, anatomy)) if isinstance(u, Move) else u for u in model.unknowns)
+    tolerances = tuple(replace(t, moves=_extend_moves(t.moves, anatomy)) for t in model.tolerances)
+    unknowns = tuple(
+        replace(u, moves=_extend_moves(u.moves, anatomy)) if isinstance(u, Move) else u for u in model.unknowns
+    )
     for points in (None, 2, 4):
-        title = "layer" if points is None else f"{points} points"
+        name = "layer" if points is None else f"{points} points"
         partly = _spread_model(model, anatomy, points, whole=False)
-        unknown = length.move({f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0})
-        unknown = replace(unknown, upper=upper - _SHORTEST)
-        yield Variant(title, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown))
+        lengths = {f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0}
+        unknown = length.move(lengths, upper=upper - SHORTEST_SPREAD)
+        yield Variant(name, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown))
         if inside:
             continue
         wholly = _spread_model(model, anatomy, points, whole=True)
-        kept = replace(wholly, unknowns=_present(unknowns, wholly), tolerances=_present(tolerances, wholly))
-        yield Variant(f"{title} over the whole insertion", kept)
+        kept = replace(wholly, unknowns=_restrict(unknowns, wholly), tolerances=_restrict(tolerances, wholly))
+        yield Variant(f"{name} over the whole insertion", kept)
 
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:
-    """Return the length of the holder's first segment, the shortest one of all assemblies."""
+    """Return the length in m of the holder's first segment, the shortest one of all assemblies."""
     owners = [one.assembly for one in model.observations if anatomy.joint in one.assembly.elements]
     return min(own.elements[anatomy.holder[0]].segments[0].length for own in owners)  # type: ignore[union-attr]
 
 
-def _with_fixed_places(model: Model, anatomy: Anatomy) -> Model:
-    """Return the model with a step of the holder wherever something is observed, loaded or attached.
+def _fix_places(model: Model, anatomy: Anatomy) -> Model:
+    """Return the model with a step of the holder at every coordinate and attachment.
 
-    As the contact grows the holder's first segment becomes shorter. Steps behind it stay where they are on the real
-    holder, while a position within a segment is counted from the segment's moving start.
+    As the contact grows the holder's first segment becomes shorter. Steps between segments keep their place on the
+    real holder, while a position within a segment is counted from the moving start of the segment.
     """
     holder = anatomy.holder[0]
     steps = model.steps(holder)
     for place in model.places(holder):
-        if place <= 2.0 * _SHORTEST:
+        if place <= 2.0 * SHORTEST_SPREAD:
             raise IndescribableError(
-                f"something is measured, hit or attached on {holder} at {1e3 * place:g} mm, which lies within the "
-                "contact of a spread joint, where the model has no place for it"
+                f"a coordinate or an attachment is on {holder} at {1e3 * place:g} mm, within the contact of a spread "
+                "joint, where the model has no node"
             )
-        if all(abs(place - step) > _SAME_PLACE for step in steps):
+        if all(abs(place - step) > SAME_PLACE for step in steps):
             try:
                 model, _ = model.split(holder, place)
             except ValueError as error:
-                raise IndescribableError(f"a joint cannot be spread beside what is on the holder: {error}") from None
+                raise IndescribableError(f"a joint cannot be spread with these places on the holder: {error}") from None
     return model
 
 
 def _spread_model(model: Model, anatomy: Anatomy, points: int | None, *, whole: bool) -> Model:
-    """Return the model with a spread joint; coordinates on the holder stay where they are on the real one."""
+    """Return the model with a spread joint; coordinates keep their place on the real holder."""
 
     def change(one: Observation) -> Observation:
         if not isinstance(one, MeasuredFRF) or anatomy.joint not in one.assembly.elements:
             return one
         length = one.assembly.get(f"{anatomy.joint}.length")
         sides = ("response", "excitation")
-        return altered(one, **{side: _shifted(getattr(one, side), anatomy, length) for side in sides})
+        return altered(one, **{side: _shift(getattr(one, side), anatomy, length) for side in sides})
 
-    build = partial(_spread_out, anatomy=anatomy, points=points, whole=whole)
-    return model.rebuilt(build).map(change)
-
-
-def _present(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
-    """Return unknowns or tolerances without what a structure no longer has."""
-
-    def there(one: Any) -> Any:
-        moves = {a: n for a, n in one.moves.items() if any(covered(a, o.assembly) for o in model.observations)}
-        return replace(one, moves=moves) if moves else None
-
-    kept = (there(one) if isinstance(one, (Move, Tolerance)) else one for one in moving)
-    return tuple(one for one in kept if one is not None)
+    build = partial(_spread_joint, anatomy=anatomy, points=points, whole=whole)
+    return model.rebuild(build).map(change)
 
 
-def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
-    elements = renamed(assembly)
+def _restrict(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
+    """Return unknowns or tolerances that move only addresses that the model has."""
+    kept = []
+    for one in moving:
+        if isinstance(one, (Move, Tolerance)):
+            moves = {a: n for a, n in one.moves.items() if any(covered(a, o.assembly) for o in model.observations)}
+            if not moves:
+                continue
+            one = replace(one, moves=moves)
+        kept.append(one)
+    return tuple(kept)
+
+
+def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
+    elements = named_elements(assembly)
     if anatomy.joint not in elements:
         return assembly
     joint, tool, holder = (elements[name] for name in (anatomy.joint, anatomy.tool[-1], anatomy.holder[0]))
@@ -343,26 +358,26 @@ def _spread_out(assembly: Assembly, anatomy: Anatomy, points: int | None, whole:
         outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear
     )
     held = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
-    length = first.length - _SHORTEST if whole else _SHORTEST
+    length = first.length - SHORTEST_SPREAD if whole else SHORTEST_SPREAD
     layer = SpreadJoint(length=length, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **held)
     elements[anatomy.joint] = layer
-    # Where the joint holds all of it nothing of the shank is bonded any more.
+    # Where the joint is spread over the whole insertion, no shank is bonded into the holder.
     rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
     segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
-    points_ = [_shifted(replace(point, name=name), anatomy, length) for name, point in assembly.attachments.items()]
+    points_ = [_shift(replace(point, name=name), anatomy, length) for name, point in assembly.attachments.items()]
     return Assembly(elements.values(), points_, motion=assembly.motion)
 
 
-def _shifted(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:
-    """Return a place where it was, on a holder that begins so much farther from the tip."""
+def _shift(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:
+    """Return a place at its old position on a holder whose start moved by a length away from the tip."""
     if point.part != anatomy.holder[0] or point.position == "end":
         return point
     return replace(point, position=point.position - length)
 
 
-def _beside(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:
-    """Return what a tolerance moves, the sections beside each other included."""
+def _extend_moves(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:
+    """Return moves of tool and holder that include the shank and the sleeve of the spread joint."""
     result = dict(moves)
     for address, n in moves.items():
         part, _, rest = address.partition(".segment[")
@@ -389,9 +404,9 @@ JOINT_CAUSES = (
             Parameter(name="k_ytheta", unit="N/rad", lower=-1e9, upper=1e9, typical=1e5),
             Parameter(name="c_ytheta", unit="N s/rad", lower=-1e4, upper=1e4, typical=1e-2),
         ),
-        change=_cross,
-        meaning="the joint's stiffness acts elsewhere than at the interface: translation and rotation are coupled",
-        remedy="free the coupling term, k_ytheta = k_y e says how far off; an FRF at the holder's nose confirms it",
+        change=_cross_term,
+        meaning="the joint's stiffness does not act at the interface: translation and rotation are coupled",
+        remedy="identify k_ytheta = k_y e, which gives the distance e; an FRF at the holder's nose confirms it",
     ),
     Cause(
         id="joint_spread",
@@ -406,7 +421,7 @@ JOINT_CAUSES = (
         group="structure",
         parameters=(Parameter(name="loss_factor", unit="", lower=0.0, upper=1.0, typical=0.02, plausible=(0.0, 0.3)),),
         change=_loss,
-        meaning="the joint loses energy by friction or material, not with speed: damping does not grow with frequency",
+        meaning="the joint loses energy by friction or in its material: damping does not grow with frequency",
         remedy="give the joint a loss factor; damping of three modes or more confirms it",
     ),
     Cause(
@@ -414,15 +429,15 @@ JOINT_CAUSES = (
         group="structure",
         parameters=_EXPONENTS,
         change=_amplitude,
-        meaning="the joint depends on how hard it is hit",
-        remedy="measure at the amplitude of use, or give the joint its law of amplitude",
+        meaning="the joint depends on the amplitude of the hits",
+        remedy="measure at the amplitude of use, or give the joint a law of the amplitude",
     ),
     Cause(
         id="joint_overhang_law",
         group="structure",
         parameters=_EXPONENTS,
-        change=_across,
-        meaning="the joint changes with overhang, torque or pre-force, and the model has one for all",
+        change=_condition_law,
+        meaning="the joint changes with overhang, torque or pre-force, and the model has one joint for all",
         remedy="give the joint a law of that condition; vary it alone to confirm",
     ),
     Cause(
@@ -431,7 +446,7 @@ JOINT_CAUSES = (
         parameters=_EXPONENTS,
         change=_planes,
         meaning="the joint is stiffer in one plane than in the other",
-        remedy="identify the two planes apart",
+        remedy="identify the two planes separately",
     ),
     Cause(
         id="collet_mass",

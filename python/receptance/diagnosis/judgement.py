@@ -1,84 +1,89 @@
-"""From all that was fitted to one answer: rules, and nothing but rules."""
+"""Judgement: the rules that lead from all fits of a diagnosis to one answer."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from receptance.diagnosis.adequacy import FEWEST, judge
-from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
+from receptance.diagnosis.adequacy import judge
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.thresholds import LEAST_FREEDOM, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
 from receptance.diagnosis.verdict import Answer
 
 __all__ = ["Judgement", "conclude"]
 
-_LONELY = 0.97
-"""Share of the improvement from which one configuration has it alone."""
-_TIE = 0.01
-"""Difference of evidence that is no difference: fits end within less than this of their optimum."""
-_HARDLY = 1e-2
-"""Chance of strained tolerances below which a cause is not named: a wrong one leaves them to take up the rest."""
-
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """The answer, the explanations that are reported, the ids that cannot be told apart, and why.
+    """The answer and its reasons.
 
-    `rival` is the change without a name for which causes were withheld.
+    Attributes
+    ----------
+    answer : str
+        One of the six answers of `Verdict`.
+    reported : tuple of Explanation
+        Explanations that are reported, the highest evidence first.
+    between : tuple of str
+        Ids of causes between which the data do not decide.
+    notes : tuple of str
+        Reasons.
+    alternative : Explanation or None
+        The alternative because of which no cause is reported.
     """
 
     answer: Answer
     reported: tuple[Explanation, ...]
     between: tuple[str, ...]
     notes: tuple[str, ...]
-    rival: Explanation | None = None
+    alternative: Explanation | None = None
 
 
 def conclude(selection: Selection) -> Judgement:
     """Return the answer.
 
-    1. Where no cause gains more than chance, the base is adequate if it passes the gate, else unexplained. With fewer
-       than three degrees of freedom it passes whatever it lacks: undecided.
-    2. Only what passes the gate itself may explain; nothing does: unexplained.
-    3. All within the margin of the best evidence are reported, without what only adds to another one of them, or adds
-       something to any other that is too small for anyone to mean.
-    4. What nobody would believe is taken out, aloud; nothing else left: unexplained.
-    5. A change that is no cause does better, see `receptance.diagnosis.rivals`: unexplained.
-    6. One left: named; suspected near the limit of detection, where it leaves tolerances farther off than chance does
-       in one of a hundred, where a change that is no cause does as well, or where the data cannot convict: there is
-       but one configuration or one mode, a cause that all should show is seen in one of them, or several causes share
-       what a model leaves that passes the gate by itself. Several left: ambiguous.
-       Beside a fit that has not ended nothing is named.
+    1. If no cause gains more evidence than chance, the base is adequate if it passes the test of adequacy, else
+       unexplained. With fewer than three degrees of freedom it passes whatever it lacks: undecided.
+    2. Only adequate explanations are considered; if there is none: unexplained.
+    3. All within the margin of the highest evidence are reported, except those that only add causes to another one of
+       them, or that add a negligible cause to any other.
+    4. Implausible explanations are vetoed, with a note; if no other is left: unexplained.
+    5. If an alternative has more evidence, see `receptance.diagnosis.alternatives`: unexplained.
+    6. If one explanation is left: named. It is only suspected near the detection limit, where it strains the tolerances
+       beyond the 1 % level, where an alternative has as much evidence, or where the data are not sufficient: there is
+       one configuration or one mode, a cause that should act everywhere shows in one configuration, or several causes
+       share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing fit has
+       not converged.
     """
     notes: list[str] = []
     limit = max(selection.threshold, 0.0)
-    best = next(iter(selection.explanations), None)
+    best = selection.best
     if best is None or best.evidence <= limit:
-        return _nothing(selection)
+        return _judge_base(selection)
     passing = [one for one in selection.explanations if one.adequacy.passed]
     if not passing:
-        notes.append(f"the best explanation, {_called(best)}, {best.adequacy.why_not}, so it is none")
+        notes.append(f"the best explanation, {best.title}, {best.adequacy.why_not}, so it is rejected")
         return Judgement("unexplained", (), (), tuple(notes))
-    # What only adds something that nobody would mean is as good without it.
-    passing = [one for one in passing if not any(_adds_nothing(one, other) for other in passing)]
+    passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
-    near = [one for one in near if not any(_only_adds(one, other) for other in near)]
+    near = [one for one in near if not any(_adds_only(one, other) for other in near)]
     for one in near:
         if one.implausible:
             sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
-            notes.append(f"{_called(one)} would explain the data, but {sizes} is outside the plausible range: vetoed")
+            notes.append(f"{one.title} would explain the data, but {sizes} is outside the plausible range: vetoed")
     left = [one for one in near if not one.implausible]
-    rival = _preferred(selection, left or near)
-    if rival is not None:
-        return Judgement("unexplained", (), (), (*notes, _withheld(rival, (left or near)[0])), rival)
+    alternative = _preferred_alternative(selection, left or near)
+    if alternative is not None:
+        reason = _withhold(alternative, (left or near)[0])
+        return Judgement("unexplained", (), (), (*notes, reason), alternative)
     if not left:
         return Judgement("unexplained", (), (), tuple(notes))
     unfinished = [one for one in left if not one.fit.converged]
     for one in unfinished:
-        notes.append(f"the fit with {_called(one)} has not converged, so nothing is named alone")
+        notes.append(f"the fit with {one.title} has not converged, so no cause is named on its own")
     if len(left) > 1:
         common = frozenset.intersection(*(one.ids for one in left))
-        between = _ordered(left, frozenset.union(*(one.ids for one in left)) - common)
+        between = _in_order(left, frozenset.union(*(one.ids for one in left)) - common)
         return Judgement("ambiguous", tuple(left), between, tuple(notes))
     if unfinished:
         return Judgement("suspected", tuple(left), (), tuple(notes))
@@ -86,119 +91,119 @@ def conclude(selection: Selection) -> Judgement:
     return Judgement("suspected" if doubts else "named", tuple(left), (), (*notes, *doubts))
 
 
-def _preferred(selection: Selection, left: Sequence[Explanation]) -> Explanation | None:
-    """Return the change that is no cause but is to be preferred.
+def _judge_base(selection: Selection) -> Judgement:
+    """Return the answer where no cause has evidence."""
+    adequacy = judge(selection.base)
+    if not selection.base.converged:
+        return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
+    if adequacy.passed and selection.base.left < LEAST_FREEDOM:
+        note = (
+            f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, another overhang, or an FRF"
+        )
+        return Judgement("undecided", (), (), (note,))
+    if adequacy.passed:
+        return Judgement("adequate", (), (), ())
+    note = f"the base model {adequacy.why_not}, and no cause improves it"
+    return Judgement("unexplained", (), (), (note,))
 
-    It has to do better than a cause. Of causes that explain the data only together it is enough to do nearly as well:
-    it is one thing, and they are several.
+
+def _preferred_alternative(selection: Selection, left: Sequence[Explanation]) -> Explanation | None:
+    """Return the alternative that is preferred to all causes.
+
+    It needs more evidence than a single cause by the margin. To be preferred to several causes together it may have
+    less by the margin, because it is one change and they are several.
     """
     least = left[0].evidence + (MARGIN if any(len(one.steps) == 1 for one in left) else -MARGIN)
-    return next((one for one in selection.rivals if one.evidence > least), None)
+    return next((one for one in selection.alternatives if one.evidence > least), None)
 
 
-def _withheld(rival: Explanation, best: Explanation) -> str:
-    more = rival.evidence - best.evidence
-    does = f"does so better, by {more:.0f} in evidence" if more > MARGIN else "alone does so as well"
+def _withhold(alternative: Explanation, best: Explanation) -> str:
+    more = alternative.evidence - best.evidence
+    better = f"has {more:.0f} more evidence" if more > MARGIN else "has as much evidence alone"
     return (
-        f"{_called(best)} would explain the data, but {_described(rival)} {does}: it is no cause that is known, so "
-        "none is named; look there"
+        f"{best.title} would explain the data, but {_describe(alternative)} {better} and is not a known cause, so no "
+        "cause is named: inspect that place"
     )
 
 
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
-    """Yield why the only explanation that is left is suspected and not named."""
-    base, name = selection.base, _called(one)
+    """Yield the reasons why the only explanation is suspected and not named."""
+    base, name = selection.base, one.title
     if one.evidence <= limit + MARGIN:
-        yield f"{name} gains little more than chance could, so it is suspected and not named"
-    rival = next((other for other in selection.rivals if other.evidence > one.evidence + _TIE), None)
-    if rival is not None:
-        yield f"{_described(rival)} does better than {name}, so it is a suspicion"
-    if one.fit.left < FEWEST:
-        yield f"{name}: {_few(one.fit)} to judge it, so it is a suspicion"
+        yield f"{name} is suspected only: its evidence is close to the limit of detection"
+    alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
+    if alternative is not None:
+        yield f"{name} is suspected only: {_describe(alternative)} has more evidence"
+    if one.fit.left < LEAST_FREEDOM:
+        yield f"{name} is suspected only: {_freedom(one.fit)}"
     strain = one.adequacy.strain
-    if strain.chance < _HARDLY:
-        far = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
+    if strain.chance < STRAIN_CHANCE:
+        errors = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
         yield (
-            f"{name} leaves tolerances farther off than chance would in one of a hundred, in standard deviations: "
-            f"{far}; something else may be at work, so it is a suspicion"
+            f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "
+            f"{errors}; another cause may act"
         )
     structure = any(cause.group == "structure" for cause, _ in one.steps)
-    alone = len(base.model.configurations) == 1 and structure
-    if alone:
+    one_configuration = len(base.model.configurations) == 1 and structure
+    if one_configuration:
         yield (
-            "one configuration cannot tell the joint from the parts: measure another overhang; until then it is "
-            "a suspicion"
+            f"{name} is suspected only: one configuration does not distinguish the joint from the parts; measure "
+            "another overhang"
         )
     if structure and base.one_mode:
         yield (
-            "one mode cannot tell the joint from the parts: measure up to a second one; until then it is a suspicion"
+            f"{name} is suspected only: one mode does not distinguish the joint from the parts; measure up to a "
+            "second one"
         )
-    lonely = None if alone else _lonely(base, one)
-    if lonely:
+    only = None if one_configuration else _only_configuration(base, one)
+    if only:
         yield (
-            f"{name} shows in {lonely} alone: what sits on that tool or in that clamping may be it; "
-            "until another configuration shows it, it is a suspicion"
+            f"{name} is suspected only: it improves {only} alone, where an effect of that tool or clamping may be the "
+            "same; measure another configuration"
         )
     before = judge(base)
     if len(one.steps) > 1 and before.misfit <= before.limit:
         yield (
-            f"the model leaves hardly more than noise explains, and {name} take it up between them: so can "
-            "what no cause describes; they are a suspicion"
+            f"{name} are suspected only: the misfit without them is within its limit, and an effect that is not in the "
+            "catalogue may explain the rest"
         )
 
 
-def _lonely(base: Fit, one: Explanation) -> str | None:
-    """Return the only configuration whose lines an explanation improves, where it says something of all of them."""
-    local = any(" @ " in name for cause, _ in one.steps for name in one.sizes(cause))
-    if local or any(cause.group == "measurement" for cause, _ in one.steps):
+def _only_configuration(base: Fit, one: Explanation) -> str | None:
+    """Return the only configuration that an explanation improves, if its causes should act in all of them."""
+    of_one = any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
+    if of_one or any(cause.group == "measurement" for cause, _ in one.steps):
         return None
     before, after = base.by_configuration, one.fit.by_configuration
     gains = {name: max(before[name] - after[name], 0.0) for name in before}
     total, most = sum(gains.values()), max(gains, key=lambda name: gains[name])
-    # Where tolerances had given way to it, the lines do not show it at all.
-    if total <= 0.5 * one.gain or gains[most] < _LONELY * total:
+    # Where tolerances had absorbed the cause, most of the gain is in the priors and not in the lines.
+    if total <= 0.5 * one.gain or gains[most] < ONE_CONFIGURATION * total:
         return None
     return most
 
 
-def _nothing(selection: Selection) -> Judgement:
-    adequacy = judge(selection.base)
-    if not selection.base.converged:
-        return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
-    if adequacy.passed and selection.base.left < FEWEST:
-        note = f"{_few(selection.base)} to judge the model: measure further modes, another overhang, or an FRF"
-        return Judgement("undecided", (), (), (note,))
-    if adequacy.passed:
-        return Judgement("adequate", (), (), ())
-    note = f"the base model {adequacy.why_not}, and no cause helps"
-    return Judgement("unexplained", (), (), (note,))
-
-
-def _few(fit: Fit) -> str:
+def _freedom(fit: Fit) -> str:
     free, left = round(fit.independent - fit.left), max(fit.left, 0.0)
     return (
-        f"{fit.independent:.3g} independent numbers were measured for {free} unknown{'s' if free != 1 else ''}: "
-        f"{left:.3g} degree{' of freedom is' if left == 1 else 's of freedom are'} left, fewer than the {FEWEST} it "
-        "takes"
+        f"{fit.independent:.3g} independent numbers were measured for {free} unknown{'s' if free != 1 else ''}, so "
+        f"{left:.3g} degree{' of freedom is' if left == 1 else 's of freedom are'} left, expected at least "
+        f"{LEAST_FREEDOM}"
     )
 
 
-def _adds_nothing(one: Explanation, other: Explanation) -> bool:
+def _adds_negligible(one: Explanation, other: Explanation) -> bool:
     return other.ids < one.ids and one.ids - other.ids <= one.negligible
 
 
-def _only_adds(one: Explanation, other: Explanation) -> bool:
+def _adds_only(one: Explanation, other: Explanation) -> bool:
     return other.ids < one.ids and one.evidence < other.evidence + MARGIN
 
 
-def _called(one: Explanation) -> str:
-    return " + ".join(cause.id for cause, _ in one.steps)
+def _describe(alternative: Explanation) -> str:
+    ((cause, variant),) = alternative.steps
+    return f"{cause.meaning} {variant}"
 
 
-def _described(rival: Explanation) -> str:
-    ((cause, way),) = rival.steps
-    return f"{cause.meaning} {way}"
-
-
-def _ordered(left: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
+def _in_order(left: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(cause.id for one in left for cause, _ in one.steps if cause.id in ids))

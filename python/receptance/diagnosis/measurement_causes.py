@@ -1,46 +1,47 @@
-"""Causes that lie in how it was measured."""
+"""Causes in the measurement."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
-from receptance.diagnosis.records import visible_end
+from receptance.diagnosis.thresholds import (
+    HIT_BOUND,
+    HIT_STEP,
+    SAME_PLACE,
+    SUSPENSION_PLACES,
+    TRUNCATION_FROM,
+    TRUNCATION_POINTS,
+    TRUNCATION_STEP,
+    TRUNCATION_WINDOW,
+    UNEVEN_LINES,
+)
 from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
 from receptance.joints import GroundSpring, PointMass
 from receptance.units import FORMS
 
-__all__ = ["MEASUREMENT_CAUSES"]
+__all__ = ["MEASUREMENT_CAUSES", "truncation_time"]
 
-_ROPES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Where on the holder a suspension is tried, as shares of its length."""
-_BEGUN = 1e-4
-"""Steps that are nearer than this, in m, are the beginnings of fits of other lengths, and are no bounds."""
 _TIMES = {1: "once", 2: "twice"}
-_SAME_PLACE = 1e-9
-"""Places in m that are nearer than this are one."""
-_SPLIT = 5e-6
-"""A hit where something else is as well is moved by this much, in m, so that there is a step that can move on.
-
-It is less than the length of flutes before their fit, so that hits can be moved along flutes."""
 
 
-def _receptances(model: Model) -> None:
+def _require_receptances(model: Model) -> None:
     if not any(isinstance(one, MeasuredFRF) for one in model.observations):
-        raise UndecidableError("natural frequencies alone say nothing of it; measure FRFs")
+        raise UndecidableError("natural frequencies alone do not show it; measure FRFs")
 
 
 def _each(model: Model) -> tuple[str | None, ...]:
-    """Return all configurations together, then each alone that was measured with FRFs: only these have a chain."""
+    """Return None for all configurations together, then each one that has FRFs: only these have a measuring chain."""
     own = dict.fromkeys(
         place_of(one, i).configuration for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)
     )
@@ -59,7 +60,7 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _receptances(model)
+    _require_receptances(model)
     places = dict.fromkeys(
         (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
         for one in model.witnesses or model.observations
@@ -72,15 +73,15 @@ def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
                 found += 1
                 yield variant
     if not found:
-        raise UndecidableError("a hit at the far end of a part can only be moved by hand")
+        raise UndecidableError("the model cannot move a hit at the far end of a part")
 
 
 def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: float) -> Iterator[Variant]:
-    """Yield the hits at one place moved along the part; all else is where it was said to be.
+    """Yield the hits at one place moved along the part; everything else keeps its place.
 
-    The hits are put on a step between two segments of one section, which the parameter moves. It may not pass a real
-    step, nor a place where something else is measured, hit or attached; where such a thing is at the place of the
-    hits, the step is laid beside it, on one side and on the other.
+    The hits are placed on a step between two segments of one section, which the parameter moves. The step may not pass
+    a step of the part, nor another coordinate or attachment; where one of these is at the place of the hits, the step
+    is beside it, on either side.
     """
 
     def hit(one: Observation) -> TypeGuard[MeasuredFRF]:
@@ -90,50 +91,49 @@ def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: floa
 
     others = model.map(lambda one: altered(one, excitation=one.response) if hit(one) else one)
     fixed = sorted({0.0, *others.places(part), *model.steps(part)})
-    beside = (-_SPLIT, _SPLIT) if any(abs(x - position) < _SAME_PLACE for x in fixed) else (0.0,)
-    for side in beside if position else (_SPLIT,):
+    beside = (-HIT_STEP, HIT_STEP) if any(abs(x - position) < SAME_PLACE for x in fixed) else (0.0,)
+    for side in beside if position else (HIT_STEP,):
         at = position + side
         try:
             divided, index = model.split(part, at)
         except ValueError:
-            continue  # not all assemblies with that part have the place
+            continue  # the place is not in the same segment of all assemblies
 
         def change(one: Observation, at: float = at) -> Observation:
             return altered(one, excitation=replace(one.excitation, part=part, position=at)) if hit(one) else one
 
-        below = max((x for x in fixed if x < at - _BEGUN), default=0.0)
-        above = min((x for x in fixed if x > at + _BEGUN), default=math.inf)
-        offset = p["distance"].move(
-            {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
-        )
-        lower = 0.0 if side > 0.0 else max(offset.lower, below - at + _SPLIT)
-        upper = 0.0 if side < 0.0 else min(offset.upper, above - at - _SPLIT)
+        below = max((x for x in fixed if x < at - HIT_BOUND), default=0.0)
+        above = min((x for x in fixed if x > at + HIT_BOUND), default=math.inf)
+        lower = 0.0 if side > 0.0 else max(p["distance"].lower, below - at + HIT_STEP)
+        upper = 0.0 if side < 0.0 else min(p["distance"].upper, above - at - HIT_STEP)
         if lower >= upper:
             continue
-        title = f"on {part} at {1e3 * position:g} mm"
+        lengths = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
+        offset = p["distance"].move(lengths, lower=lower, upper=upper)
+        name = f"on {part} at {1e3 * position:g} mm"
         if side and position:
-            title += ", farther from the tip" if side > 0.0 else ", nearer to the tip"
-        yield Variant(title, divided.map(change).plus(replace(offset, lower=lower, upper=upper)), local=True)
+            name += ", farther from the tip" if side > 0.0 else ", nearer to the tip"
+        yield Variant(name, divided.map(change).plus(offset), local=True)
 
 
 def _delay(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _receptances(model)
+    _require_receptances(model)
     for name in _each(model):
         yield Variant(name or "all", model.plus(p["delay"].unknown(DELAY, configurations=name)))
 
 
 def _gain(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _receptances(model)
+    _require_receptances(model)
     for name in _each(model):
         yield Variant(name or "all", model.plus(p["log_gain"].unknown(LOG_GAIN, configurations=name)))
 
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _receptances(model)
+    _require_receptances(model)
     recorded = ("accelerations", "velocities", "displacements")
     for name, address in zip(recorded, DECAY_RATES, strict=True):
         yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
-    # What was recorded hardly matters where a window is a mistake in one configuration.
+    # For a single configuration the kind of the record makes little difference.
     for place in _each(model)[1:]:
         unknown = p["decay_rate"].unknown(next(iter(DECAY_RATES)), configurations=place)
         yield Variant(f"on {recorded[0]}, {place}", model.plus(unknown))
@@ -144,14 +144,14 @@ def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if len(holders) != 1:
         raise UndecidableError("the model has no holder, or several")
     lengths = {part: _length(model, part) for part in holders.pop()}
-    for share in _ROPES:
+    for share in SUSPENSION_PLACES:
         part, position = _at(lengths, share)
         spring = GroundSpring(part=part, position=position, name="cause_rope")
-        title = f"at {100 * share:.0f} % of the holder"
-        hung = model.attached(spring).plus(p["stiffness"].unknown("cause_rope.k_y"))
-        yield Variant(title, hung)
-        # A rope loses energy; where that shows, something else would be made up for it.
-        yield Variant(f"{title}, with a loss", hung.plus(p["damping"].unknown("cause_rope.c_y")))
+        name = f"at {100 * share:.0f} % of the holder"
+        hung = model.attach(spring).plus(p["stiffness"].unknown("cause_rope.k_y"))
+        yield Variant(name, hung)
+        # Without the damping of a rope another cause would explain its loss.
+        yield Variant(f"{name}, with a loss", hung.plus(p["damping"].unknown("cause_rope.c_y")))
 
 
 def _length(model: Model, part: str) -> float:
@@ -170,8 +170,8 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _receptances(model)
-    said = dict.fromkeys(one.form for one in model.observations if isinstance(one, MeasuredFRF))
+    _require_receptances(model)
+    stated = dict.fromkeys(one.form for one in model.observations if isinstance(one, MeasuredFRF))
     for order in (1, 2, -1, -2):
 
         def change(one: Observation, order: int = order) -> Observation:
@@ -179,25 +179,25 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
                 return one
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
-        are = [_quantity_of(FORMS.index(form) + order) for form in said]
+        actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
         how = "differentiated" if order > 0 else "integrated"
         form = (
-            f'in Python `frf.with_(form="{are[0]}")` before the FRF is used, '
-            if len(are) == 1 and are[0] in FORMS
+            f'in Python `frf.with_(form="{actual[0]}")` before the FRF is used, '
+            if len(actual) == 1 and actual[0] in FORMS
             else ""
         )
         yield Variant(
             f"{how} {_TIMES[abs(order)]} more than stated",
             model.map(change),
-            fresh=True,
-            meaning=f"the files say {' and '.join(said)}, and the data are {' and '.join(are)}",
+            changes_data=True,
+            meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
             "that is there already is added to it)",
         )
 
 
 def _quantity_of(order: int) -> str:
-    """Return what an FRF is whose motion is so many derivatives of a displacement."""
+    """Return the name of an FRF whose motion is a displacement differentiated `order` times."""
     if 0 <= order < len(FORMS):
         return FORMS[order]
     if order < 0:
@@ -205,14 +205,61 @@ def _quantity_of(order: int) -> str:
     return f"{FORMS[-1]} whose acceleration is differentiated {_TIMES[order - len(FORMS) + 1]}"
 
 
-def _coarse(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _receptances(model)
-    end = visible_end([one for one in model.observations if isinstance(one, MeasuredFRF)])
+def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _require_receptances(model)
+    end = truncation_time([one for one in model.observations if isinstance(one, MeasuredFRF)])
     if end is None:
-        raise UndecidableError("in no record is there still a ringing that breaks off: the lines are close enough")
+        raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
     ended = model.map(lambda one: altered(one, ends=end) if isinstance(one, MeasuredFRF) else one)
-    unknown = replace(p["end"].unknown(END), lower=0.8 * end, upper=1.1 * end, start=end)
-    yield Variant("records end too early", ended.plus(unknown), limited=(replace(p["end"], typical=end),))
+    unknown = replace(p["end"], typical=end).unknown(END, lower=0.8 * end, upper=1.1 * end)
+    yield Variant("records end too early", ended.plus(unknown))
+
+
+def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
+    """Return the time in s after the hit at which records were truncated; None where they do not show it.
+
+    The lines of a record of the length T are multiples of 1 / T, and the corresponding response covers one period T.
+    A truncated record rings up to its end and is silent from there on.
+    """
+    found = [one for one in map(_power, records) if one is not None]
+    periods = [period for period, _ in found]
+    if not found or max(periods) > (1.0 + 1e-6) * min(periods):
+        return None
+    first = int(TRUNCATION_FROM * TRUNCATION_POINTS)
+    # Each record is normalised by its late power.
+    power = np.sum([one / np.mean(one[first:]) for _, one in found], axis=0)
+    width = int(TRUNCATION_WINDOW * TRUNCATION_POINTS)
+    largest, at = 0.0, 0
+    for i in range(first, TRUNCATION_POINTS - 4):
+        before, after = np.mean(power[i - width : i]), np.mean(power[i : min(i + width, TRUNCATION_POINTS - 2)])
+        # The ordinary decay over one window is not part of the step.
+        decay = max(float(np.mean(power[i - 2 * width : i - width]) / before), 1.0)
+        step = float(before / after) / decay
+        if step > largest:
+            largest, at = step, i
+    return at / TRUNCATION_POINTS * periods[0] if largest > TRUNCATION_STEP else None
+
+
+def _power(one: MeasuredFRF) -> tuple[float, NDArray[np.float64]] | None:
+    """Return the period of the lines in s, and the power of the acceleration after a unit impulse along it."""
+    lines = one.frequency_hz.real
+    if lines.size < 3:
+        return None
+    numbers = lines / float(np.min(np.diff(lines)))
+    spacing = float(np.polyfit(np.round(numbers), lines, 1)[0])
+    numbers = np.round(lines / spacing)
+    if np.max(np.abs(lines / spacing - numbers)) > UNEVEN_LINES:
+        return None
+    every = np.arange(numbers[0], numbers[-1] + 1)
+    angular = 2j * np.pi * one.frequency_hz
+    accelerance = np.interp(every, numbers, one.receptance * angular**2)
+    # A window over the band keeps the hit at time zero from ringing over the whole period.
+    accelerance = accelerance * np.hanning(every.size)
+    size = 8 * TRUNCATION_POINTS * (1 + int(every[-1]) // (4 * TRUNCATION_POINTS))
+    spectrum = np.zeros(size // 2 + 1, dtype=np.complex128)
+    spectrum[every.astype(int)] = accelerance
+    signal = np.fft.irfft(spectrum, size) ** 2
+    return 1.0 / spacing, signal.reshape(TRUNCATION_POINTS, -1).mean(axis=1)
 
 
 MEASUREMENT_CAUSES = (
@@ -221,7 +268,7 @@ MEASUREMENT_CAUSES = (
         group="measurement",
         parameters=(Parameter(name="mass", unit="kg", lower=0.0, upper=0.2, typical=1e-3, plausible=(0.0, 0.03)),),
         change=_sensor,
-        meaning="the sensor's mass sat on the structure and is not in the model",
+        meaning="the sensor's mass is on the structure and not in the model",
         remedy="state the sensor in the campaign, or measure with a laser or a second sensor of known mass",
     ),
     Cause(
@@ -231,15 +278,15 @@ MEASUREMENT_CAUSES = (
             Parameter(name="distance", unit="m", lower=-0.02, upper=0.02, typical=2e-3, plausible=(-0.012, 0.012)),
         ),
         change=_offset,
-        meaning="the hammer hit beside the place that was written down",
-        remedy="mark the place, and hit at stated offsets once to see what they do",
+        meaning="the hammer hit beside the stated place",
+        remedy="mark the place, and hit at stated offsets once to see their effect",
     ),
     Cause(
         id="time_delay",
         group="measurement",
         parameters=(
             Parameter(
-                name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4), least=1e-7
+                name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4), negligible=1e-7
             ),
         ),
         change=_delay,
@@ -261,7 +308,7 @@ MEASUREMENT_CAUSES = (
             Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),
         ),
         change=_window,
-        meaning="an exponential window was put on the records, and the FRF does not say so",
+        meaning="an exponential window was applied to the records, and the FRF does not state it",
         remedy="state the window's decay rate, or repeat one measurement without it",
     ),
     Cause(
@@ -280,14 +327,14 @@ MEASUREMENT_CAUSES = (
         group="measurement",
         parameters=(),
         change=_quantity,
-        meaning="the file holds another quantity than it was read as",
+        meaning="the file holds another quantity than the one it was read as",
         remedy="state the quantity of the file (receptance, mobility, accelerance)",
     ),
     Cause(
         id="coarse_resolution",
         group="measurement",
         parameters=(Parameter(name="end", unit="s", lower=1e-4, upper=1e3, typical=0.1, secondary=True),),
-        change=_coarse,
+        change=_truncation,
         meaning="the records end while the structure still rings: the lines are farther apart than resonances are wide",
         remedy="record longer, or state an exponential window that the response dies away in",
     ),

@@ -1,4 +1,4 @@
-"""The model that is diagnosed: observations with their assemblies, unknowns and tolerances, and how it is changed."""
+"""The model under diagnosis: observations with their assemblies, unknowns and tolerances, and changes of these."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from receptance._addresses import edges_of, place_on
 from receptance._placing import places_of
 from receptance.assembly import Assembly
 from receptance.beams import Part
+from receptance.collet import ColletJoint
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.residuals import Unit
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown, covered
-from receptance.joints import GroundSpring, PointJoint, PointMass
+from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.spread import SpreadJoint
 
-__all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "places_on", "renamed", "with_points"]
+__all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "named_elements", "places_on", "with_points"]
 
+_JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 
 class UndecidableError(Exception):
-    """The data cannot speak about a cause; the message says what is missing."""
+    """The data cannot show a cause; the message says which data are missing."""
 
 
 class IndescribableError(UndecidableError, ValueError):
@@ -36,7 +38,15 @@ class IndescribableError(UndecidableError, ValueError):
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What is tool, joint and holder in an assembly: parts before the joint that is identified, and behind it."""
+    """The parts of an assembly before the joint that is identified, the joint, and the parts behind it.
+
+    Attributes
+    ----------
+    tool, holder : tuple of str
+        Names of the parts before and behind the joint.
+    joint : str
+        Name of the joint; empty where there is none.
+    """
 
     tool: tuple[str, ...]
     joint: str
@@ -45,20 +55,30 @@ class Anatomy:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Observations, unknowns and tolerances: what `identify` takes.
+    """Observations, unknowns and tolerances: the arguments of `identify`.
 
-    It never changes; every method returns another one.
+    It is immutable; methods return changed copies.
+
+    Attributes
+    ----------
+    observations : tuple of MeasuredFRF and MeasuredFrequencies
+        The measurements.
+    unknowns : tuple of Unknown
+        The unknowns.
+    tolerances : tuple of Tolerance
+        Errors of dimensions and materials.
+    witnesses : tuple of MeasuredFRF and MeasuredFrequencies
+        Observations that are changed with the others and never fitted. Their places decided where the parts of the
+        diagnosed model are divided; other observations with the same causes are divided at the same places.
     """
 
     observations: tuple[Observation, ...]
     unknowns: tuple[Unknown, ...]
     tolerances: tuple[Tolerance, ...] = ()
     witnesses: tuple[Observation, ...] = ()
-    """Observations that are changed along with the others and never fitted: those whose places decided how the
-    diagnosed model divides its parts. Other observations with the same causes are then divided as that model is."""
 
-    def witnessed(self) -> Model:
-        """Return the model with witnesses: one observation for each set of places that it has."""
+    def with_witnesses(self) -> Model:
+        """Return the model with one observation for each set of places as its witnesses."""
         kept: dict[Any, Observation] = {}
         for one in self.observations:
             parts = [name for name, own in one.assembly.elements.items() if isinstance(own, Part)]
@@ -66,7 +86,7 @@ class Model:
         return replace(self, witnesses=tuple(kept.values()))
 
     def task(self, threads: int | None = None) -> Task:
-        """Return what is to be fitted; it is made once."""
+        """Return the fit problem as a task, which is made once."""
         if threads not in self._tasks:
             self._tasks[threads] = self._task(threads)
         return self._tasks[threads]
@@ -89,7 +109,7 @@ class Model:
 
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
-        """What is tool, joint and holder, for each observation."""
+        """Tool, joint and holder of each observation."""
         return tuple(self._anatomy(one.assembly) for one in self.observations)
 
     @cached_property
@@ -98,13 +118,19 @@ class Model:
         return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
 
     def joint_addresses(self, field: str) -> tuple[str, ...]:
-        """Return the addresses that are a field of the joints, those included that follow them."""
-        own = [f"{name}.{field}" for name in self.joints]
-        return (*own, *(other for one in self.unknowns if one.address in own for other in one.also))
+        """Return the addresses of a field of all joints, and of parameters that are multiples of these."""
+        own = [address for name in self.joints for address in self.addresses_of(name, field)]
+        also = [other for one in self.unknowns if one.address in own for other in one.also]
+        return tuple(dict.fromkeys([*own, *also]))
+
+    def addresses_of(self, joint: str, field: str) -> tuple[str, ...]:
+        """Return the addresses of a field of a joint: two where the joint is a collet between two springs."""
+        possible = (f"{joint}.{field}", f"{joint}.inner.{field}", f"{joint}.outer.{field}")
+        return tuple(a for a in possible if any(covered(a, one.assembly) for one in self.observations))
 
     def _anatomy(self, assembly: Assembly) -> Anatomy:
         names = list(assembly.elements)
-        joints = [name for name in names if isinstance(assembly.elements[name], (PointJoint, SpreadJoint))]
+        joints = [name for name in names if isinstance(assembly.elements[name], _JOINTS)]
         wanted = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
         joint = (wanted or joints or [""])[0]
         parts = [name for name in names if isinstance(assembly.elements[name], Part)]
@@ -115,7 +141,7 @@ class Model:
         return Anatomy(tool, joint, tuple(name for name in parts if name not in before))
 
     def has(self, address: str) -> bool:
-        """Return whether an unknown is that parameter already."""
+        """Return whether the parameter at an address is an unknown."""
         return any(
             covered(address, one.assembly) & covered(unknown.address, one.assembly)
             for one in self.observations
@@ -123,10 +149,10 @@ class Model:
             if not isinstance(unknown, Move)
         )
 
-    def coupled(self, *joints: str) -> Model:
-        """Return the model in which a joint's coupling terms vary with the others, as their geometric means.
+    def couple_terms(self, *joints: str) -> Model:
+        """Return the model in which the coupling terms of joints follow the laws of the other terms.
 
-        What another clamping, or another torque, does to a contact it does to all its terms.
+        They vary as the geometric mean of these: another clamping or another torque changes all terms of a contact.
         """
 
         def one(unknown: Unknown) -> Unknown:
@@ -148,74 +174,85 @@ class Model:
         observations, witnesses = (tuple(change(one) for one in own) for own in (self.observations, self.witnesses))
         return replace(self, observations=observations, witnesses=witnesses)
 
-    def of(self, observations: Sequence[Observation]) -> Model:
-        """Return the model of some of its observations, without the unknowns and errors that only the others have."""
+    def select(self, observations: Sequence[Observation]) -> Model:
+        """Return the model of some of its observations, without unknowns and errors that only the others have."""
         places = [place_of(one, i) for i, one in enumerate(observations)]
 
-        def there(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
+        def observed(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
             own = [p for p in places if p.among(configurations, labels)]
             return all(any(p.covered(address) for p in own) for address in addresses)
 
         return replace(
             self,
             observations=tuple(observations),
-            unknowns=tuple(u for u in self.unknowns if there(u.reached, u.configurations)),
-            tolerances=tuple(t for t in self.tolerances if there(tuple(t.moves), t.configurations, t.labels)),
+            unknowns=tuple(u for u in self.unknowns if observed(u.reached, u.configurations)),
+            tolerances=tuple(t for t in self.tolerances if observed(tuple(t.moves), t.configurations, t.labels)),
         )
 
-    def rebuilt(self, build: Callable[[Assembly], Assembly]) -> Model:
+    def rebuild(self, build: Callable[[Assembly], Assembly]) -> Model:
         """Return the model with every assembly changed."""
-        # Records of one configuration share their assembly, and go on sharing it.
+        # Records of one configuration share their assembly before and after.
         different = {id(one.assembly): one.assembly for one in (*self.observations, *self.witnesses)}
         built = {key: build(assembly) for key, assembly in different.items()}
         return self.map(lambda one: altered(one, assembly=built[id(one.assembly)]))
 
-    def attached(self, *points: PointMass | GroundSpring) -> Model:
+    def attach(self, *points: PointMass | GroundSpring | Resonator) -> Model:
         """Return the model with point elements on every assembly that has their part."""
 
         def build(assembly: Assembly) -> Assembly:
             own = [point for point in points if not point.part or point.part in assembly.elements]
             return with_points(assembly, *own)
 
-        return self.rebuilt(build)
+        return self.rebuild(build)
 
     def owners(self, part: str) -> list[Observation]:
         """Return the observations, witnesses included, whose assembly has a part."""
         return [one for one in (*self.observations, *self.witnesses) if part in one.assembly.elements]
 
     def places(self, part: str) -> list[float]:
-        """Return where on a part something is observed, loaded or attached, in m from its start; not its far end.
+        """Return the positions of coordinates and attachments on a part, in m from its start, without its far end.
 
         Raises
         ------
         IndescribableError
-            An observation has a place that no witness has: the diagnosed model is not divided there.
+            An observation has a position that no witness has: the diagnosed model is not divided there.
         """
         found = sorted({x for one in self.owners(part) for x in places_on(one, part)})
         known = {x for one in self.witnesses if part in one.assembly.elements for x in places_on(one, part)}
         if self.witnesses and (new := sorted(set(found) - known)):
             raise IndescribableError(
-                f"something is measured, hit or attached on {part} at {1e3 * new[0]:g} mm, where nothing is in the "
-                "data that were diagnosed"
+                f"a coordinate or an attachment is on {part} at {1e3 * new[0]:g} mm, where the diagnosed data have none"
             )
         return found
 
     def steps(self, part: str) -> list[float]:
-        """Return where segments of a part meet, in any of the assemblies, in m from its start."""
+        """Return the positions where segments of a part meet in any of the assemblies, in m from its start."""
         return sorted({edge for one in self.owners(part) for edge in edges_of(one.assembly.elements[part])[1:-1]})
 
     def split(self, part: str, position: float | Callable[[Part], float]) -> tuple[Model, int]:
-        """Return the model with a step in a part, and which segment begins there; the place may depend on the part.
+        """Return the model with a segment of a part divided at a position, and the index of the second piece.
 
-        Unknowns, tolerances and conditions go on meaning what they meant: what belongs to the divided segment belongs
-        to both pieces, and its length is that of the second one.
+        Unknowns, tolerances and conditions keep their meaning: those of the divided segment apply to both pieces, and
+        those of its length to the second one.
+
+        Parameters
+        ----------
+        part : str
+            Name of the part.
+        position : float or callable
+            In m from the start of the part, or a function of the part.
+
+        Raises
+        ------
+        ValueError
+            The position is not in the same segment of every assembly, or an unknown is of that segment alone.
         """
         place: Callable[[Any], float] = position if callable(position) else lambda own: position
         owners = [one.assembly for one in self.owners(part)]
         where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
         index = where[0][0] if where else 0
         if not where or any(own != index for own, _ in where):
-            raise ValueError(f"{part}: the place of a step is not in the same segment of every assembly")
+            raise ValueError(f"{part}: the position to divide at is not in the same segment of every assembly")
         if all(within == 0.0 for _, within in where):
             return self, index
         frozen = {p.of for u in self.unknowns if isinstance(u, Law) for p in u.powers}
@@ -226,7 +263,7 @@ class Model:
                 return one
             values = {name: one.assembly.get(name) for name in frozen if covered(name, one.assembly)}
             own = one.assembly.elements[part]
-            assembly = _divided(one.assembly, part, index, _segment_at(own, place(own))[1])
+            assembly = _divide(one.assembly, part, index, _segment_at(own, place(own))[1])
             return altered(one, assembly=assembly, conditions={**values, **one.conditions})
 
         changed = self.map(change)
@@ -235,13 +272,13 @@ class Model:
             for one in self.observations
             if part in one.assembly.elements
         )
-        unknowns = tuple(_renumbered(unknown, part, index, single) for unknown in self.unknowns)
+        unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
 
 
 def places_on(one: Observation, part: str) -> Iterator[float]:
-    """Yield where on a part of its assembly an observation has something, in m from the start; not the far end."""
+    """Yield the positions of an observation's coordinates and attachments on a part, in m, without its far end."""
     elements = one.assembly.elements
     end = edges_of(elements[part])[-1]
     coordinates = (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
@@ -252,14 +289,14 @@ def places_on(one: Observation, part: str) -> Iterator[float]:
     yield from (x for carrier, x in own if carrier == part and x != end)
 
 
-def with_points(assembly: Assembly, *points: PointMass | GroundSpring) -> Assembly:
+def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more point elements."""
     own = [replace(one, name=name) for name, one in assembly.attachments.items()]
-    return Assembly(renamed(assembly).values(), [*own, *points], motion=assembly.motion)
+    return Assembly(named_elements(assembly).values(), [*own, *points], motion=assembly.motion)
 
 
-def renamed(assembly: Assembly) -> dict[str, Any]:
-    """Return the elements of an assembly by name, each knowing its own."""
+def named_elements(assembly: Assembly) -> dict[str, Any]:
+    """Return the elements of an assembly by name, each with that name."""
     return {
         name: Part(one.segments, name=name) if isinstance(one, Part) else replace(one, name=name)
         for name, one in assembly.elements.items()
@@ -267,7 +304,7 @@ def renamed(assembly: Assembly) -> dict[str, Any]:
 
 
 def _segment_at(part: Any, position: float) -> tuple[int, float]:
-    """Return the segment that holds a position, and how far into it that is."""
+    """Return the index of the segment at a position, and the distance from the segment's start."""
     begin = 0.0
     for index, segment in enumerate(part.segments):
         if position < begin + segment.length:
@@ -276,8 +313,8 @@ def _segment_at(part: Any, position: float) -> tuple[int, float]:
     raise ValueError(f"position {position:g} m lies behind the part's end at {begin:g} m")
 
 
-def _divided(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
-    elements = renamed(assembly)
+def _divide(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
+    elements = named_elements(assembly)
     segments = list(elements[part].segments)
     whole = segments[index]
     segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
@@ -287,7 +324,7 @@ def _divided(assembly: Assembly, part: str, index: int, length: float) -> Assemb
 
 
 def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:
-    """Return what an address is called after segment `index` was divided."""
+    """Return the addresses that replace an address after segment `index` was divided."""
     found = _SEGMENT.fullmatch(address)
     if found is None or found[1] != part or int(found[2]) < index:
         return (address,)
@@ -300,7 +337,7 @@ def _moves(moves: Any, part: str, index: int) -> dict[str, float]:
     return {piece: n for address, n in moves.items() for piece in _pieces(address, part, index)}
 
 
-def _renumbered(unknown: Unknown, part: str, index: int, single: bool) -> Unknown:
+def _renumber(unknown: Unknown, part: str, index: int, single: bool) -> Unknown:
     if isinstance(unknown, Move):
         return replace(unknown, moves=_moves(unknown.moves, part, index))
     pieces = _pieces(unknown.address, part, index)

@@ -1,44 +1,34 @@
-"""Causes that lie in tool and holder."""
+"""Causes in the tool and in the holder: dimensions, materials, and bodies that are described as rigid."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 from receptance._addresses import edges_of
 from receptance.assembly import Assembly
-from receptance.beams import Part, Segment
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, places_on, renamed
+from receptance.diagnosis.model import Model, places_on
+from receptance.diagnosis.thresholds import (
+    FLUTE_ROOM,
+    LARGE_SIZE,
+    MATERIAL_DEVIATIONS,
+    METAL_MODULUS,
+    ORDINARY_DENSITY,
+    ORDINARY_MODULUS,
+    RIGID_MODULUS,
+    SHORTENED,
+    TIP_STEP,
+)
 from receptance.identification.task import place_of
-from receptance.identification.unknowns import covered
-from receptance.joints import PointJoint, PointMass
-from receptance.materials import Material
+from receptance.identification.unknowns import Prior, covered
+from receptance.joints import PointMass
 
-__all__ = ["PART_CAUSES", "RESONATOR", "RIGID", "everywhere", "resonances", "with_resonator"]
-
-_SPLIT = 1e-5
-"""Distance in m from the tip, or from a place on the tool, at which a part is divided; the parameter moves the step."""
-_MOST_SHORTENED = 0.98
-"""Share of what is left behind the last place on a tool by which the tool may be shorter than stated."""
-_ROOM = 1e-3
-"""Between places that are nearer to each other than this, in m, no step is looked for."""
-_METAL = 2e11
-"""Young's modulus in Pa from which the stiffness of a body is counted, in decades; nine of them are rigid."""
-RIGID = 2e12
-"""No material has a Young's modulus above this, in Pa: who gives one means a rigid body."""
-_BODY = (0.0005, 0.002)
-"""Length and diameter in m of the body of a resonator, so small that a heavy one turns next to nothing."""
-_VOLUME = 0.25 * math.pi * _BODY[0] * _BODY[1] ** 2
-_GYRATION = math.sqrt(_BODY[1] ** 2 / 16.0 + _BODY[0] ** 2 / 12.0)
-_STEP = 0.08
-"""Distance of the frequencies near which a mode is looked for, as a natural logarithm."""
+__all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]
 
 
 def _parts(model: Model, side: str) -> tuple[str, ...]:
@@ -48,8 +38,8 @@ def _parts(model: Model, side: str) -> tuple[str, ...]:
     return found
 
 
-def everywhere(model: Model, side: str, field: str) -> list[str]:
-    """Return the addresses of a number of a material: in the parts, within the holder, beside a spread joint."""
+def _everywhere(model: Model, side: str, field: str) -> list[str]:
+    """Return the addresses of a material property of a side: in its parts, as a core, and in a spread joint."""
     addresses = [f"{name}.segment[*].{field}" for name in _parts(model, side)]
     if side == "tool":
         holders = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.holder)
@@ -58,31 +48,32 @@ def everywhere(model: Model, side: str, field: str) -> list[str]:
     return [a for a in dict.fromkeys(addresses) if any(covered(a, one.assembly) for one in model.observations)]
 
 
-def _scaled(p: Parameter, model: Model, side: str, field: str) -> Model:
-    moves = dict.fromkeys(everywhere(model, side, field), 1.0)
+def _scale(parameter: Parameter, model: Model, side: str, field: str) -> Model:
+    """Return the model with a property of a side multiplied by a factor, whose logarithm is the parameter."""
+    moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
     if any(model.has(address) for address in moves):
         raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
-    return model.plus(p.move(moves, relative=True))
+    return model.plus(parameter.move(moves, relative=True))
 
 
 def _tool_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all of the tool", _scaled(p["log_modulus"], model, "tool", "youngs_modulus"))
+    yield Variant("all of the tool", _scale(p["log_modulus"], model, "tool", "youngs_modulus"))
 
 
 def _tool_density(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all of the tool", _scaled(p["log_density"], model, "tool", "density"))
+    yield Variant("all of the tool", _scale(p["log_density"], model, "tool", "density"))
 
 
 def _holder_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all of the holder", _scaled(p["log_modulus"], model, "holder", "youngs_modulus"))
+    yield Variant("all of the holder", _scale(p["log_modulus"], model, "holder", "youngs_modulus"))
 
 
 def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("density", _scaled(p["log_density"], model, "holder", "density"))
+    yield Variant("density", _scale(p["log_density"], model, "holder", "density"))
     last = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
     for name in last if len(last) == 1 else ():
         point = PointMass(mass=0.0, part=name, position="end", name="cause_end_mass")
-        yield Variant("mass at the far end", model.attached(point).plus(p["mass"].unknown("cause_end_mass.mass")))
+        yield Variant("mass at the far end", model.attach(point).plus(p["mass"].unknown("cause_end_mass.mass")))
 
 
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -94,54 +85,56 @@ def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             count = len(one.assembly.elements[part].segments)  # type: ignore[union-attr]
             name = place_of(one, index).configuration
             by_configuration.setdefault(name, []).append(f"{part}.segment[{count - 1}].length")
-            # The tool cannot become shorter than where it was measured.
+            # The tool cannot become shorter than up to the last place on it.
             *before, end = edges_of(one.assembly.elements[part])
             used = max([before[-1], *places_on(one, part)])
-            rooms[name] = min(rooms.get(name, math.inf), _MOST_SHORTENED * (end - used))
+            rooms[name] = min(rooms.get(name, math.inf), SHORTENED * (end - used))
     addresses = {address for own in by_configuration.values() for address in own}
     if not addresses:
         raise UndecidableError("the model has no joint between tool and holder")
     if any(model.has(address) for address in addresses):
         raise UndecidableError("the overhang is an unknown of the model already")
-    whole = p["length"].move(dict.fromkeys(sorted(addresses), 1.0))
-    yield Variant("all", model.plus(replace(whole, lower=max(whole.lower, -min(rooms.values())))))
+
+    def lengthen(own: Sequence[str], room: float, configurations: str | None) -> Model:
+        lower = max(p["length"].lower, -room)
+        return model.plus(p["length"].move(dict.fromkeys(own, 1.0), configurations=configurations, lower=lower))
+
+    yield Variant("all", lengthen(sorted(addresses), min(rooms.values()), None))
     for name, own in by_configuration.items() if len(by_configuration) > 1 else ():
-        alone = p["length"].move(dict.fromkeys(own, 1.0), configurations=name)
-        yield Variant(name, model.plus(replace(alone, lower=max(alone.lower, -rooms[name]))))
+        yield Variant(name, lengthen(own, rooms[name], name))
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tips = dict.fromkeys(anatomy.tool[0] for anatomy in model.anatomies if anatomy.tool)
     if len(tips) != 1:
-        raise UndecidableError("the tools are called differently in the assemblies")
+        raise UndecidableError("the tools have different names in the assemblies")
     tip = next(iter(tips))
     parts = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
     first = f"{tip}.segment[0]"
     if any(len(part.segments) > 1 for part in parts):  # type: ignore[union-attr]
-        changed = model.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True))
-        yield Variant("first section", changed, limited=(_up_to_full(p["log_diameter"], parts),))
+        diameter = _up_to_full(p["log_diameter"], parts)
+        yield Variant("first section", model.plus(diameter.move({f"{first}.outer_diameter": 1.0}, relative=True)))
         return
     shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
-    upper = 0.95 * shortest
-    # A step cannot pass a place where something is measured or attached: it lies between two of them.
-    places = [place for place in model.places(tip) if 0.0 < place < upper]
-    for low, high in pairwise([0.0, *places, upper]):
-        if high - low < _ROOM:
+    longest = 0.95 * shortest
+    # The end of the flutes cannot pass a place on the tool, so it lies between two of them.
+    places = [place for place in model.places(tip) if 0.0 < place < longest]
+    for low, high in pairwise([0.0, *places, longest]):
+        if high - low < FLUTE_ROOM:
             continue
-        divided, _ = model.split(tip, low + _SPLIT)
+        divided, _ = model.split(tip, low + TIP_STEP)
         moves = {f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0}
         beyond = f"beyond {1e3 * low:g} mm" if low else ""
-        length = p["length"].move(moves, part=beyond)
-        own = high - low - (2.0 * _SPLIT if high < upper else 0.0)
-        length = replace(length, lower=0.0 if low else min(length.lower, 0.1 * own), upper=own, start=0.5 * own)
-        diameter = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
-        yield Variant(
-            "from the tip" + (f", ending {beyond}" if low else ""), divided.plus(diameter, length), local=bool(places)
-        )
+        room = high - low - (2.0 * TIP_STEP if high < longest else 0.0)
+        lower = 0.0 if low else min(p["length"].lower, 0.1 * room)
+        length = p["length"].move(moves, part=beyond, lower=lower, upper=room, start=0.5 * room)
+        diameter_moved = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
+        name = "from the tip" + (f", ending {beyond}" if low else "")
+        yield Variant(name, divided.plus(diameter_moved, length), local=bool(places))
 
 
 def _up_to_full(diameter: Parameter, parts: Sequence[Any]) -> Parameter:
-    """Return the plausible range of a first section: an effective diameter can be too small, up to the full circle."""
+    """Return the effective diameter of a first section with a plausible range up to the diameter of the last one."""
     low, high = diameter.plausible or (diameter.lower, diameter.upper)
     room = min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
     return replace(diameter, upper=max(diameter.upper, high + room), plausible=(low, high + max(room, 0.0)))
@@ -152,111 +145,141 @@ def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         address
         for one in model.observations
         for address in one.assembly.parameters
-        if address.endswith(".youngs_modulus") and one.assembly.get(address) >= RIGID
+        if address.endswith(".youngs_modulus") and one.assembly.get(address) >= RIGID_MODULUS
     )
-    parts = dict.fromkeys(address.split(".")[0] for address in rigid)
-    if not parts:
+    by_part: dict[str, list[str]] = {}
+    for address in rigid:
+        by_part.setdefault(address.partition(".")[0], []).append(address)
+    if not by_part:
         raise UndecidableError("no part is described as rigid")
-    for name in parts:
-        own = [address for address in rigid if address.split(".")[0] == name]
-        moves = dict.fromkeys(own, math.log(10.0))
-        yield Variant(name, model.rebuilt(partial(_of_metal, own)).plus(p["decades"].move(moves, relative=True)))
+    for name, own in by_part.items():
+        decades = p["decades"].move(dict.fromkeys(own, math.log(10.0)), relative=True)
+        yield Variant(name, model.rebuild(partial(_make_of_metal, own)).plus(decades))
 
 
-def _of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
-    """Return the assembly with some moduli at which its decades of stiffness begin to count."""
-    return assembly.replace({address: _METAL for address in addresses if covered(address, assembly)})
-
-
-def _missing(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
-    if len(ends) != 1:
-        raise UndecidableError("the model has no holder, or several")
-    if not all(one.assembly.countable for one in model.observations):
-        raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
-    part = next(iter(ends))
-    changed = model.rebuilt(lambda assembly: with_resonator(assembly, part))
-    yield from resonances(p, changed, "at the holder's far end")
-
-
-def resonances(p: Mapping[str, Parameter], changed: Model, where: str) -> Iterator[Variant]:
-    """Yield a model that has the body of `with_resonator`, with the body tuned to frequencies all over the lines."""
-    low = min(float(one.frequency_hz[0].real) for one in changed.observations)
-    high = max(float(one.frequency_hz[-1].real) for one in changed.observations)
-    count = 1 + math.ceil(math.log(high / low) / _STEP)
-    for frequency in np.geomspace(low, high, max(count, 2)):
-        angular = 2.0 * math.pi * float(frequency)
-        turning = _GYRATION**2 * (20.0 * angular) ** 2
-        body = replace(
-            p["mass"].unknown("cause_resonator.segment[0].density"),
-            multiple=1.0 / _VOLUME,
-            also={
-                "cause_link.k_y": angular**2,
-                "cause_link.k_theta": turning,
-                "cause_link.c_y": 0.02 * angular,
-                "cause_link.c_theta": 0.02 * turning / angular,
-            },
-        )
-        tuned = p["log_frequency"].move({"cause_link.k_y": 2.0, "cause_link.c_y": 1.0}, relative=True)
-        damped = p["log_damping"].move({"cause_link.c_y": 1.0}, relative=True)
-        within = (math.log(low / frequency), math.log(high / frequency))
-        yield Variant(
-            f"near {frequency:.0f} Hz {where}",
-            changed.plus(body, tuned, damped),
-            # Below the lines or above them nobody has seen a mode: a spring to ground or a mass does the same there.
-            limited=(replace(p["log_frequency"], plausible=within),),
-        )
-
-
-def with_resonator(assembly: Assembly, part: str, *, at_tip: bool = False) -> Assembly:
-    """Return the assembly with a small stiff body on a spring behind its last part or before its first.
-
-    An assembly whose last or first part is another one stays as it is.
-    """
-    elements = renamed(assembly)
-    if list(elements)[0 if at_tip else -1] != part:
-        return assembly
-    body = Material(youngs_modulus=1e13, density=1.0, poisson_ratio=0.3)
-    # Rotation is held firmly, so that the body has one resonance.
-    link = PointJoint(k_y=1.0, k_theta=1.0, name="cause_link")
-    stub = Part([Segment(length=_BODY[0], outer_diameter=_BODY[1], material=body)], name="cause_resonator")
-    # What names no part is on the first one, which the resonator would become.
-    first = part if at_tip else ""
-    points = [replace(point, name=name, part=point.part or first) for name, point in assembly.attachments.items()]
-    chain = [stub, link, *elements.values()] if at_tip else [*elements.values(), link, stub]
-    return Assembly(chain, points, motion=assembly.motion)
+def _make_of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
+    """Return the assembly with the moduli from which the decades of stiffness count."""
+    return assembly.replace({address: METAL_MODULUS for address in addresses if covered(address, assembly)})
 
 
 def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    addresses = {
-        address: one.assembly.get(address)
+    ratios = [
+        one.assembly.get(address)
         for one in model.observations
         for address in one.assembly.parameters
         if address.endswith(".poisson_ratio")
-    }
-    highest, lowest = max(addresses.values()), min(addresses.values())
+    ]
     sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]
-    moved = [address for side in sides for address in everywhere(model, side, "poisson_ratio")]
-    ratio = p["poisson_ratio"].move(dict.fromkeys(moved, 1.0))
-    lower, upper = max(ratio.lower, -0.98 - lowest), min(ratio.upper, 0.499 - highest)
+    moved = [address for side in sides for address in _everywhere(model, side, "poisson_ratio")]
+    lower = max(p["poisson_ratio"].lower, -0.98 - min(ratios))
+    upper = min(p["poisson_ratio"].upper, 0.499 - max(ratios))
     if lower >= 0.0 or upper <= 0.0:
         raise UndecidableError("Poisson's ratio is at its limit")
-    yield Variant("all parts", model.plus(replace(ratio, lower=lower, upper=upper)))
+    ratio = p["poisson_ratio"].move(dict.fromkeys(moved, 1.0), lower=lower, upper=upper)
+    yield Variant("all parts", model.plus(ratio))
 
 
-def _share(name: str, typical: float, believable: float) -> Parameter:
-    limit = 3.0 * believable
-    return Parameter(
-        name=name, unit="", lower=-limit, upper=limit, typical=typical, plausible=(-believable, believable)
+@dataclass(frozen=True)
+class ToolMaterial:
+    """A class of materials: typical values and the scatter of its grades.
+
+    Attributes
+    ----------
+    name : str
+        Name in texts.
+    youngs_modulus, density, poisson_ratio : float
+        Typical values in Pa, kg/m3 and 1.
+    modulus_scatter, density_scatter : float
+        Standard deviations of the natural logarithms over the grades of the class.
+    """
+
+    name: str
+    youngs_modulus: float
+    density: float
+    poisson_ratio: float
+    modulus_scatter: float
+    density_scatter: float
+
+
+TOOL_MATERIALS = (
+    ToolMaterial("steel", 215e9, 7950.0, 0.3, 0.04, 0.02),
+    ToolMaterial("cemented carbide", 595e9, 14500.0, 0.22, 0.045, 0.018),
+    ToolMaterial("tungsten heavy alloy", 360e9, 17700.0, 0.28, 0.05, 0.025),
+    ToolMaterial("aluminium", 70e9, 2740.0, 0.33, 0.03, 0.02),
+)
+"""Materials of tools, boring bars and dummies.
+
+steel
+    210 GPa and a ratio of 0.3 (EN 1993-1-1, 3.2.6), 7850 kg/m3 (EN 1991-1-1, table A.4); high-speed steels have
+    215 to 230 GPa and 8000 to 8300 kg/m3 (ISO 4957 grades HS6-5-2 and the like, makers' data sheets).
+cemented carbide
+    WC with 4 to 15 % Co: 540 to 650 GPa and 13 900 to 15 000 kg/m3 (Brookes, World Directory and Handbook of
+    Hardmetals; makers' tables).
+tungsten heavy alloy
+    W with Ni, Fe or Cu, classes 1 to 4 of ASTM B777: 330 to 390 GPa and 17 000 to 18 500 kg/m3 (makers' data sheets,
+    for example Plansee Densimet D170 to D185); for boring bars.
+aluminium
+    70 GPa and 2700 kg/m3 (EN 1999-1-1, 3.2.5), alloys to 73 GPa and 2850 kg/m3; for dummies and test pieces.
+"""
+
+
+def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    addresses = {field: _everywhere(model, "tool", field) for field in ("youngs_modulus", "density", "poisson_ratio")}
+    if any(model.has(address) for own in addresses.values() for address in own):
+        raise UndecidableError("modulus or density of the tool is an unknown of the model already")
+    parts = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.tool)
+    stated = {
+        (segment.material.youngs_modulus, segment.material.density, segment.material.poisson_ratio)
+        for one in model.observations
+        for name in parts
+        if name in one.assembly.elements
+        for segment in one.assembly.elements[name].segments  # type: ignore[union-attr]
+    }
+    if len(stated) > 1:
+        raise UndecidableError("the tool is made of several materials")
+    ((modulus, density, ratio),) = stated
+    if modulus > RIGID_MODULUS:
+        raise UndecidableError("the tool is described as rigid; the cause flexible_body gives it a modulus")
+    for material in TOOL_MATERIALS:
+        log_modulus, log_density = math.log(material.youngs_modulus / modulus), math.log(material.density / density)
+        if abs(log_modulus) <= ORDINARY_MODULUS and abs(log_density) <= ORDINARY_DENSITY:
+            continue  # the stated material; smaller deviations are tool_modulus and tool_density
+        moduli = dict.fromkeys(addresses["youngs_modulus"], 1.0)
+        densities = dict.fromkeys(addresses["density"], 1.0)
+        # Poisson's ratio changes in proportion to the property that changes most, and reaches that of the material.
+        leading, most = (moduli, log_modulus) if abs(log_modulus) >= abs(log_density) else (densities, log_density)
+        if ratio > 0.0:
+            leading |= dict.fromkeys(addresses["poisson_ratio"], math.log(material.poisson_ratio / ratio) / most)
+        of_modulus = _expect(p["log_modulus"], log_modulus, material.modulus_scatter)
+        of_density = _expect(p["log_density"], log_density, material.density_scatter)
+        yield Variant(
+            material.name,
+            model.plus(of_modulus.move(moduli, relative=True), of_density.move(densities, relative=True)),
+            large=True,
+            meaning=f"the tool is of {material.name}, and the model has a material with {1e-9 * modulus:.0f} GPa and "
+            f"{density:.0f} kg/m3",
+            remedy=f"weigh the tool; if it is of {material.name}, give it that material in the model",
+        )
+
+
+def _expect(parameter: Parameter, target: float, scatter: float) -> Parameter:
+    """Return a parameter with the value of a material as its prior; fits start at null and at that value."""
+    reach = MATERIAL_DEVIATIONS * scatter
+    return replace(
+        parameter,
+        lower=min(0.0, target - reach),
+        upper=max(0.0, target + reach),
+        typical=target / LARGE_SIZE,
+        plausible=(target - reach, target + reach),
+        prior=Prior(mean=target, standard_deviation=scatter),
     )
 
 
-RESONATOR = (
-    Parameter(name="mass", unit="kg", lower=1e-6, upper=20.0, typical=0.02, null=1e-6),
-    Parameter(name="log_frequency", unit="", lower=-0.3, upper=0.3, typical=0.0, secondary=True),
-    Parameter(name="log_damping", unit="", lower=-4.0, upper=3.0, typical=0.0, secondary=True),
-)
-"""Of a body that swings on a spring."""
+def _factor(name: str, typical: float, plausible: float) -> Parameter:
+    """Return the natural logarithm of a factor; its bounds are three times the plausible range."""
+    limit = 3.0 * plausible
+    return Parameter(name=name, unit="", lower=-limit, upper=limit, typical=typical, plausible=(-plausible, plausible))
+
 
 PART_CAUSES = (
     Cause(
@@ -273,7 +296,7 @@ PART_CAUSES = (
     Cause(
         id="tool_modulus",
         group="structure",
-        parameters=(_share("log_modulus", 0.02, 0.15),),
+        parameters=(_factor("log_modulus", 0.02, 0.15),),
         change=_tool_modulus,
         meaning="the tool's Young's modulus is not that of its material",
         remedy="measure the blank alone, free-free",
@@ -281,7 +304,7 @@ PART_CAUSES = (
     Cause(
         id="tool_density",
         group="structure",
-        parameters=(_share("log_density", 0.01, 0.1),),
+        parameters=(_factor("log_density", 0.01, 0.1),),
         change=_tool_density,
         meaning="the tool is heavier or lighter than its material says",
         remedy="weigh the blank",
@@ -293,24 +316,24 @@ PART_CAUSES = (
             Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),
         ),
         change=_overhang,
-        meaning="the overhang is not what was written down",
+        meaning="the overhang differs from the stated one",
         remedy="measure it again with a caliper",
     ),
     Cause(
         id="holder_inertia",
         group="structure",
         parameters=(
-            _share("log_density", 0.02, 0.1),
+            _factor("log_density", 0.02, 0.1),
             Parameter(name="mass", unit="kg", lower=0.0, upper=5.0, typical=0.03, plausible=(0.0, 1.0)),
         ),
         change=_holder_inertia,
         meaning="the holder is heavier or lighter than the model says",
-        remedy="weigh the holder with all that is screwed to it",
+        remedy="weigh the holder with everything that is screwed to it",
     ),
     Cause(
         id="holder_modulus",
         group="structure",
-        parameters=(_share("log_modulus", 0.02, 0.1),),
+        parameters=(_factor("log_modulus", 0.02, 0.1),),
         change=_holder_modulus,
         meaning="the holder is stiffer or softer than the model says",
         remedy="measure the holder alone, free-free",
@@ -318,19 +341,11 @@ PART_CAUSES = (
     Cause(
         id="flexible_body",
         group="structure",
-        # Fits start three typical sizes from null, which is where metals are.
+        # Fits start three typical sizes from null, which is the stiffness of metals.
         parameters=(Parameter(name="decades", unit="", lower=-1.0, upper=9.0, typical=6.0, null=9.0),),
         change=_flexible,
-        meaning="a body that the model takes as rigid is elastic",
+        meaning="a body that the model describes as rigid is elastic",
         remedy="give the body its material",
-    ),
-    Cause(
-        id="missing_mode",
-        group="structure",
-        parameters=RESONATOR,
-        change=_missing,
-        meaning="spindle or fixture has a mode of its own that the model does not have",
-        remedy="measure the spindle or the fixture alone at that frequency",
     ),
     Cause(
         id="shear_neglected",
@@ -339,5 +354,15 @@ PART_CAUSES = (
         change=_shear,
         meaning="the beams shear more or less than the model says",
         remedy="use the shear modulus and the shear coefficient of the section",
+    ),
+    Cause(
+        id="tool_material",
+        group="structure",
+        parameters=tuple(
+            Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")
+        ),
+        change=_other_material,
+        meaning="the tool is of another material than the model says",
+        remedy="weigh the tool: its density distinguishes the materials",
     ),
 )

@@ -1,7 +1,7 @@
-"""What a small dose of each cause would do to the residuals, once everything else is fitted again, to first order.
+"""Screening: which variants apply to a fitted model, and their effect on its residuals to first order.
 
-It decides the order in which causes are tried, what chance alone would do, and which causes look alike in the data at
-hand; what a cause is worth is decided by its own fit.
+The effect is that of a small size of the cause after a refit of all other unknowns. It determines the order of the
+fits, the detection threshold and the look-alikes. The evidence of a cause comes from its own fit.
 """
 
 from __future__ import annotations
@@ -13,43 +13,49 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.causes import Cause, Variant
+from receptance.diagnosis.adequacy import judge
+from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant, parameters_of
 from receptance.diagnosis.fitting import Fit, problem_of
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.thresholds import CHANCE_DRAWS, CHANCE_LEVEL, INVISIBLE, OTHER_QUANTITY, VARIANTS_FITTED
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.residuals import InfeasibleError
 
-__all__ = ["Direction", "chance", "directions", "look_alike"]
+__all__ = ["Direction", "chance", "directions", "list_variants", "look_alike", "rank"]
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A variant of a cause, seen from a fit that does not have it.
+    """The linear effect of a variant of a cause on the residuals of a fit without it.
 
     Attributes
     ----------
     cause, variant : Cause, Variant
-        What it is.
-    names : tuple of str
-        Its unknowns.
-    count : int
-        How many of them there are.
+        The cause and its variant.
+    parameters : dict of str to Parameter
+        Its parameters by the names of their unknowns.
     slopes : ndarray
-        `(n, k)` what they do to the residuals, without what a refit of everything else undoes; no zero columns.
+        `(n, k)` derivatives of the residuals after a refit of all other unknowns; columns that are not zero.
     one_sided : bool
-        Whether there is one, and it can only grow.
+        Whether it has one visible parameter, which can only move to one side of its null.
     score : float
-        Decrease of chi-square that it promises.
-    step : dict of str to float
-        The values at which it promises that.
+        Predicted decrease of chi-square.
+    estimate : dict of str to float
+        Values of the visible parameters at that decrease.
     """
 
     cause: Cause
     variant: Variant
-    names: tuple[str, ...]
-    count: int
+    parameters: dict[str, Parameter]
     slopes: NDArray[np.float64]
     one_sided: bool
     score: float
-    step: dict[str, float]
+    estimate: dict[str, float]
+
+    @property
+    def count(self) -> int:
+        """Number of its parameters."""
+        return len(self.parameters)
 
     @cached_property
     def basis(self) -> NDArray[np.float64]:
@@ -57,13 +63,46 @@ class Direction:
         return np.linalg.qr(self.slopes)[0]
 
     @property
-    def step_name(self) -> tuple[Cause, str]:
+    def step(self) -> Step:
         """The cause and the name of its variant."""
-        return self.cause, self.variant.name
+        return Step(self.cause, self.variant.name)
+
+    def predicted_evidence(self, penalty: float) -> float:
+        """Return the predicted evidence: the score less the penalty of its parameters."""
+        return self.score - penalty * self.count
+
+
+def list_variants(
+    model: Model, causes: Sequence[Cause], fit: Fit
+) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
+    """Return the variants of causes that apply to a fitted model, and the reasons why other causes are undecidable."""
+    found: list[tuple[Cause, Variant]] = []
+    undecidable: dict[str, str] = {}
+    inadequate = not judge(fit).passed
+    for cause in causes:
+        try:
+            own = cause.variants(model)
+        except UndecidableError as error:
+            undecidable[cause.id] = str(error)
+            continue
+        own = [one for one in own if not one.changes_data or _is_other_quantity(fit)]
+        found += [(one.describe(cause), one) for one in own if inadequate or not one.large]
+    return found, undecidable
+
+
+def _is_other_quantity(fit: Fit) -> bool:
+    """Return whether receptances differ by factors, which only another measured quantity explains."""
+    parts = fit.problem.parts(fit.residual)
+    errors = [
+        float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
+        for one, residual in zip(fit.model.observations, parts, strict=True)
+        if isinstance(one, MeasuredFRF)
+    ]
+    return bool(errors) and max(errors) > OTHER_QUANTITY
 
 
 def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Direction]:
-    """Return what each variant promises, seen from a fit."""
+    """Return the linear effect of each variant on a fit."""
     basis, _ = np.linalg.qr(fit.jacobian)
     rest = fit.residual - basis @ (basis.T @ fit.residual)
     return [_direction(fit, cause, variant, basis, rest) for cause, variant in variants]
@@ -73,38 +112,39 @@ def _direction(
     fit: Fit, cause: Cause, variant: Variant, basis: NDArray[np.float64], rest: NDArray[np.float64]
 ) -> Direction:
     before = {u.name for u in fit.model.unknowns}
-    names = tuple(u.name for u in variant.model.unknowns if u.name not in before)
-    empty = Direction(cause, variant, names, len(names), np.zeros((rest.size, 0)), False, 0.0, {})
-    if variant.fresh or not names:
+    parameters = parameters_of(u for u in variant.model.unknowns if u.name not in before)
+    empty = Direction(cause, variant, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
+    if variant.changes_data or not parameters:
         return empty
     try:
-        own, starts = _slopes(fit, variant, names)
+        own, starts = _slopes(fit, variant, tuple(parameters))
     except InfeasibleError:
         return empty
     data = own.shape[0]
-    # Priors of the base do not feel the cause, and one of its own is zero at its null.
-    slopes = np.zeros((rest.size, len(names)))
+    # The cause does not change the residuals of the base's priors, and that of its own prior is zero at its null.
+    slopes = np.zeros((rest.size, len(parameters)))
     slopes[:data] = own
     slopes = slopes - basis @ (basis.T @ slopes)
     norms = np.linalg.norm(slopes, axis=0)
-    seen = norms > 1e-8 * max(float(norms.max(initial=0.0)), 1e-300)
+    seen = norms > INVISIBLE * max(float(norms.max(initial=0.0)), 1e-300)
     slopes = slopes[:, seen]
     if not slopes.shape[1]:
         return empty
     solution, *_ = np.linalg.lstsq(slopes, -rest, rcond=1e-10)
-    seen_names = [name for name, yes in zip(names, seen, strict=True) if yes]
-    lone = len(seen_names) == 1 and cause.parameter_of(seen_names[0]).one_sided
+    visible = {name: one for (name, one), yes in zip(parameters.items(), seen, strict=True) if yes}
+    only = next(iter(visible.values()))
+    one_sided = len(visible) == 1 and only.one_sided
     score = float(-rest @ (slopes @ solution))
-    if lone and not _allowed(cause, seen_names[0], float(solution[0])):
+    if one_sided and (solution[0] < 0.0) == (only.null == only.lower):
         solution, score = np.zeros(1), 0.0
-    step = _step(cause, starts, dict(zip(seen_names, map(float, solution), strict=True)))
-    return Direction(cause, variant, names, len(names), slopes, lone, score, step)
+    estimate = _estimate(visible, starts, dict(zip(visible, map(float, solution), strict=True)))
+    return Direction(cause, variant, parameters, slopes, one_sided, score, estimate)
 
 
 def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray[np.float64], dict[str, float]]:
-    """Return the derivatives of the observed residuals with respect to a variant's own unknowns, and where these start.
+    """Return derivatives of the observed residuals with respect to a variant's own unknowns, and starts of these.
 
-    Nothing else is asked of the core.
+    Only these columns of the Jacobian are evaluated.
     """
     task, problem = problem_of(variant.model, fit.task.threads)
     unknowns = task.parameters.unknowns
@@ -115,36 +155,48 @@ def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray
     return rows[: sum(problem.sizes)], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
 
 
-def _step(cause: Cause, starts: dict[str, float], solution: dict[str, float]) -> dict[str, float]:
-    """Return where a solution to first order leads.
+def _estimate(
+    parameters: dict[str, Parameter], starts: dict[str, float], solution: dict[str, float]
+) -> dict[str, float]:
+    """Return the values at which a linear solution ends.
 
-    What is secondary has slopes in proportion to the dose at which they were taken, and moves so much less as the
-    cause has become larger than that.
+    The derivatives with respect to secondary parameters are proportional to the size at which they were taken, so that
+    their changes are inversely proportional to the size that the cause reaches.
     """
-    main = [name for name in solution if not cause.parameter_of(name).secondary]
-    step = {name: starts[name] + solution[name] for name in solution}
+    main = [name for name in solution if not parameters[name].secondary]
+    ends = {name: starts[name] + solution[name] for name in solution}
     if len(main) != 1:
-        return step
-    dose, there = starts[main[0]], step[main[0]]
+        return ends
+    size, end = starts[main[0]], ends[main[0]]
     for name in set(solution) - set(main):
-        step[name] = starts[name] + (solution[name] * dose / there if there else 0.0)
-    return step
-
-
-def _allowed(cause: Cause, name: str, step: float) -> bool:
-    parameter = cause.parameter_of(name)
-    return step > 0.0 if parameter.null == parameter.lower else step < 0.0
+        ends[name] = starts[name] + (solution[name] * size / end if end else 0.0)
+    return ends
 
 
 def chance(
-    found: Sequence[Direction], penalty: float, *, level: float = 0.999, draws: int = 20000, seed: int = 0
+    found: Sequence[Direction],
+    penalty: float,
+    *,
+    level: float = CHANCE_LEVEL,
+    draws: int = CHANCE_DRAWS,
+    seed: int = 0,
 ) -> float:
-    """Return what the best cause gains in evidence by chance alone, at a level: the base bootstrapped, to first order.
+    """Return a quantile of the best evidence by chance: a parametric bootstrap of the base, to first order.
 
-    Residuals are drawn from noise and priors; every cause is fitted to them as its direction says, and the largest gain
-    in evidence, the decrease of chi-square less `penalty` for each unknown, is noted. The level is high because this is
-    chance to first order of noise whose size is known: that of ten hits is measured, and of 150 virtual diagnoses
-    with nothing hidden five passed the level .99.
+    Residuals are drawn from noise and priors. Every cause is fitted to them linearly, and the largest evidence is kept.
+
+    Parameters
+    ----------
+    found : sequence of Direction
+        The linear effects of the causes.
+    penalty : float
+        Penalty of each unknown in evidence.
+    level : float
+        The quantile.
+    draws : int
+        Number of draws.
+    seed : int
+        Seed of the draws.
     """
     kept = [one for one in found if one.slopes.shape[1]]
     if not kept:
@@ -168,8 +220,26 @@ def chance(
 
 
 def look_alike(first: Direction, second: Direction) -> float:
-    """Return how much of the smaller of two causes the other one can do, from 0 to 1: the largest canonical cosine."""
+    """Return the largest canonical cosine of the effects of two causes, from 0 (distinct) to 1 (same effect)."""
     if not first.slopes.shape[1] or not second.slopes.shape[1]:
         return 0.0
     both = first.basis.T @ second.basis
     return float(np.linalg.svd(both, compute_uv=False)[0].clip(0.0, 1.0))
+
+
+def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
+    """Return the directions of the variants that are fitted, the highest predicted evidence first."""
+
+    def predicted(one: Direction) -> float:
+        return one.predicted_evidence(penalty)
+
+    by_cause: dict[str, list[Direction]] = {}
+    for one in found:
+        by_cause.setdefault(one.cause.id, []).append(one)
+    chosen = []
+    for own in by_cause.values():
+        ranked = sorted(own, key=lambda one: -predicted(one))
+        # A variant without parameters has no linear prediction and is fitted in any case.
+        chosen += [one for one in ranked if not one.parameters]
+        chosen += [one for one in ranked if one.parameters][:VARIANTS_FITTED]
+    return sorted(chosen, key=lambda one: -predicted(one))

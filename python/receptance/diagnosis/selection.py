@@ -1,48 +1,47 @@
-"""Which causes, alone or together, explain the data: every one refitted, then more added one at a time."""
+"""Selection of causes: which of them, alone or together, explain the data."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
-from receptance.diagnosis.adequacy import GATE
-from receptance.diagnosis.causes import Cause, UndecidableError
-from receptance.diagnosis.explanation import MARGIN, Explanation, Selection
-from receptance.diagnosis.fitting import Explored, Fit, explore, fit_base, on_few_lines, refit, starting_at, unfitted
-from receptance.diagnosis.levels import fit_again, fit_from_far, has_levels
+from receptance.diagnosis.alternatives import fit_alternatives
+from receptance.diagnosis.causes import Cause, Step, UndecidableError
+from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
+from receptance.diagnosis.fitting import (
+    Explored,
+    Fit,
+    chi_square_on_few_lines,
+    evaluate_at,
+    evaluate_start,
+    explore,
+    fit_base,
+    refit,
+)
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.rivals import challenge
-from receptance.diagnosis.screening import Direction, chance, directions
-from receptance.diagnosis.starts import starts_of, starts_together
-from receptance.diagnosis.steps import Steps
-from receptance.diagnosis.ways import chosen_of, ways_of
+from receptance.diagnosis.progress import Progress
+from receptance.diagnosis.screening import Direction, chance, directions, list_variants, rank
+from receptance.diagnosis.starts import fit_anew, fit_levels, has_levels, starts_of, starts_together
+from receptance.diagnosis.thresholds import (
+    ADDED_CAUSES,
+    ADDED_EVIDENCE,
+    BEHIND,
+    BEHIND_SHARE,
+    EVALUATED_ON_INTERRUPT,
+    IDLE,
+    LEADING_CAUSES,
+    MARGIN,
+    MISFIT_LIMIT,
+    RESTARTED,
+    ROOTS,
+    SCREENING_LIMIT,
+    SETTLED,
+)
 from receptance.errors import ReceptanceError
 
-__all__ = ["select"]
-
-_ANOTHER = 20.0
-"""One more cause has to add this much evidence: weak ones come in pairs where something unknown is at work."""
-_ROOTS = 3
-"""Explanations to which more causes are added."""
-_MORE = 6
-"""Causes that are tried in addition to each of them."""
-_PAIRS = 8
-"""Explanations by several causes that are fitted again, by level, where nothing explains the data."""
-_HOPELESS = 20.0
-"""Misfit from which on neither a promise to first order nor a few steps say much: every cause is tried, to its end."""
-_SETTLED = 1e-9
-_TOLD = 12
-"""So many explanations are evaluated on all lines where a selection is interrupted while few lines lead."""
-_LEAST = 4
-"""The best variants of so many causes are fitted on all lines in any case."""
-_IDLE = 10.0
-"""A cause that gains less on few lines, and nothing to first order on all, is not fitted on all of them."""
-_FAR = 60.0
-_FAR_SHARE = 0.3
-"""An explanation whose chi-square on few lines is worse than the best by more is only evaluated on all lines."""
+__all__ = ["Search", "select"]
 
 
 def select(
@@ -53,372 +52,398 @@ def select(
     threads: int | None = None,
     most: int = 2,
     base: Fit | None = None,
-    progress: Steps | None = None,
+    progress: Progress | None = None,
 ) -> Selection:
-    """Return what each cause, and causes together, make of the data.
+    """Return the fits of each cause, and of causes together.
 
     Parameters
     ----------
     model : Model
         Observations, unknowns and tolerances.
     causes : sequence of Cause
-        Those to try.
+        The causes that are tried.
     seed : int
-        Of everything random.
+        Seed of all random numbers.
     threads : int, optional
-        As in `Assembly.receptance`; it changes no result.
+        As in `Assembly.receptance`; it does not change the result.
     most : int
-        How many causes may act together.
+        Largest number of causes that act together.
     base : Fit, optional
-        The base where it is known.
-    progress : Steps, optional
-        Is told of each step. A KeyboardInterrupt ends the selection with what is known: `Selection.interrupted`.
+        The fit of the base, where it is known.
+    progress : Progress, optional
+        Reports each step. A KeyboardInterrupt ends the selection with the results so far: `Selection.interrupted`.
     """
-    say = progress or Steps()
+    report = progress or Progress()
     began = perf_counter()
     try:
-        base = base or fit_from_far(model, seed=seed, threads=threads, say=partial(say, "base"))
+        base = base or fit_levels(model, seed=seed, threads=threads, say=partial(report, "base"))
         interrupted = False
     except KeyboardInterrupt:
-        base, interrupted = unfitted(model, threads), True
-    selection = Selection(base, math.log(max(base.independent, 2.0)), 0.0, [], {}, interrupted=interrupted)
+        base, interrupted = evaluate_start(model, threads), True
+    selection = Selection(base, math.log(max(base.independent, 2.0)), interrupted=interrupted)
     if not interrupted:
-        try:
-            for stage in _stages(selection, causes, seed, threads, most, say):
-                stage()
-                if selection.interrupted:
-                    break
-        except KeyboardInterrupt:
-            selection.interrupted = True
+        Search(selection, causes, seed=seed, threads=threads, most=most, progress=report).run()
     selection.seconds = perf_counter() - began
     return selection
 
 
-def _stages(
-    selection: Selection, causes: Sequence[Cause], seed: int, threads: int | None, most: int, say: Steps
-) -> Iterator[Callable[[], None]]:
-    """Yield what is done after the fit of the base, one after the other; each adds to the selection."""
+class Search:
+    """The steps of a selection after the fit of the base; each adds explanations to the selection.
 
-    def singles() -> None:
-        base = selection.base
-        variants, selection.undecidable = ways_of(base.model, causes, base)
-        selection.found = directions(base, variants)
-        selection.threshold = chance(selection.found, selection.penalty, seed=seed)
-        selection.evaluations = base.evaluations + len(selection.found)
-        chosen = chosen_of(selection.found, selection.penalty)
-        selection.singles = _fitted(selection, (), base, chosen, seed, threads, say)
+    1. `fit_singles`: every cause is screened to first order and its best variants are fitted.
+    2. `refit_base`: the base is fitted again from the best explanation. If its first fit ended in a local minimum, no
+       cause is convicted by that.
+    3. `add_causes`: to the best explanations further causes are added, one at a time.
+    4. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
+       variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
+    5. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
+       the base may have led all other starts to a local minimum.
+    6. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
+       that has not converged no cause is named.
+    7. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
+    8. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
-    def together() -> None:
-        roots = selection.singles
-        for _ in range(1, most):
-            roots = _added(selection, roots, causes, seed, threads, say)
-            selection.several += roots
-            if not roots or selection.interrupted:
+    After each step the invariant of `Selection` holds. A KeyboardInterrupt ends the step; its complete fits are kept.
+
+    Parameters
+    ----------
+    selection : Selection
+        With the fit of the base.
+    causes, seed, threads, most, progress
+        As in `select`.
+    """
+
+    def __init__(
+        self,
+        selection: Selection,
+        causes: Sequence[Cause],
+        *,
+        seed: int = 0,
+        threads: int | None = None,
+        most: int = 2,
+        progress: Progress | None = None,
+    ) -> None:
+        self.selection = selection
+        self._causes = causes
+        self._seed = seed
+        self._threads = threads
+        self._most = most
+        self._report = progress or Progress()
+
+    def run(self) -> None:
+        """Run all steps."""
+        try:
+            for step in self._steps():
+                step()
+                if self.selection.interrupted:
+                    break
+        except KeyboardInterrupt:
+            self.selection.interrupted = True
+
+    def _steps(self) -> Iterator[Callable[[], None]]:
+        yield self.fit_singles
+        yield self.refit_base
+        yield self.add_causes
+        yield self.exchange_causes
+        if not any(one.adequacy.passed for one in self.selection.explanations):
+            yield self.restart
+        self._report.plan("together", 0)
+        yield self.finish_best
+        yield self.prune
+        yield lambda: fit_alternatives(self.selection, self._threads, self._report)
+
+    def fit_singles(self) -> None:
+        """Screen all causes, and fit the best variants of each."""
+        own, base = self.selection, self.selection.base
+        variants, own.undecidable = list_variants(base.model, self._causes, base)
+        own.found = directions(base, variants)
+        own.threshold = chance(own.found, own.penalty, seed=self._seed)
+        own.evaluations = base.evaluations + len(own.found)
+        own.add(self._fit((), base, rank(own.found, own.penalty)))
+
+    def refit_base(self) -> None:
+        """Fit the base from the best explanation, and replace it if that fit is better."""
+        own = self.selection
+        if not own.singles:
+            return
+        try:
+            again = refit(own.base.model, own.singles[0].fit.values, threads=self._threads)
+        except ReceptanceError:
+            return
+        if again.chi_square < own.base.chi_square - SETTLED * own.base.chi_square:
+            own.replace_base(again)
+
+    def add_causes(self) -> None:
+        """Add further causes to the best explanations, one at a time, while they gain evidence."""
+        roots = self.selection.singles
+        for _ in range(1, self._most):
+            roots = self._add_one(roots)
+            self.selection.add(roots)
+            if not roots or self.selection.interrupted:
                 break
 
-    yield singles
-    yield lambda: _rebased(selection, threads)
-    yield together
-    yield lambda: _exchanged(selection, causes, seed, threads, say)
-    if not any(one.adequacy.passed for one in selection.explanations):
-        yield lambda: _begun_anew(selection, seed, threads, say)
-    say.plan("together", 0)
-    yield lambda: _ended(selection, threads)
-    yield lambda: _pruned(selection, threads)
-    yield lambda: challenge(selection, threads, say)
-
-
-def _ended(selection: Selection, threads: int | None) -> None:
-    """Let the fit of the best explanation go on where its evaluations were used up: beside it nothing is named."""
-    best = selection.explanations[0] if selection.explanations else None
-    if best is None or best.fit.converged or not best.adequacy.passed:
-        return
-    again = selection.explained(best.steps, refit(best.fit.model, best.fit.values, threads=threads))
-    target = selection.singles if len(best.steps) == 1 else selection.several
-    target[:] = _best_each([again, *(one for one in target if one is not best)])
-
-
-def _begun_anew(selection: Selection, seed: int, threads: int | None, say: Steps) -> None:
-    """Fit the best causes from far: a base that is far off may have led all their starts astray.
-
-    Where there are levels, causes together as well: who cannot explain one of them is not fitted to the others. Of the
-    best cause the other ways of acting are fitted too: from that base another one came nearer than the right one.
-    """
-    if selection.base.misfit <= GATE:
-        return
-    levels = has_levels(selection.base.model)
-    together = sorted(selection.tried, key=lambda one: -one.evidence)[:_PAIRS] if levels else []
-    for one in [*selection.singles[:_ROOTS], *together]:
-        say("together", f"{' + '.join(cause.id for cause, _ in one.steps)}, anew")
-        try:
-            fit = fit_again(one.fit, seed=seed, threads=threads)
-        except (ReceptanceError, ValueError):
-            continue
-        if fit is None:
-            continue
-        selection.evaluations += fit.evaluations
-        target = selection.singles if len(one.steps) == 1 else selection.several
-        target.append(selection.explained(one.steps, fit))
-    for step, model in () if levels else _other_ways(selection):
-        say("together", f"{step[0].id}, {step[1]}, anew")
-        try:
-            fit = fit_base(model, seed=seed, threads=threads)
-        except (ReceptanceError, ValueError):
-            continue
-        selection.evaluations += fit.evaluations
-        selection.singles.append(selection.explained((step,), fit))
-    selection.singles, selection.several = _best_each(selection.singles), _best_each(selection.several)
-
-
-def _other_ways(selection: Selection) -> Iterator[tuple[tuple[Cause, str], Model]]:
-    """Yield the best cause in its other ways of acting, with the model, where it comes near the data."""
-    best = max(selection.singles, key=lambda one: one.evidence, default=None)
-    if best is None or best.fit.misfit > _HOPELESS:
-        return
-    ((cause, own),) = best.steps
-    others = [variant for variant in cause.variants(selection.base.model) if variant.name != own and not variant.fresh]
-    for variant in others[:_MORE]:
-        yield (variant.of(cause), variant.name), variant.model
-
-
-def _pruned(selection: Selection, threads: int | None) -> None:
-    """Take each cause out of the best explanation again, or some of its numbers, and keep what does as well without.
-
-    A cause that fails alone, because the base led its fit astray, may have needed company only on the way.
-    """
-    best = selection.explanations[0] if selection.explanations else None
-    if best is None or len(best.steps) < 2 or not best.adequacy.passed:
-        return
-    fewer = [tuple(step for step in best.steps if step is not left) for left in best.steps]
-    for steps in [*fewer, *_with_less(selection.base.model, best)]:
-        try:
-            fit = refit(_with(selection.base.model, steps), best.fit.values, threads=threads)
-        except (ReceptanceError, UndecidableError, StopIteration):
-            continue
-        own = selection.explained(steps, fit)
-        target = selection.singles if len(steps) == 1 else selection.several
-        target[:] = _best_each([*target, own])
-
-
-def _with_less(model: Model, best: Explanation) -> Iterator[tuple[tuple[Cause, str], ...]]:
-    """Yield the steps of an explanation with a variant of one cause that has some of its unknowns and no others."""
-    for i, (cause, own) in enumerate(best.steps):
-        variants = cause.variants(model)
-        names = {v.name: {one.name for one in v.model.unknowns} for v in variants if not v.fresh}
-        for name, unknowns in names.items():
-            if unknowns < names.get(own, set()):
-                yield (*best.steps[:i], (cause, name), *best.steps[i + 1 :])
-        model = next(v.model for v in variants if v.name == own)
-
-
-def _exchanged(selection: Selection, causes: Sequence[Cause], seed: int, threads: int | None, say: Steps) -> None:
-    """Put other causes, and other ways of acting, in the place of each cause of the best explanation.
-
-    What was found first decided how it acts while the others were not there, and kept rivals from being tried.
-    """
-    best = selection.explanations[0] if selection.explanations else None
-    if best is None or len(best.steps) < 2 or not best.adequacy.of_lines:
-        return
-    for left in best.steps:
-        kept = tuple(step for step in best.steps if step is not left)
-        ids = {cause.id for cause, _ in kept}
-        try:
-            root = refit(_with(selection.base.model, kept), best.fit.values, threads=threads)
-        except (ReceptanceError, UndecidableError, StopIteration):
-            continue
-        variants, _ = ways_of(root.model, [cause for cause in causes if cause.id not in ids], root)
-        directed = [one for one in directions(root, variants) if not one.variant.fresh]
-        selection.evaluations += root.evaluations + len(directed)
-        ranked = chosen_of(directed, selection.penalty)
-        others = list({one.cause.id: one for one in reversed(ranked) if one.cause.id != left[0].id}.values())[::-1]
-        own = [one for one in ranked if one.cause.id == left[0].id] + others[:_MORE]
-        found = _fitted(selection, kept, root, own, seed, threads, say)
-        selection.several = _best_each([*selection.several, *found])
-        if selection.interrupted:
-            break
-
-
-def _with(model: Model, steps: Sequence[tuple[Cause, str]]) -> Model:
-    for cause, name in steps:
-        model = next(variant.model for variant in cause.variants(model) if variant.name == name)
-    return model
-
-
-def _rebased(selection: Selection, threads: int | None) -> None:
-    """Fit the base from the best explanation too: a base that was stuck convicts none."""
-    if not selection.singles:
-        return
-    base, best = selection.base, selection.singles[0]
-    try:
-        again = refit(base.model, best.fit.values, threads=threads)
-    except ReceptanceError:
-        return
-    if again.chi_square >= base.chi_square - _SETTLED * base.chi_square:
-        return
-    less = base.chi_square - again.chi_square
-    selection.base = again
-    selection.singles = [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in selection.singles]
-
-
-def _fitted(
-    selection: Selection,
-    steps: tuple[tuple[Cause, str], ...],
-    root: Fit,
-    chosen: Sequence[Direction],
-    seed: int,
-    threads: int | None,
-    say: Steps,
-) -> list[Explanation]:
-    """Return the explanations that add one cause each, the best variant of each, the best evidence first.
-
-    All are explored on few lines. Those that come anywhere near the best one there are fitted on all lines; what is far
-    off is only evaluated on them.
-    """
-    stage = "together" if steps else "causes"
-    say.plan(stage, len(chosen))
-    explored: list[tuple[Direction, Explored]] = []
-    found = _read_anew(selection, steps, chosen, seed, threads, say)
-    settled = any(one.adequacy.passed for one in found)
-    lead = math.inf
-    try:
-        for direction in [] if selection.interrupted else chosen:
-            if direction.variant.fresh:
+    def _add_one(self, roots: Sequence[Explanation]) -> list[Explanation]:
+        """Return the best explanations with one further cause, if it gains evidence."""
+        own = self.selection
+        if not roots or roots[0].evidence <= own.threshold:
+            return []
+        found: list[Explanation] = []
+        best = roots[0]
+        open_ = not best.adequacy.passed
+        for root in roots[:ROOTS]:
+            # Where the best explanation is adequate, only those within the margin are extended.
+            if root is not best and not open_ and root.evidence < best.evidence - MARGIN:
                 continue
-            if settled:
-                # Data that are explained as another quantity are off by factors as this one: no fit leads there.
-                fit = starting_at(root, direction.variant.model)
-                found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
-                continue
-            say(stage, f"{_titled(steps, direction)}, {direction.variant.name}")
-            alone = [one.fit for one in selection.singles if steps and one.steps[0] == direction.step_name]
-            starts = [*starts_of(direction, root), *starts_together(selection.base, alone, root)]
-            there = explore(direction.variant.model, starts, threads=threads)
-            selection.evaluations += there.evaluations
-            if there.ends:
-                explored.append((direction, there))
-            if there.chi_square < lead:
-                lead = there.chi_square
-                say.leading = _titled(steps, direction)
-    except KeyboardInterrupt:
-        selection.interrupted = True
-    explored.sort(key=lambda pair: pair[1].chi_square)
-    if selection.interrupted:
-        # Few lines have led so far: what that is worth on all of them is known after one evaluation.
-        for direction, there in explored[:_TOLD]:
-            found.append(selection.explained((*steps, direction.step_name), there.evaluated()))
-        return _best_each(found)
-    without = on_few_lines(root, threads)
-    best = min(explored[0][1].chi_square, without) if explored else without
-    far = best + _FAR + _FAR_SHARE * (without - best)
-    leaders: dict[str, float] = {}
-    say.plan(stage, len(explored))
-    for direction, there in explored:
-        # A variant that is far behind another one of its cause is not needed.
-        number, lead = len(leaders), leaders.setdefault(direction.cause.id, there.chi_square)
-        behind = there.chi_square > lead + _FAR
-        try:
-            if not selection.interrupted:
-                say(stage, f"{_titled(steps, direction)}, {direction.variant.name}, on all lines")
-            if selection.interrupted:
-                fit = there.evaluated()
-            elif number >= _LEAST and _idle(selection, direction, there, without):
-                fit = starting_at(root, direction.variant.model)
-                found.append(selection.explained((*steps, direction.step_name), fit, direction.score))
-                continue
-            else:
-                near = ((number < _LEAST or there.chi_square <= far) and not behind) or root.misfit > _HOPELESS
-                fit = there.finished() if near else there.evaluated()
-            selection.evaluations += fit.evaluations - there.evaluations
-        except ReceptanceError:
-            continue
-        except KeyboardInterrupt:
-            selection.interrupted = True
-            fit = there.evaluated()
-        found.append(selection.explained((*steps, direction.step_name), fit))
-        leading = max(found, key=lambda one: one.evidence)
-        say.leading = f"{' + '.join(cause.id for cause, _ in leading.steps)}, misfit {leading.fit.misfit:.2f}"
-    return _best_each(found)
+            others = [cause for cause in self._causes if cause.id not in root.ids]
+            variants, _ = list_variants(root.fit.model, others, root.fit)
+            directed = [one for one in directions(root.fit, variants) if not one.variant.changes_data]
+            own.evaluations += len(directed)
+            unreliable = root.adequacy.misfit > SCREENING_LIMIT
+            least = max(own.threshold, 0.0)
+            promising = [one for one in directed if unreliable or one.predicted_evidence(own.penalty) > least]
+            open_ = open_ or bool(promising)
+            chosen = _first_of_each(rank(promising, own.penalty))
+            fitted = self._fit(root.steps, root.fit, chosen if unreliable else chosen[:ADDED_CAUSES])
+            own.tried = best_of_each([*own.tried, *fitted])
+            found += [one for one in fitted if one.evidence > best.evidence + max(own.threshold, ADDED_EVIDENCE)]
+            if own.interrupted:
+                break
+        return best_of_each(found)
 
-
-def _read_anew(
-    selection: Selection,
-    steps: tuple[tuple[Cause, str], ...],
-    chosen: Sequence[Direction],
-    seed: int,
-    threads: int | None,
-    say: Steps,
-) -> list[Explanation]:
-    """Return the explanations by which the data are another quantity: their fits begin anew."""
-    found = []
-    for direction in chosen:
-        if direction.variant.fresh:
+    def exchange_causes(self) -> None:
+        """Exchange each cause of the best explanation for other causes and for its other variants."""
+        own, best = self.selection, self.selection.best
+        if best is None or len(best.steps) < 2 or not best.adequacy.of_lines:
+            return
+        for left in best.steps:
+            kept = tuple(step for step in best.steps if step is not left)
+            ids = {cause.id for cause, _ in kept}
             try:
-                say("together" if steps else "causes", f"{_titled(steps, direction)}, {direction.variant.name}")
-                fit = fit_base(direction.variant.model, seed=seed, threads=threads)
+                root = refit(_extend(own.base.model, kept), best.fit.values, threads=self._threads)
+            except (ReceptanceError, UndecidableError):
+                continue
+            variants, _ = list_variants(root.model, [cause for cause in self._causes if cause.id not in ids], root)
+            directed = [one for one in directions(root, variants) if not one.variant.changes_data]
+            own.evaluations += root.evaluations + len(directed)
+            ranked = rank(directed, own.penalty)
+            others = _first_of_each([one for one in ranked if one.cause.id != left.cause.id])
+            same = [one for one in ranked if one.cause.id == left.cause.id]
+            own.add(self._fit(kept, root, same + others[:ADDED_CAUSES]))
+            if own.interrupted:
+                break
+
+    def restart(self) -> None:
+        """Fit the best explanations from their own starting values.
+
+        With levels this includes explanations by several causes, which are fitted to one level first; causes that
+        cannot explain one level are not fitted to the others. Without levels it includes the other variants of the
+        best cause: from the base a wrong variant may end closer to the data than the right one.
+        """
+        own = self.selection
+        if own.base.misfit <= MISFIT_LIMIT:
+            return
+        levels = has_levels(own.base.model)
+        together = sorted(own.tried, key=lambda one: -one.evidence)[:RESTARTED] if levels else []
+        for one in [*own.singles[:ROOTS], *together]:
+            self._restart_one(one.steps, partial(fit_anew, one.fit))
+        for step, model in [] if levels else self._other_variants():
+            self._restart_one((step,), partial(fit_base, model))
+
+    def _restart_one(self, steps: tuple[Step, ...], fit: Callable[..., Fit | None]) -> None:
+        titles = [f"{cause.id}, {variant}" if len(steps) == 1 else cause.id for cause, variant in steps]
+        self._report("together", f"{' + '.join(titles)}, from its own starting values")
+        try:
+            found = fit(seed=self._seed, threads=self._threads)
+        except (ReceptanceError, ValueError):
+            return
+        if found is not None:
+            self.selection.evaluations += found.evaluations
+            self.selection.add([self.selection.explain(steps, found)])
+
+    def _other_variants(self) -> list[tuple[Step, Model]]:
+        """Return the other variants of the best single cause with their models, if it comes close to the data."""
+        best = next(iter(self.selection.singles), None)
+        if best is None or best.fit.misfit > SCREENING_LIMIT:
+            return []
+        ((cause, own),) = best.steps
+        variants = [one for one in cause.variants(self.selection.base.model) if one.name != own]
+        others = [one for one in variants if not one.changes_data][:ADDED_CAUSES]
+        return [(Step(one.describe(cause), one.name), one.model) for one in others]
+
+    def finish_best(self) -> None:
+        """Continue the fit of the best explanation, if it is adequate and reached its limit of evaluations."""
+        own, best = self.selection, self.selection.best
+        if best is None or best.fit.converged or not best.adequacy.passed:
+            return
+        again = own.explain(best.steps, refit(best.fit.model, best.fit.values, threads=self._threads))
+        own.remove(best)
+        own.add([again])
+
+    def prune(self) -> None:
+        """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
+
+        A cause may be inadequate alone only because the base led its fit to a local minimum, and adequate when its fit
+        starts from the one together with another cause.
+        """
+        own, best = self.selection, self.selection.best
+        if best is None or len(best.steps) < 2 or not best.adequacy.passed:
+            return
+        fewer = [tuple(step for step in best.steps if step is not left) for left in best.steps]
+        for steps in [*fewer, *_with_fewer_parameters(own.base.model, best)]:
+            try:
+                fit = refit(_extend(own.base.model, steps), best.fit.values, threads=self._threads)
+            except (ReceptanceError, UndecidableError):
+                continue
+            own.add([own.explain(steps, fit)])
+
+    def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> list[Explanation]:
+        """Return explanations that add one cause each, the best variant of each, the highest evidence first.
+
+        Variants that change the data are fitted from their own starting values. All others are explored on few lines;
+        those that come close to the best one are fitted on all lines, the others are evaluated on these.
+
+        Parameters
+        ----------
+        steps : tuple of Step
+            The causes that `root` has already.
+        root : Fit
+            The fit to which they are added.
+        chosen : sequence of Direction
+            The variants.
+        """
+        own = self.selection
+        stage = "together" if steps else "causes"
+        self._report.plan(stage, len(chosen))
+        found = self._fit_changed_data(steps, chosen)
+        explored: list[tuple[Direction, Explored]] = []
+        others = [one for one in chosen if not one.variant.changes_data]
+        if any(one.adequacy.passed for one in found):
+            # The data are of another quantity, so without that change no fit comes close to them.
+            for one in others:
+                fit = evaluate_at(root, one.variant.model)
+                found.append(own.explain((*steps, one.step), fit, one.score))
+        elif not own.interrupted:
+            explored = self._explore(steps, root, others)
+        if own.interrupted:
+            # The comparison on few lines is incomplete, so the leading ones are evaluated on all lines.
+            for direction, few in explored[:EVALUATED_ON_INTERRUPT]:
+                found.append(own.explain((*steps, direction.step), few.evaluate()))
+            return best_of_each(found)
+        found += self._finish(steps, root, explored, found)
+        return best_of_each(found)
+
+    def _fit_changed_data(self, steps: tuple[Step, ...], chosen: Sequence[Direction]) -> list[Explanation]:
+        """Return explanations by which the data are of another quantity, fitted from their own starting values."""
+        own = self.selection
+        found = []
+        for direction in chosen:
+            if not direction.variant.changes_data:
+                continue
+            try:
+                self._report("together" if steps else "causes", _titled(steps, direction))
+                fit = fit_base(direction.variant.model, seed=self._seed, threads=self._threads)
             except ReceptanceError:
                 continue
             except KeyboardInterrupt:
-                selection.interrupted = True
+                own.interrupted = True
                 break
-            selection.evaluations += fit.evaluations
-            found.append(selection.explained((*steps, direction.step_name), fit))
-    return found
+            own.evaluations += fit.evaluations
+            found.append(own.explain((*steps, direction.step), fit))
+        return found
+
+    def _explore(
+        self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]
+    ) -> list[tuple[Direction, Explored]]:
+        """Return the variants with their fits on few lines, the smallest chi-square first."""
+        own = self.selection
+        explored: list[tuple[Direction, Explored]] = []
+        leading = math.inf
+        try:
+            for direction in chosen:
+                self._report("together" if steps else "causes", _titled(steps, direction))
+                alone = [one.fit for one in own.singles if steps and one.steps[0] == direction.step]
+                starts = [*starts_of(direction, root), *starts_together(own.base, alone, root)]
+                few = explore(direction.variant.model, starts, threads=self._threads)
+                own.evaluations += few.evaluations
+                if few.ends:
+                    explored.append((direction, few))
+                if few.chi_square < leading:
+                    leading = few.chi_square
+                    self._report.leading = " + ".join([*(cause.id for cause, _ in steps), direction.cause.id])
+        except KeyboardInterrupt:
+            own.interrupted = True
+        return sorted(explored, key=lambda pair: pair[1].chi_square)
+
+    def _finish(
+        self,
+        steps: tuple[Step, ...],
+        root: Fit,
+        explored: Sequence[tuple[Direction, Explored]],
+        before: Sequence[Explanation],
+    ) -> list[Explanation]:
+        """Return explanations on all lines: fitted where they come close to the best one, else evaluated."""
+        own = self.selection
+        without = chi_square_on_few_lines(root, self._threads)
+        best = min(explored[0][1].chi_square, without) if explored else without
+        limit = best + BEHIND + BEHIND_SHARE * (without - best)
+        leaders: dict[str, float] = {}
+        stage = "together" if steps else "causes"
+        self._report.plan(stage, len(explored))
+        found: list[Explanation] = []
+        for direction, few in explored:
+            number, leader = len(leaders), leaders.setdefault(direction.cause.id, few.chi_square)
+            is_leading = number < LEADING_CAUSES
+            # A variant far behind another one of its cause is not needed.
+            is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
+            idle = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < IDLE
+            try:
+                if own.interrupted:
+                    fit = few.evaluate()
+                else:
+                    self._report(stage, f"{_titled(steps, direction)}, on all lines")
+                    if idle and not is_leading:
+                        fit = evaluate_at(root, direction.variant.model)
+                        found.append(own.explain((*steps, direction.step), fit, direction.score))
+                        continue
+                    fit = few.finish() if is_close or root.misfit > SCREENING_LIMIT else few.evaluate()
+                own.evaluations += fit.evaluations - few.evaluations
+            except ReceptanceError:
+                continue
+            except KeyboardInterrupt:
+                own.interrupted = True
+                fit = few.evaluate()
+            found.append(own.explain((*steps, direction.step), fit))
+            best_so_far = max([*before, *found], key=lambda one: one.evidence)
+            self._report.leading = f"{best_so_far.title}, misfit {best_so_far.fit.misfit:.2f}"
+        return found
 
 
-def _titled(steps: tuple[tuple[Cause, str], ...], direction: Direction) -> str:
-    return " + ".join([cause.id for cause, _ in steps] + [direction.cause.id])
+def _titled(steps: tuple[Step, ...], direction: Direction) -> str:
+    ids = [*(cause.id for cause, _ in steps), direction.cause.id]
+    return f"{' + '.join(ids)}, {direction.variant.name}"
 
 
-def _idle(selection: Selection, direction: Direction, there: Explored, without: float) -> bool:
-    """Return whether a cause is worth nothing, neither to first order on all lines nor from any start on few."""
-    promised = direction.score - selection.penalty * direction.count
-    return promised < 0.0 and without - there.chi_square < _IDLE
+def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
+    """Return the first direction of each cause."""
+    found: dict[str, Direction] = {}
+    for one in ranked:
+        found.setdefault(one.cause.id, one)
+    return list(found.values())
 
 
-def _best_each(found: Sequence[Explanation]) -> list[Explanation]:
-    """Return the best variant of each set of causes, the best evidence first."""
-    best: dict[frozenset[str], Explanation] = {}
-    for one in sorted(found, key=lambda one: -one.evidence):
-        best.setdefault(one.ids, one)
-    return list(best.values())
+def _extend(model: Model, steps: Sequence[Step]) -> Model:
+    """Return the model with causes."""
+    for step in steps:
+        model = step.extend(model)
+    return model
 
 
-def _added(
-    selection: Selection,
-    roots: Sequence[Explanation],
-    causes: Sequence[Cause],
-    seed: int,
-    threads: int | None,
-    say: Steps,
-) -> list[Explanation]:
-    """Return the best explanations with one cause more, where one more is worth anything."""
-    if not roots or roots[0].evidence <= selection.threshold:
-        return []
-    found: list[Explanation] = []
-    best = roots[0]
-    open_ = not best.adequacy.passed
-    for root in roots[:_ROOTS]:
-        # Where the best one leaves nothing to be explained, only its rivals are worth a second look.
-        if root is not best and not open_ and root.evidence < best.evidence - MARGIN:
-            continue
-        others = [cause for cause in causes if cause.id not in root.ids]
-        variants, _ = ways_of(root.fit.model, others, root.fit)
-        directed = [one for one in directions(root.fit, variants) if not one.variant.fresh]
-        selection.evaluations += len(directed)
-        least = max(selection.threshold, 0.0)
-        far = root.adequacy.misfit > _HOPELESS
-        promising = [one for one in directed if far or one.score > selection.penalty * one.count + least]
-        open_ = open_ or bool(promising)
-        ranked = chosen_of(promising, selection.penalty)
-        own: list[Direction] = []
-        for direction in ranked:
-            if (far or len(own) < _MORE) and all(direction.cause.id != other.cause.id for other in own):
-                own.append(direction)
-        fitted = _fitted(selection, root.steps, root.fit, own, seed, threads, say)
-        selection.tried = _best_each([*selection.tried, *fitted])
-        for one in fitted:
-            if one.evidence > best.evidence + max(selection.threshold, _ANOTHER):
-                found.append(one)
-        if selection.interrupted:
-            break
-    return _best_each(found)
+def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Step, ...]]:
+    """Yield the steps of an explanation with a variant of one cause that has a proper subset of its unknowns."""
+    for i, step in enumerate(best.steps):
+        variants = [one for one in step.cause.variants(model) if not one.changes_data]
+        names = {one.name: {unknown.name for unknown in one.model.unknowns} for one in variants}
+        for name, unknowns in names.items():
+            if unknowns < names.get(step.variant, set()):
+                yield (*best.steps[:i], Step(step.cause, name), *best.steps[i + 1 :])
+        model = step.extend(model)

@@ -16,11 +16,12 @@ import numpy as np
 
 from receptance.assembly import Assembly
 from receptance.coordinates import Coordinate
-from receptance.diagnosis.causes import Cause
+from receptance.diagnosis.causes import Step, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import Fit, refit, thinned
+from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.joint_causes import overhang_of
+from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, with_points
 from receptance.errors import ReceptanceError
 from receptance.identification.floor import Floor
@@ -67,7 +68,7 @@ class Rival:
     @cached_property
     def few(self) -> Fit:
         """The fit on few lines of each receptance."""
-        return refit(thinned(self.explanation.fit.model, _LINES), self.explanation.fit.values)
+        return refit(thin(self.explanation.fit.model, _LINES), self.explanation.fit.values)
 
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
@@ -96,9 +97,10 @@ class Rival:
         added = with_causes(replace(self.base, observations=(new,), tolerances=particular), steps)
         few = self.few.model
         before = tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(few.observations)))
+        parameters = parameters_of(few.unknowns)
         unknowns = tuple(
             replace(unknown, configurations=unknown.configurations or before)
-            if unknown.name.split(" ")[0].split(".")[0] in without
+            if unknown.name in parameters and parameters[unknown.name].cause in without
             else unknown
             for unknown in few.unknowns
         )
@@ -136,12 +138,12 @@ class Known:
     def apart(self, truth: Rival, other: Rival) -> float:
         """See `Measurement`."""
         found = _QUANTITY * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
-        causes = {cause.id: cause for one in (truth, other) for cause, _ in one.explanation.steps}
+        parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
-            accuracy = self.accuracy.get(name.split(" ")[0])
+            accuracy = self.accuracy.get(parameters[name].key)
             if accuracy is None:
                 continue
-            null = causes[name.split(".")[0]].parameter_of(name).null
+            null = parameters[name].null
             true, _ = truth.sizes.get(name, (null, 0.0))
             said, spread = other.sizes.get(name, (null, 0.0))
             found += (true - said) ** 2 / (accuracy**2 + spread**2)
@@ -184,7 +186,7 @@ class FRFAgain:
             values = np.exp(-real - 1j * imaginary)
             variance = np.square(spread) + Floor().variance(blank.frequency_hz.real, values)
             data = altered(blank, receptance=values, standard_deviation=np.sqrt(variance))
-            (fewer,) = thinned(replace(base, observations=(data,)), _LINES).observations
+            (fewer,) = thin(replace(base, observations=(data,)), _LINES).observations
             return other.answers(fewer, own, self.without | self.elsewhere)
         except (InfeasibleError, ReceptanceError, ValueError):
             return 0.0
@@ -267,12 +269,12 @@ def _there(tolerances: tuple[Tolerance, ...], one: Observation) -> tuple[Toleran
     return tuple(found)
 
 
-def _freed(one: Explanation, fit: Fit, without: frozenset[str]) -> tuple[Fit, tuple[tuple[Cause, str], ...]]:
+def _freed(one: Explanation, fit: Fit, without: frozenset[str]) -> tuple[Fit, tuple[Step, ...]]:
     """Return an explanation without causes: its fit with these at their null, and the others."""
     gone = [cause for cause, _ in one.steps if cause.id in without]
     if not gone:
         return fit, one.steps
-    nulls = {name: cause.parameter_of(name).null for cause in gone for name in one.sizes(cause)}
+    nulls = {name: one.parameters[name].null for cause in gone for name in one.sizes(cause)}
     values = np.array([nulls.get(name, value) for name, value in fit.values.items()])
     kept = tuple(step for step in one.steps if step[0].id not in without)
     return replace(fit, x=fit.task.variables.from_values(values)), kept

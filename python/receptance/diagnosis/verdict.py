@@ -1,4 +1,4 @@
-"""The answer of a diagnosis."""
+"""The verdict of a diagnosis, and the results of which it is made."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ if TYPE_CHECKING:
 
     from receptance.assembly import Assembly
     from receptance.diagnosis.adequacy import Adequacy
-    from receptance.diagnosis.bias import Bias
-    from receptance.diagnosis.by_mode import ModeResidual
+    from receptance.diagnosis.by_mode import Bias, ModeResidual
+    from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.explanation import Explanation, Selection
-    from receptance.diagnosis.held_out import Improvement
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
-__all__ = ["Answer", "Candidate", "Gain", "NextMeasurement", "Verdict"]
+__all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Verdict"]
 
 _SHOWN = 6
 """Candidates and natural frequencies in the tables; `to_dict` has all of them."""
@@ -39,32 +38,34 @@ Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "un
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One cause, fitted.
+    """A fitted cause.
 
     Attributes
     ----------
     id, group, meaning, remedy : str
         The cause.
     variant : str
-        The way in which it acts.
+        The variant in which it acts.
     parameters : dict of str to (float, float, float)
         Value, lower and upper end of the 95 % interval, in SI units.
     gain : float
-        Decrease of chi-square by it; of all causes together where several act.
+        Decrease of chi-square, of all causes together where several act.
     evidence : float
-        That, less the logarithm of the number of observed numbers for each unknown: a difference of 10 is strong.
+        The gain less the logarithm of the number of observed numbers for each unknown: a difference of 10 is strong.
     misfit : float
-        What is left, as a multiple of what noise and floor explain.
+        Chi-square with it, divided by its expectation from noise and floor.
     plausible, converged : bool
-        Whether anyone would believe the sizes, and whether its fit has ended.
+        Whether the sizes are plausible, and whether the fit has converged.
     together_with : tuple of str
-        Other causes that act in the same fit.
+        Other causes in the same fit.
     look_alikes : dict of str to float
-        Causes that do the same to these data, and how nearly, up to 1.
+        Causes with a similar effect on these data, and the cosine of the effects, up to 1.
     vetoed : str
-        Which of its sizes are outside their plausible range, in words; empty where none is.
+        The sizes outside their plausible range, as text; empty where there is none.
     held_out : float or None
-        The first of the gains' metrics on data that no fit saw, if this cause were believed, whatever the verdict says.
+        First metric of the gains on held-out data with this cause alone, whatever the verdict.
+    declared : dict of str to Parameter
+        Declaration of each parameter, by the names in `parameters`.
     """
 
     id: str
@@ -82,25 +83,26 @@ class Candidate:
     remedy: str
     vetoed: str = ""
     held_out: float | None = None
+    declared: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What the extended model improves on data that its fit never saw.
+    """Improvement by the extended model on held-out data.
 
     Attributes
     ----------
     metric : str
-        What is counted.
+        Name of the metric.
     held_out_before, held_out_after : float
-        The metric over all folds; errors as their root mean square, scores and metrics of one's own as their mean.
+        The metric over all folds: root mean square of errors, mean of scores and user-defined metrics.
     interval : (float, float)
-        95 % interval of the improvement, which is positive where the extended model does better; infinite where one
-        configuration alone was held out, zero where nothing was extended.
+        95 % interval of the improvement, positive where the extended model is better; infinite where one configuration
+        was held out, zero where no cause was added.
     folds : tuple of dict
-        By configuration: verdict and causes without it, the metric before and after.
+        By configuration: verdict and causes without it, and the metric before and after.
     better : int
-        In how many of the folds it improves.
+        Number of folds in which it improves the prediction.
     """
 
     metric: str
@@ -112,19 +114,45 @@ class Gain:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """Improvement by the extended model on held-out data, in all metrics.
+
+    Attributes
+    ----------
+    gains : tuple of Gain
+        By metric, that of the quantity that was measured most first.
+    singles : dict of str to float
+        First metric with one cause alone, by id, whatever the verdict.
+    modes, modes_after : tuple of ModeResidual
+        Held-out modes, measured less predicted, before and after.
+    slenderness : dict of str to float
+        Ratio of overhang and diameter of the held-out configurations.
+    complete : bool
+        Whether all folds were completed.
+    """
+
+    gains: tuple[Gain, ...] = ()
+    singles: Mapping[str, float] = field(default_factory=dict)
+    modes: tuple[ModeResidual, ...] = ()
+    modes_after: tuple[ModeResidual, ...] = ()
+    slenderness: Mapping[str, float] = field(default_factory=dict)
+    complete: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
 class NextMeasurement:
-    """What to measure next, and why.
+    """The measurement that is proposed next.
 
     Attributes
     ----------
     action, reason : str
-        What to do, and what simulating it has shown.
+        The measurement, and the result of its simulation.
     separates : tuple of str
-        Ids of the causes whose presence it is expected to settle, whichever of the reported ones is the truth.
+        Ids of the causes whose presence it is expected to decide, whichever reported explanation is true.
     resolves : float
-        Share of the reported explanations that it would tell from all others, if they were the truth.
+        Share of the reported explanations that it distinguishes from all others, if they are true.
     cost : float
-        Effort, in hits on the machine or so.
+        Effort, in hits on the machine.
     """
 
     action: str
@@ -136,50 +164,50 @@ class NextMeasurement:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict(Result):
-    """Whether the model is adequate, and what it lacks if not.
+    """Whether the model is adequate, and the causes that explain the data if it is not.
 
     Attributes
     ----------
     verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "unexplained"}
         The answer.
     causes : tuple of Candidate
-        The reported ones, the best evidence first; none where the model is adequate or nothing explains the data.
+        The reported causes, the highest evidence first; none where the model is adequate or unexplained.
     candidates : tuple of Candidate
-        Every cause alone, the best evidence first.
+        Every cause alone, the highest evidence first.
     ambiguous_between : tuple of str
-        Ids of those that cannot be told apart.
+        Ids of the causes between which the data do not decide.
     adequacy, adequacy_after : Adequacy
-        What base and best explanation leave.
+        Adequacy of the base and of the best explanation.
     vetoed : tuple of Candidate
-        Causes that explain the data as well as all plausible ones, or better, and are not reported because their
-        sizes are outside the plausible range: something else may be in their place.
-    rivals : tuple of Candidate
-        Changes that are no causes, fitted where a cause might have been reported, the best evidence first; see
-        `receptance.diagnosis.rivals`.
-    rival : Candidate or None
-        The one of them for which causes were withheld: look there.
+        Causes with at least the evidence of all plausible ones that are not reported because their sizes are outside
+        the plausible range: another effect may act in their place.
+    alternatives : tuple of Candidate
+        Changes that are not causes, fitted where a cause may be reported, the highest evidence first; see
+        `receptance.diagnosis.alternatives`.
+    alternative : Candidate or None
+        The alternative because of which no cause is reported; it shows where the model is wrong.
     threshold : float
         Evidence that chance alone reaches in one of a thousand diagnoses.
     base, extended : Identification
-        The fitted models; no extended one where nothing is reported.
+        The fitted models; no extended one where no cause is reported.
     gains : tuple of Gain
-        Improvement on what was held out, where it was asked for: in the distance of the spectra, in natural
-        frequencies, in the predictive log score, and in metrics of one's own.
+        Improvement on held-out data, if requested: in the distance of the spectra, in natural frequencies, in the
+        predictive log score, and in user-defined metrics.
     bias : Bias or None
-        Held-out natural frequencies that the model as given has off the same way.
+        Held-out natural frequencies in which the errors of the base have a common sign.
     held_out_modes, held_out_modes_after : tuple of ModeResidual
-        What is left of the held-out modes, measured less predicted.
+        Held-out modes, measured less predicted.
     next_measurement : NextMeasurement or None
-        What would help most.
+        The measurement that is proposed next.
     undecidable : dict of str to str
-        Causes that these data cannot speak about, and what is missing.
+        Causes that these data cannot show, and the reasons.
     final : bool
-        False where the diagnosis was interrupted; `notes` and `settings["interrupted"]` say how far it had come. Where
-        not all causes had been tried nothing is "named".
+        False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
+        none is "named".
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
     settings : dict
-        What reproduces the run.
+        Settings that reproduce the run.
     provenance : Provenance
         Campaign and versions of the software.
     """
@@ -201,8 +229,8 @@ class Verdict(Result):
     selection: Selection = field(repr=False)
     final: bool = True
     vetoed: tuple[Candidate, ...] = ()
-    rivals: tuple[Candidate, ...] = ()
-    rival: Candidate | None = None
+    alternatives: tuple[Candidate, ...] = ()
+    alternative: Candidate | None = None
     bias: Bias | None = None
     held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
@@ -213,29 +241,29 @@ class Verdict(Result):
 
     @property
     def gain(self) -> Gain | None:
-        """The first of the gains: in the spectra, or in natural frequencies where only these were measured."""
+        """The first of the gains: of the spectra, or of natural frequencies where only these were measured."""
         return self.gains[0] if self.gains else None
 
-    def unfinished(self, how_far: Mapping[str, float], *, tried: bool) -> Verdict:
-        """Return the verdict of a diagnosis that was interrupted; `tried` says whether all causes had been tried."""
+    def interrupt(self, position: Mapping[str, float], *, tried: bool) -> Verdict:
+        """Return the verdict of an interrupted diagnosis; `tried` says whether all causes had been tried."""
         note = (
-            f"interrupted after {how_far['seconds']:.0f} s in step {how_far['step']} of about {how_far['of_about']}: "
-            "this answer is not final"
+            f"interrupted after {position['seconds']:.0f} s in step {position['step']} of about "
+            f"{position['of_about']}: this answer is not final"
         )
         if tried:
-            note += "; all causes were tried, what is missing is advice or improvement on held-out data"
+            note += "; all causes were tried, but advice or improvement on held-out data is missing"
         answer = self.verdict
         if not tried and answer in ("named", "unexplained"):
-            # Causes that were not tried may explain the data, or explain them better.
+            # Another cause, which was not tried, may have more evidence.
             answer = "suspected" if answer == "named" else "undecided"
-        settings = {**self.settings, "interrupted": dict(how_far)}
+        settings = {**self.settings, "interrupted": dict(position)}
         return replace(self, final=False, verdict=answer, notes=(note, *self.notes), settings=settings)
 
-    def improved(self, found: Improvement) -> Verdict:
-        """Return the verdict with what was found on data that no fit has seen."""
-        from receptance.diagnosis.bias import bias_of
+    def with_improvement(self, found: Improvement) -> Verdict:
+        """Return the verdict with its improvement on held-out data."""
+        from receptance.diagnosis.by_mode import bias_of
 
-        candidates = tuple(replace(one, held_out=found.rivals.get(one.id)) for one in self.candidates)
+        candidates = tuple(replace(one, held_out=found.singles.get(one.id)) for one in self.candidates)
         return replace(
             self,
             gains=found.gains,
@@ -253,9 +281,9 @@ class Verdict(Result):
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
     ) -> Assembly:
-        """Return an assembly with what was found, identified values and the causes that belong to the structure.
+        """Return an assembly with the identified values and the causes of the structure.
 
-        What belongs to the measurement, a sensor's mass say, is left out: it is not there when the machine works.
+        Causes of the measurement, a sensor's mass for example, are left out: they do not act when the machine works.
         """
         target = Target(assembly, configuration, conditions, tolerances)
         extended, model = extension(self.selection.base.model, self.explanation, self.extended or self.base, target)
@@ -275,20 +303,20 @@ class Verdict(Result):
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Natural frequencies of an assembly through the extended model (the base where there is none).
+        """Natural frequencies of an assembly by the extended model, or by the base where there is none.
 
         Parameters
         ----------
         assembly : Assembly
-            As the base model describes it.
+            The assembly as the base model describes it.
         upper_hz, configuration, conditions, tolerances
             As in `Identification.predict_natural_frequencies`.
 
         Returns
         -------
         frequency_hz, standard_error_hz : ndarray
-            `(n_modes,)` each. The errors have in them what the other fitted models would make of it, with their
-            probabilities; they are infinite where nothing explains the data.
+            `(n_modes,)` each. The errors include the differences to the other fitted models, weighted by the
+            probabilities of these; they are infinite where the verdict is "unexplained".
         """
         target = Target(assembly, configuration, conditions, tolerances)
         found, errors = self._ensemble.natural_frequencies(
@@ -301,7 +329,7 @@ class Verdict(Result):
         return Ensemble(self.selection, int(self.settings["seed"]))
 
     def frequency_errors(self) -> list[dict[str, Any]]:
-        """Return calculated less measured natural frequencies in percent, before and after, mode by mode."""
+        """Return calculated less measured natural frequencies in percent, before and after, by mode."""
         rows = []
         for index, one in enumerate(self.selection.base.model.observations):
             if not isinstance(one, MeasuredFrequencies):
@@ -374,8 +402,8 @@ class Verdict(Result):
             "next_measurement": self.next_measurement,
             "candidates": [_as_dict(one) for one in self.candidates],
             "vetoed": [_as_dict(one) for one in self.vetoed],
-            "rivals": [_as_dict(one) for one in self.rivals],
-            "rival": None if self.rival is None else _as_dict(self.rival),
+            "alternatives": [_as_dict(one) for one in self.alternatives],
+            "alternative": None if self.alternative is None else _as_dict(self.alternative),
             "threshold": self.threshold,
             "adequacy": self.adequacy,
             "adequacy_after": self.adequacy_after,
@@ -443,4 +471,6 @@ class Verdict(Result):
 def _as_dict(one: Candidate) -> dict[str, Any]:
     names = ("value", "lower", "upper")
     found = {name: dict(zip(names, numbers, strict=True)) for name, numbers in one.parameters.items()}
-    return {**asdict(one), "parameters": found}
+    plain = asdict(replace(one, declared={}))
+    del plain["declared"]
+    return {**plain, "parameters": found}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from receptance.diagnosis.causes import Cause
+    from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
 __all__ = [
@@ -43,15 +43,12 @@ def sentence(verdict: Verdict) -> str:
     return f"{UNFINISHED} in step {far['step']} of about {far['of_about']}, after {far['seconds']:.0f} s."
 
 
-def sizes(verdict: Verdict, one: Candidate) -> str:
-    """Return what was found for a candidate, with units and 95 % intervals."""
-    known = [found.cause for found in verdict.selection.found]
-    known += [rival.steps[0][0] for rival in verdict.selection.rivals]
-    cause = next(cause for cause in known if cause.id == one.id)
+def sizes(one: Candidate) -> str:
+    """Return the sizes of a candidate, with units and 95 % intervals."""
     texts = []
     for name, (found, *ends) in one.parameters.items():
-        title = name.split(".", 1)[-1]
-        parameter = cause.parameter_of(name)
+        title = name.removeprefix(f"{one.id}.")
+        parameter = one.declared[name]
         # An interval by the curvature may reach beyond what the parameter can be.
         numbers = (found, *(min(max(end, parameter.lower), parameter.upper) for end in ends))
         largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
@@ -69,14 +66,14 @@ def sizes(verdict: Verdict, one: Candidate) -> str:
 _SMALLER = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
 
 
-def implausible(cause: Cause, values: Mapping[str, float]) -> str:
-    """Return which sizes of a cause are outside their plausible range, and the range; empty where none is."""
+def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]) -> str:
+    """Return the sizes of a cause outside their plausible range, and the range; empty where there is none."""
     texts = []
     for name, value in values.items():
-        parameter = cause.parameter_of(name)
-        if parameter.believable(value):
+        parameter = parameters[name]
+        if parameter.is_plausible(value):
             continue
-        title, unit = name.split(".", 1)[-1], parameter.unit
+        title, unit = name.removeprefix(f"{parameter.cause}."), parameter.unit
         ends = parameter.plausible or (parameter.lower, parameter.upper)
         if title.startswith("log_"):
             title = title.removeprefix("log_")
@@ -144,10 +141,10 @@ def on_causes(verdict: Verdict) -> list[str]:
     near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
     if verdict.verdict == "unexplained" and near is not None:
         lines.append(f"nearest of the plausible causes: {near.id} ({near.variant}): {near.meaning}")
-        lines.append(f"  size: {sizes(verdict, near) or 'no number'}; it leaves a misfit of {near.misfit:.2f}")
+        lines.append(f"  size: {sizes(near) or 'no number'}; it leaves a misfit of {near.misfit:.2f}")
     for one in verdict.causes:
         lines.append(f"{one.id} ({one.group}; {one.variant}): {one.meaning}")
-        lines.append(f"  size: {sizes(verdict, one) or 'no number'}")
+        lines.append(f"  size: {sizes(one) or 'no number'}")
         lines.append(f"  chi-square falls by {one.gain:.0f}, evidence {one.evidence:+.0f}")
         if one.look_alikes:
             alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
@@ -155,8 +152,8 @@ def on_causes(verdict: Verdict) -> list[str]:
         lines.append(f"  what to do: {one.remedy}")
     for one, text in zip(verdict.vetoed, vetoes(verdict), strict=True):
         lines += [f"vetoed: {text}", f"  {one.meaning}; what to do: {one.remedy}"]
-    if verdict.rival is not None:
-        lines.append(f"something that is no known cause: {verdict.rival.meaning} {verdict.rival.variant}")
-        lines.append(f"  size: {sizes(verdict, verdict.rival)}")
-        lines.append(f"  what to do: {verdict.rival.remedy}")
+    if (other := verdict.alternative) is not None:
+        lines.append(f"a change that is not a known cause: {other.meaning} {other.variant}")
+        lines.append(f"  size: {sizes(other)}")
+        lines.append(f"  what to do: {other.remedy}")
     return lines

@@ -152,7 +152,7 @@ class Law(Unknown):
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
         """Return all the unknowns of the law over these configurations."""
         if self.free:
-            own = [self.base(f"{self.name} @ {one}", (one,)) for one in configurations]
+            own = [self.base(self.name_in(one), (one,)) for one in configurations]
             return [
                 replace(unknown, start=min(max(self.starts.get(name, start), self.lower), self.upper))
                 for name, unknown in zip(configurations, own, strict=True)
@@ -161,8 +161,12 @@ class Law(Unknown):
         found = [self.base(self.name, self.configurations)]
         found += [power.exponent(self.name) for power in self.powers]
         if self.individual:
-            found += [error_of(f"{self.name} @ {one}") for one in configurations]
+            found += [error_of(self.name_in(one)) for one in configurations]
         return found
+
+    def name_in(self, configuration: str) -> str:
+        """Return the name of the value, or of the individual part, of one configuration."""
+        return f"{self.name} @ {configuration}"
 
     def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
         """Return the unknown for the value at the references."""

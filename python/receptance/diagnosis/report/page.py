@@ -69,7 +69,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         receptances=any(isinstance(one, MeasuredFRF) for one in base.model.observations),
         unseen=_unseen(verdict),
         # Of a cause that is reported together with another one its size there.
-        sizes={one.id: sizes(verdict, one) for one in (*verdict.candidates, *verdict.causes)},
+        sizes={one.id: sizes(one) for one in (*verdict.candidates, *verdict.causes)},
         evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
         alike=_alike(verdict),
         interval=improved,

@@ -59,11 +59,10 @@ def _on_causes(verdict: Verdict) -> list[str]:
     if verdict.verdict == "ambiguous":
         alike = ", ".join(verdict.ambiguous_between)
         return [f"These data cannot tell apart: {alike}. Each of them explains what the model lacks.{left}"]
-    if verdict.rival is not None:
+    if (other := verdict.alternative) is not None:
         return [
-            f"A cause of the catalogue would nearly do, but {verdict.rival.meaning} {verdict.rival.variant} "
-            f"({sizes(verdict, verdict.rival)}) is to be preferred. It is no cause that is known, so none is named: "
-            f"{verdict.rival.remedy}."
+            f"A cause of the catalogue explains the data nearly as well, but {other.meaning} {other.variant} "
+            f"({sizes(other)}) is preferred. It is not a known cause, so no cause is named: {other.remedy}."
         ]
     if verdict.verdict == "unexplained":
         tried = len(verdict.candidates)

@@ -20,12 +20,13 @@ from receptance import (
     Segment,
     Unknown,
 )
-from receptance.diagnosis import Model, diagnose
-from receptance.diagnosis.explanation import MARGIN, Selection
+from receptance.diagnosis import Cause, Model, diagnose
+from receptance.diagnosis.alternatives import ALTERNATIVES
+from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.report import diagnosis_html
-from receptance.diagnosis.rivals import RIVALS
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.identification import Tolerance
 
 LINES = np.linspace(200.0, 5000.0, 400)
@@ -81,20 +82,20 @@ def test_a_body_on_the_tip_is_no_mode_of_a_fixture(at_tip: bool) -> None:
         assert verdict.verdict == "named"
 
 
-def test_what_is_told_of_a_better_rival() -> None:
+def test_a_better_alternative_is_reported() -> None:
     # A gram on the shank: a sensor at the tip takes up nearly all of it.
     data = [observed(chain(x, PointMass(mass=4e-4, part="tool", position=0.3 * x)), x) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "joint_cross_term"])
     assert verdict.verdict == "unexplained"
     assert not verdict.causes
-    (note,) = [one for one in verdict.notes if "does so better" in one]
+    (note,) = [one for one in verdict.notes if "more evidence" in one]
     assert "a mass at 30 % of tool" in note
-    assert verdict.rival is verdict.rivals[0]
-    assert verdict.rival.parameters["mass_somewhere.mass"][0] == pytest.approx(4e-4, rel=0.1)
-    assert "no known cause: a mass at 30 % of tool\n    size: mass 0.4" in verdict.summary(1000)
+    assert verdict.alternative is verdict.alternatives[0]
+    assert verdict.alternative.parameters["mass_somewhere.mass"][0] == pytest.approx(4e-4, rel=0.1)
+    assert "not a known cause: a mass at 30 % of tool\n    size: mass 0.4" in verdict.summary(1000)
     assert "a mass at 30 % of tool (mass 0.4" in diagnosis_html(verdict)
-    assert verdict.to_dict()["rival"]["id"] == "mass_somewhere"
-    assert "none is named" in note
+    assert verdict.to_dict()["alternative"]["id"] == "mass_somewhere"
+    assert "no cause is named" in note
 
 
 @pytest.fixture(scope="module")
@@ -116,37 +117,36 @@ def selection() -> Selection:
         (-1.1 * MARGIN, "named", "named"),
     ],
 )
-def test_a_rival_withholds_a_name(selection: Selection, more: float, alone: str, together: str) -> None:
+def test_an_alternative_withholds_a_name(selection: Selection, more: float, alone: str, together: str) -> None:
     best = selection.singles[0]
-    rival = replace(selection.rivals[0], evidence=best.evidence + more)
-    told = conclude(replace(selection, singles=[best], several=[], rivals=[rival]))
+    other_change = replace(selection.alternatives[0], evidence=best.evidence + more)
+    told = conclude(replace(selection, singles=[best], several=[], alternatives=[other_change]))
     assert told.answer == alone
     other = next(one for one in selection.singles if one is not best)
     pair = replace(best, steps=(*best.steps, *other.steps))
-    told = conclude(replace(selection, singles=[], several=[pair], rivals=[rival]))
+    told = conclude(replace(selection, singles=[], several=[pair], alternatives=[other_change]))
     assert told.answer == together
 
 
-def test_a_rival_is_told_beside_a_vetoed_cause(selection: Selection) -> None:
+def test_an_alternative_is_reported_beside_a_vetoed_cause(selection: Selection) -> None:
     best = selection.singles[0]
-    (cause, way), rival = best.steps[0], selection.rivals[0]
-    heavy = replace(cause, parameters=tuple(replace(one, plausible=(0.0, 1e-4)) for one in cause.parameters))
-    vetoed = replace(best, steps=((heavy, way),))
+    vetoed = replace(best)
+    vetoed.__dict__["parameters"] = {name: replace(one, plausible=(0.0, 1e-4)) for name, one in best.parameters.items()}
     for more, told in ((1.1 * MARGIN, True), (-1.1 * MARGIN, False)):
-        better = replace(rival, evidence=best.evidence + more)
-        found = conclude(replace(selection, singles=[vetoed], several=[], rivals=[better]))
+        better = replace(selection.alternatives[0], evidence=best.evidence + more)
+        found = conclude(replace(selection, singles=[vetoed], several=[], alternatives=[better]))
         assert found.answer == "unexplained"
         assert any("vetoed" in note for note in found.notes)
-        assert (found.rival is better) == told
+        assert (found.alternative is better) == told
 
 
-@pytest.mark.parametrize("rival", RIVALS, ids=lambda one: one.id)
-def test_every_rival_is_nothing_at_its_null_and_something_beside_it(rival: object) -> None:
+@pytest.mark.parametrize("alternative", ALTERNATIVES, ids=lambda one: one.id)
+def test_every_alternative_is_nothing_at_its_null_and_something_beside_it(alternative: Cause) -> None:
     data = [observed(chain(x), x) for x in OVERHANGS]
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
     problem = model.task().problem()
     before = problem.residual(problem.variables.start).copy()
-    variants = rival.variants(model)  # type: ignore[attr-defined]
+    variants = alternative.variants(model)
     assert variants
     for variant in variants:
         task = variant.model.task()
@@ -157,15 +157,13 @@ def test_every_rival_is_nothing_at_its_null_and_something_beside_it(rival: objec
         assert np.median(np.abs(after - before)) < 1e-3
         assert np.abs(after - before).max() < 0.2
         names = [u.name for u in task.parameters.unknowns]
-        own = [i for i, name in enumerate(names) if name.startswith(rival.id)]  # type: ignore[attr-defined]
+        own = [i for i, name in enumerate(names) if name.startswith(alternative.id)]
         assert own
         moved = start.copy()
         moved[own[0]] += (
             0.05
             * (there.variables.limits[1] - there.variables.limits[0])[own[0]]
-            * (
-                1.0 if rival.id != "soft_place" else -1.0  # type: ignore[attr-defined]
-            )
+            * (1.0 if alternative.id != "soft_place" else -1.0)
         )
         assert np.abs(there.residual(moved)[: before.size] - before).max() > 1.0
 
@@ -175,7 +173,7 @@ def test_a_rival_finds_what_is_there() -> None:
     cone = tuple(0.012 * (1.0 + 0.03 * (1.0 - (i + 0.5) / 6)) for i in range(6))
     data = [observed(chain(x, diameters=cone), x) for x in OVERHANGS]
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
-    (rival,) = [one for one in RIVALS if one.id == "cone"]
+    (rival,) = [one for one in ALTERNATIVES if one.id == "cone"]
     (variant,) = rival.variants(model)
     values = {"joint.k_y": 6e8, "joint.k_theta": 1e5, "joint.c_y": 300.0, "joint.c_theta": 1.0}
     fit = refit(variant.model, values)

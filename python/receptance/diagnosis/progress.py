@@ -1,4 +1,4 @@
-"""How far a diagnosis has come: steps done of how many, the time that is left, and what leads."""
+"""Progress of a diagnosis: steps done, their estimated number, the remaining time, and the leading explanation."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ from collections import deque
 from collections.abc import Callable
 from time import perf_counter
 
-__all__ = ["Steps"]
+__all__ = ["Progress"]
 
-_GUESS = {"base": 1, "causes": 60, "together": 18, "rivals": 25}
-"""Steps of each stage before it is known."""
+_EXPECTED = {"base": 1, "causes": 60, "together": 18, "alternatives": 25}
+"""Steps of each stage until their number is known."""
 _RECENT = 15
-"""The time that is left is estimated from so many of the last steps."""
+"""Number of the last steps from which the remaining time is estimated."""
 _FEWEST = 3
-"""With fewer steps done nothing is said of the time."""
+"""Fewest steps after which the remaining time is reported."""
 
 
-class Steps:
-    """The steps of a diagnosis, told to whoever asked for its progress.
+class Progress:
+    """Counter of the steps of a diagnosis, which reports each of them.
 
     Parameters
     ----------
     tell : callable, optional
-        Gets one line of text at the beginning of each step.
+        Called with one line of text at the start of each step.
     selections : int, optional
-        How often causes are selected: once, and once for each fold that is held out.
+        Number of selections of causes: one, and one for each fold that is held out.
     """
 
     def __init__(self, tell: Callable[[str], None] | None = None, selections: int = 1) -> None:
         self.tell = tell or (lambda text: None)
         self.leading = ""
         self.holding_out = ""
-        self._stages = {stage: [0, count] for stage, count in _GUESS.items()}
+        self._stages = {stage: [0, count] for stage, count in _EXPECTED.items()}
         self._before = 0
         self._left = selections
         self._began = perf_counter()
@@ -39,30 +39,30 @@ class Steps:
 
     @property
     def done(self) -> int:
-        """Steps that have begun."""
+        """Number of steps that have started."""
         return self._before + sum(done for done, _ in self._stages.values())
 
     @property
     def total(self) -> int:
-        """Steps that there are expected to be."""
+        """Expected number of steps."""
         return self._before + self._left * sum(planned for _, planned in self._stages.values())
 
     @property
     def seconds(self) -> float:
-        """Time since the beginning."""
+        """Time since the start in s."""
         return perf_counter() - self._began
 
     @property
-    def how_far(self) -> dict[str, float]:
-        """The step that has begun, of about how many, and the time since the beginning."""
+    def position(self) -> dict[str, float]:
+        """Number of the current step, expected number of steps, and time since the start in s."""
         return {"step": self.done, "of_about": self.total, "seconds": round(self.seconds, 1)}
 
     def plan(self, stage: str, more: int) -> None:
-        """Say how many more steps a stage has: none ends it."""
+        """Set the number of further steps of a stage; zero ends it."""
         self._stages[stage][1] = self._stages[stage][0] + more
 
     def __call__(self, stage: str, what: str) -> None:
-        """Begin a step."""
+        """Report the start of a step of a stage."""
         own = self._stages[stage]
         own[0] += 1
         own[1] = max(own[1], own[0])
@@ -77,7 +77,7 @@ class Steps:
         without = f"held out: {self.holding_out}: " if self.holding_out else ""
         self.tell(f"{text}; {without}{what}")
 
-    def again(self) -> None:
+    def next_selection(self) -> None:
         """End a selection of causes; the next one is expected to have as many steps."""
         sizes = {stage: done for stage, (done, _) in self._stages.items()}
         self._before = self.done

@@ -1,0 +1,197 @@
+"""Alternatives: changes of the model that are not causes, fitted beside the causes before one is named.
+
+A wrong cause may absorb most of an effect that the catalogue does not have. The best explanation is therefore compared
+with simple changes elsewhere: a mass, a softer place, another section, a taper, a resonator. They show where the model
+is wrong, not why, and are never reported as causes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+from receptance.assembly import Assembly
+from receptance.beams import Part
+from receptance.diagnosis.boundary_causes import RESONATOR_PARAMETERS, resonances
+from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.fitting import Explored, explore
+from receptance.diagnosis.model import Model, with_points
+from receptance.diagnosis.screening import Direction, directions, rank
+from receptance.diagnosis.starts import starts_of
+from receptance.diagnosis.thresholds import (
+    ALTERNATIVE_PLACES,
+    ALTERNATIVES_FINISHED,
+    SOFT_LENGTH,
+    TAPER_CYLINDERS,
+)
+from receptance.errors import ReceptanceError
+from receptance.joints import PointMass
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.explanation import Explanation, Selection
+    from receptance.diagnosis.progress import Progress
+
+__all__ = ["ALTERNATIVES", "fit_alternatives"]
+
+
+def _tip(model: Model) -> str:
+    tips = dict.fromkeys(anatomy.tool[0] if anatomy.tool else "" for anatomy in model.anatomies)
+    if len(tips) != 1 or "" in tips:
+        raise UndecidableError("the tools have different names in the assemblies")
+    return next(iter(tips))
+
+
+def _holders(model: Model) -> tuple[str, ...]:
+    holders = {anatomy.holder for anatomy in model.anatomies}
+    return holders.pop() if len(holders) == 1 else ()
+
+
+def _position(part: Part, share: float, beyond: float = 0.0) -> float:
+    """Return the position in m at a share of the length of a part, and a distance beyond it."""
+    return share * part.length + beyond
+
+
+def _attach_mass(name: str, share: float, assembly: Assembly) -> Assembly:
+    part = assembly.elements.get(name)
+    if not isinstance(part, Part):
+        return assembly
+    mass = PointMass(mass=0.0, part=name, position=_position(part, share), name="alternative_mass")
+    return with_points(assembly, mass)
+
+
+def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    places = [(_tip(model), share) for share in ALTERNATIVE_PLACES]
+    places += [(name, share) for name in _holders(model) for share in (0.0, *ALTERNATIVE_PLACES)]
+    for name, share in places:
+        changed = model.rebuild(partial(_attach_mass, name, share))
+        with_mass = changed.plus(p["mass"].unknown("alternative_mass.mass"))
+        where = f"at {100.0 * share:.0f} % of {name}"
+        yield Variant(where, with_mass)
+        yield Variant(f"{where}, with inertia", with_mass.plus(p["inertia"].unknown("alternative_mass.inertia")))
+
+
+def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    found = {
+        f"{name}.segment[{index}].outer_diameter"
+        for one in model.observations
+        for name, part in one.assembly.elements.items()
+        if isinstance(part, Part)
+        for index in range(len(part.segments))
+    }
+    for address in sorted(found):
+        if not model.has(address):
+            name = f"of {address.removesuffix('.outer_diameter')}"
+            yield Variant(name, model.plus(p["log_diameter"].move({address: 1.0}, relative=True)))
+
+
+def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    tip = _tip(model)
+    owners = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
+    if any(len(part.segments) != 1 for part in owners):  # type: ignore[union-attr]
+        raise UndecidableError("the tool has steps")
+    for i in range(TAPER_CYLINDERS - 1):
+        model, _ = model.split(tip, partial(_position, share=(i + 1) / TAPER_CYLINDERS))
+    # The change of the diameter decreases from the tip to zero at the holder.
+    weights = {f"{tip}.segment[{i}].outer_diameter": 1.0 - (i + 0.5) / TAPER_CYLINDERS for i in range(TAPER_CYLINDERS)}
+    yield Variant(f"of {tip}", model.plus(p["log_diameter"].move(weights, relative=True)))
+
+
+def _soft_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    tip = _tip(model)
+    for share in ALTERNATIVE_PLACES:
+        started, _ = model.split(tip, partial(_position, share=share))
+        ended, index = started.split(tip, partial(_position, share=share, beyond=SOFT_LENGTH))
+        move = {f"{tip}.segment[{index - 1}].outer_diameter": 1.0}
+        yield Variant(f"at {100.0 * share:.0f} % of {tip}", ended.plus(p["log_diameter"].move(move, relative=True)))
+
+
+def _resonator(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    tip = _tip(model)
+    yield from resonances(p, model, tip, 0.0, f"on the tip of {tip}")
+
+
+def _alternative(id: str, change: Callable[..., Iterator[Variant]], *parameters: Parameter, meaning: str) -> Cause:
+    remedy = "inspect the place: a mass, a crack, a dimension, a loose part"
+    return Cause(id=id, group="structure", parameters=parameters, change=change, meaning=meaning, remedy=remedy)
+
+
+def _diameter(lower: float, upper: float, typical: float) -> Parameter:
+    return Parameter(name="log_diameter", unit="", lower=lower, upper=upper, typical=typical)
+
+
+ALTERNATIVES = (
+    _alternative(
+        "mass_somewhere",
+        _mass,
+        Parameter(name="mass", unit="kg", lower=0.0, upper=2.0, typical=0.005),
+        Parameter(name="inertia", unit="kg m2", lower=0.0, upper=1e-2, typical=1e-6),
+        meaning="a mass",
+    ),
+    _alternative("other_section", _section, _diameter(-0.4, 0.4, 0.02), meaning="another diameter"),
+    _alternative("cone", _taper, _diameter(-0.4, 0.4, 0.02), meaning="a taper"),
+    _alternative("soft_place", _soft_section, _diameter(-2.0, 0.0, -0.2), meaning="a place with more bending"),
+    _alternative(
+        "body_on_the_tip",
+        _resonator,
+        # At the tip a resonator of a milligram is not negligible.
+        Parameter(name="mass", unit="kg", lower=1e-8, upper=1.0, typical=1e-3, null=1e-8),
+        *RESONATOR_PARAMETERS[1:],
+        meaning="a mass on a spring",
+    ),
+)
+"""Changes that are fitted beside the causes and never reported as causes."""
+
+
+def fit_alternatives(selection: Selection, threads: int | None, report: Progress) -> None:
+    """Fit the alternatives to the base where a cause may be reported; the best ones become `selection.alternatives`."""
+    report.plan("alternatives", 0)
+    passing = [one for one in selection.explanations if one.adequacy.passed]
+    if not passing or passing[0].evidence <= max(selection.threshold, 0.0):
+        return
+    base, best = selection.base, passing[0]
+    if _changes_data(best, base.model):
+        return
+    variants = [(one, variant) for one in ALTERNATIVES for variant in _list_variants(one, base.model)]
+    found = directions(base, variants)
+    selection.evaluations += len(found)
+    explored: list[tuple[Direction, Explored]] = []
+    chosen = rank([one for one in found if one.slopes.shape[1]], selection.penalty)
+    report.plan("alternatives", len(chosen))
+    for direction in chosen:
+        report("alternatives", f"no cause: {direction.cause.meaning} {direction.variant.name}")
+        starts = starts_of(direction, base)
+        # The joint of the best explanation is closer to the solution than that of an inadequate base.
+        starts += [{**one, **best.fit.values} for one in starts[-2:]]
+        few = explore(direction.variant.model, starts, threads=threads)
+        selection.evaluations += few.evaluations
+        if few.ends:
+            explored.append((direction, few))
+    explored.sort(key=lambda pair: pair[1].chi_square + selection.penalty * pair[0].count)
+    # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
+    leaders: dict[str, tuple[Direction, Explored]] = {}
+    for direction, few in explored:
+        leaders.setdefault(direction.cause.id, (direction, few))
+    for direction, few in list(leaders.values())[:ALTERNATIVES_FINISHED]:
+        try:
+            fit = few.finish()
+        except ReceptanceError:
+            continue
+        selection.evaluations += fit.evaluations - few.evaluations
+        selection.alternatives.append(selection.explain((direction.step,), fit))
+    selection.alternatives.sort(key=lambda one: -one.evidence)
+
+
+def _changes_data(best: Explanation, model: Model) -> bool:
+    """Return whether an explanation says that the data are of another quantity, which no change of a structure does."""
+    return any(
+        one.changes_data for cause, name in best.steps for one in _list_variants(cause, model) if one.name == name
+    )
+
+
+def _list_variants(cause: Cause, model: Model) -> list[Variant]:
+    """Return the variants of a change; none where the model cannot have it."""
+    try:
+        return cause.variants(model)
+    except (UndecidableError, ValueError):
+        return []

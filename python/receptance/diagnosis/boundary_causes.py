@@ -1,0 +1,340 @@
+"""Causes beyond the holder: its supports, modes that the model does not have, and the spindle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from receptance.assembly import Assembly
+from receptance.beams import Part
+from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.model import Model, named_elements
+from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
+from receptance.identification.laws import Move
+from receptance.identification.unknowns import Unknown
+from receptance.joints import GroundSpring, Resonator
+from receptance.modal_parts import ModalPart
+
+__all__ = ["BOUNDARY_CAUSES", "RESONATOR_PARAMETERS", "resonances"]
+
+_STIFFNESSES = ("k_y", "k_theta", "k_ytheta")
+_SPRING_FIELDS = (*_STIFFNESSES, "c_y", "c_theta", "c_ytheta")
+_MODE_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
+
+
+def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
+    if len(ends) != 1:
+        raise UndecidableError("the model has no holder, or several")
+    if not all(one.assembly.countable for one in model.observations):
+        raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
+    yield from resonances(p, model, next(iter(ends)), "end", "at the holder's far end")
+
+
+def resonances(
+    p: Mapping[str, Parameter], model: Model, part: str, position: float | Literal["end"], where: str
+) -> Iterator[Variant]:
+    """Yield models with a resonator on a part, tuned to frequencies over the whole band of the lines.
+
+    Parameters
+    ----------
+    p : mapping of str to Parameter
+        `RESONATOR_PARAMETERS` by name.
+    model : Model
+        The model without it.
+    part, position
+        Place of the resonator.
+    where : str
+        The place in the name of the variants.
+    """
+    low, high = _band(model)
+    count = 1 + math.ceil(math.log(high / low) / RESONANCE_STEP)
+    resonator = Resonator(mass=0.0, k_y=1.0, part=part, position=position, name="cause_resonator")
+    changed = model.attach(resonator)
+    for frequency in np.geomspace(low, high, max(count, 2)):
+        angular = 2.0 * math.pi * float(frequency)
+        # No mode is measured outside the lines: a spring to ground or a mass has the same effect there.
+        within = (math.log(low / frequency), math.log(high / frequency))
+        frequency_factor = replace(p["log_frequency"], plausible=within)
+        yield Variant(
+            f"near {frequency:.0f} Hz {where}",
+            changed.plus(
+                p["mass"].unknown(
+                    "cause_resonator.mass",
+                    also={"cause_resonator.k_y": angular**2, "cause_resonator.c_y": 0.02 * angular},
+                ),
+                frequency_factor.move({"cause_resonator.k_y": 2.0, "cause_resonator.c_y": 1.0}, relative=True),
+                p["log_damping"].move({"cause_resonator.c_y": 1.0}, relative=True),
+            ),
+        )
+
+
+def _band(model: Model) -> tuple[float, float]:
+    """Return the lowest and the highest line in Hz."""
+    low = min(float(one.frequency_hz[0].real) for one in model.observations)
+    high = max(float(one.frequency_hz[-1].real) for one in model.observations)
+    return low, high
+
+
+def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    ends = {
+        (name, one)
+        for observation in model.observations
+        for name, one in observation.assembly.elements.items()
+        if isinstance(one, ModalPart)
+    }
+    if not ends:
+        raise UndecidableError("the model does not end with a spindle that is described by its modes")
+    if len(ends) > 1:
+        raise UndecidableError("the assemblies end with different spindles")
+    name, spindle = ends.pop()
+    low, high = _band(model)
+    for index, mode in enumerate(spindle.modes):
+        own = f"{name}.mode[{index}]"
+        if not low <= mode.frequency_hz <= high or model.has(f"{own}.frequency_hz"):
+            continue
+        frequency = p["log_frequency"].move({f"{own}.frequency_hz": 1.0}, relative=True)
+        damping = p["log_damping"].move({f"{own}.damping_ratio": 1.0}, relative=True)
+        size = p["log_shape"].move({f"{own}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True)
+        yield Variant(f"mode at {mode.frequency_hz:.0f} Hz", model.plus(frequency, damping, size))
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """The pieces of a divided spring.
+
+    Attributes
+    ----------
+    name : str
+        Name of the spring; the first piece keeps it.
+    springs : tuple of GroundSpring
+        The pieces.
+    shares : tuple of float
+        Their shares of the whole.
+    places : tuple of float
+        Normalised positions of their middles.
+    """
+
+    name: str
+    springs: tuple[GroundSpring, ...]
+    shares: tuple[float, ...]
+    places: tuple[float, ...]
+
+
+def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    wanted = _identified_springs(model)
+    spread = [_divide(one) for one in wanted if one.length > 0.0]
+    points = [one for one in wanted if one.length == 0.0]
+    if len(points) not in (0, 2) or (not spread and len(points) != 2):
+        raise UndecidableError("the stretch along which the springs to ground could act is unknown")
+    uneven: dict[str, tuple[Unknown, ...]] = {}
+    if spread:
+        own = _normalise(spread)
+        ends = _redistribute(p["log_ends"], own, {one.name: [2.0 * x * x - 1.0 for x in one.places] for one in own})
+        tilt = _redistribute(p["log_tilt"], own, {one.name: list(one.places) for one in own})
+        uneven = {
+            "more or less at the ends": (ends,),
+            "more at one end": (tilt,),
+            "more at the ends, and more at one of them": (ends, tilt),
+        }
+        for name, unknowns in uneven.items():
+            yield Variant(name, _replace_springs(model, own).plus(*unknowns))
+        spread = own
+    if not points:
+        return
+    laid = [_lay_out(one, points, model) for one in points]
+    # As the springs along the stretch grow the point spring decreases: at both bounds the unknown is the whole.
+    along = (
+        _redistribute(p["log_along"], laid, {one.name: [-1.0] + [1.0] * SPRING_COUNT for one in laid}),
+        _redistribute(p["fading"], laid, {one.name: [0.0, *(0.5 - x for x in one.places[1:])] for one in laid}),
+    )
+    yield Variant("not at points", _replace_springs(model, laid).plus(*along))
+    for name, unknowns in uneven.items():
+        yield Variant(f"not at points, {name}", _replace_springs(model, [*laid, *spread]).plus(*along, *unknowns))
+
+
+def _identified_springs(model: Model) -> list[GroundSpring]:
+    """Return the springs to ground that are identified, which must be on one part and alike in all assemblies."""
+    found: dict[str, GroundSpring] = {}
+    for one in model.observations:
+        for name, point in one.assembly.attachments.items():
+            if isinstance(point, GroundSpring) and any(model.has(f"{name}.{field}") for field in _STIFFNESSES):
+                spring = replace(point, name=name, part=point.part or next(iter(one.assembly.elements)))
+                place = (spring.part, spring.position, spring.length, spring.weights)
+                own = found.setdefault(name, spring)
+                if place != (own.part, own.position, own.length, own.weights):
+                    raise UndecidableError(f"{name} has another place in another assembly")
+    if not found:
+        raise UndecidableError("no spring to ground is identified")
+    if len({one.part for one in found.values()}) > 1:
+        raise UndecidableError("the springs to ground are on several parts")
+    return list(found.values())
+
+
+def _position(spring: GroundSpring, model: Model) -> float:
+    if spring.position != "end":
+        return float(spring.position)
+    parts = (one.assembly.elements.get(spring.part) for one in model.observations)
+    return next(part.length for part in parts if isinstance(part, Part))
+
+
+def _divide(spring: GroundSpring) -> _Pieces:
+    """Return a distributed spring in pieces, each with an equal number of its points."""
+    count = next((n for n in SPRING_PIECES if spring.points % n == 0), 0)
+    if not count:
+        raise UndecidableError(
+            f"{spring.name} has {spring.points} points, which cannot be divided into 2 to 6 equal groups"
+        )
+    each, length = spring.points // count, spring.length / count
+    weights = [spring.shares[i * each : (i + 1) * each] for i in range(count)]
+    if any(sum(own) == 0.0 for own in weights):
+        raise UndecidableError(f"{spring.name} has a piece without contact")
+    begin = float(spring.position)
+    springs = tuple(
+        replace(spring, position=begin + i * length, length=length, weights=own, name=_piece_name(spring, i))
+        for i, own in enumerate(weights)
+    )
+    return _Pieces(spring.name, springs, tuple(sum(own) for own in weights), (0.0,) * count)
+
+
+def _normalise(pieces: list[_Pieces]) -> list[_Pieces]:
+    """Return pieces with places from -1 at the start of the first piece to 1 at the end of the last one."""
+    springs = [spring for one in pieces for spring in one.springs]
+    first = min(float(one.position) for one in springs)
+    whole = max(float(one.position) + one.length for one in springs) - first
+    return [
+        replace(
+            one, places=tuple(2.0 * (float(s.position) + 0.5 * s.length - first) / whole - 1.0 for s in one.springs)
+        )
+        for one in pieces
+    ]
+
+
+def _lay_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _Pieces:
+    """Return a point spring with further springs that decay towards the other point spring.
+
+    Places are shares of the distance between the two.
+    """
+    first, last = sorted(_position(one, model) for one in both)
+    if first == last:
+        raise UndecidableError("the springs to ground act at the same point")
+    each = (last - first) / SPRING_COUNT
+    places = tuple((i + 0.5) / SPRING_COUNT for i in range(SPRING_COUNT))
+    forward = _position(spring, model) == first
+    springs = [
+        replace(
+            spring,
+            position=first + i * each if forward else last - (i + 1) * each,
+            length=each,
+            points=2,
+            weights=(),
+            name=_piece_name(spring, i + 1),
+        )
+        for i in range(SPRING_COUNT)
+    ]
+    weights = [math.exp(-SPRING_DECAY * x) for x in places]
+    shares = (1.0, *(SPRING_TRACE * weight / sum(weights) for weight in weights))
+    return _Pieces(spring.name, (spring, *springs), shares, (0.0, *places))
+
+
+def _piece_name(spring: GroundSpring, number: int) -> str:
+    return spring.name if number == 0 else f"cause_{spring.name}_{number}"
+
+
+def _replace_springs(model: Model, pieces: list[_Pieces]) -> Model:
+    """Return the model with springs in pieces, and unknowns that still mean the whole spring."""
+    by_name = {one.name: one for one in pieces}
+    changed = model.rebuild(partial(_divide_in, by_name))
+    return replace(changed, unknowns=tuple(_share(unknown, by_name) for unknown in model.unknowns))
+
+
+def _divide_in(by_name: Mapping[str, _Pieces], assembly: Assembly) -> Assembly:
+    points = []
+    for name, point in assembly.attachments.items():
+        if name not in by_name or not isinstance(point, GroundSpring):
+            points.append(replace(point, name=name))
+            continue
+        own = by_name[name]
+        for spring, share in zip(own.springs, own.shares, strict=True):
+            values = {field: share * getattr(point, field) for field in _SPRING_FIELDS}
+            points.append(replace(spring, **values, loss_factor=point.loss_factor))
+    return Assembly(named_elements(assembly).values(), points, motion=assembly.motion)
+
+
+def _share(unknown: Unknown, by_name: Mapping[str, _Pieces]) -> Unknown:
+    if isinstance(unknown, Move):
+        moves = dict(unknown.moves)
+        for address, n in unknown.moves.items():
+            moves |= dict.fromkeys(_other_pieces(address, by_name), n)
+        return replace(unknown, moves=moves)
+    name, field = unknown.address.partition(".")[::2]
+    if name not in by_name:
+        return unknown
+    shares = by_name[name].shares if field in _SPRING_FIELDS else (1.0,) * len(by_name[name].shares)
+    also = dict(zip(_other_pieces(unknown.address, by_name), shares[1:], strict=True))
+    return replace(unknown, multiple=shares[0], also=also)
+
+
+def _other_pieces(address: str, by_name: Mapping[str, _Pieces]) -> list[str]:
+    name, field = address.partition(".")[::2]
+    return [f"{one.name}.{field}" for one in by_name[name].springs[1:]] if name in by_name else []
+
+
+def _redistribute(parameter: Parameter, pieces: list[_Pieces], shape: Mapping[str, list[float]]) -> Move:
+    moves = {
+        f"{spring.name}.{field}": weight
+        for one in pieces
+        for spring, weight in zip(one.springs, shape[one.name], strict=True)
+        for field in _SPRING_FIELDS
+        if weight
+    }
+    return parameter.move(moves, relative=True)
+
+
+RESONATOR_PARAMETERS = (
+    Parameter(name="mass", unit="kg", lower=1e-6, upper=20.0, typical=0.02, null=1e-6),
+    Parameter(name="log_frequency", unit="", lower=-0.3, upper=0.3, typical=0.0, secondary=True),
+    Parameter(name="log_damping", unit="", lower=-4.0, upper=3.0, typical=0.0, secondary=True),
+)
+"""Parameters of a mass on a spring."""
+
+BOUNDARY_CAUSES = (
+    Cause(
+        id="missing_mode",
+        group="structure",
+        parameters=RESONATOR_PARAMETERS,
+        change=_missing_mode,
+        meaning="spindle or fixture has a mode that the model does not have",
+        remedy="measure the spindle or the fixture alone at that frequency",
+    ),
+    Cause(
+        id="contact_distribution",
+        group="structure",
+        parameters=(
+            Parameter(name="log_ends", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
+            Parameter(name="log_tilt", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
+            Parameter(name="log_along", unit="", lower=0.0, upper=9.0, typical=2.3),
+            Parameter(name="fading", unit="", lower=-5.0, upper=8.0, typical=0.0, secondary=True),
+        ),
+        change=_contact,
+        meaning="a part is held elsewhere along its contact than the model says: more at an end, or not at points",
+        remedy="blue the taper and spread the springs as it bears; mode shapes along the contact confirm it",
+    ),
+    Cause(
+        id="spindle_mode",
+        group="structure",
+        parameters=(
+            Parameter(name="log_frequency", unit="", lower=-0.2, upper=0.2, typical=0.02, plausible=(-0.15, 0.15)),
+            Parameter(name="log_damping", unit="", lower=-2.0, upper=2.0, typical=0.2, plausible=(-1.5, 1.5)),
+            Parameter(name="log_shape", unit="", lower=-1.0, upper=1.0, typical=0.05, plausible=(-0.7, 0.7)),
+        ),
+        change=_spindle_mode,
+        meaning="a mode of the spindle has another frequency, shape or damping than identified",
+        remedy="identify the spindle again, at the temperature and with the preload at which the tool was measured",
+    ),
+)

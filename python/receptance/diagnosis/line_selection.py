@@ -1,0 +1,115 @@
+"""Lines of measured receptances: those that a diagnosis can use, and the most informative ones of these."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISIEST_LINE, SHARED_LOSS
+from receptance.identification.observations import MeasuredFRF, on_lines
+from receptance.identification.task import Observation, place_of
+
+__all__ = ["informative_lines", "select_lines", "thin"]
+
+
+def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
+    """Return the model with the lines that a diagnosis can use, and notes on the others.
+
+    Raises
+    ------
+    ValueError
+        No measurement has enough such lines.
+    """
+    notes: list[str] = []
+    dropped: list[str] = []
+    kept: list[Observation] = []
+    lost = total = 0
+    for index, (one, good) in enumerate(zip(model.observations, _usable(model), strict=True)):
+        if not isinstance(one, MeasuredFRF) or good is None:
+            kept.append(one)
+            continue
+        count = int(np.count_nonzero(good))
+        total += good.size
+        lost += good.size - count
+        if count < min(FEWEST_LINES, good.size):
+            name = one.label or place_of(one, index).configuration or f"observation {index}"
+            dropped.append(f"{name} ({count} of {good.size})")
+            continue
+        kept.append(one if good.all() else on_lines(one, good))
+    if lost:
+        notes.append(
+            f"{lost} of {total} lines are not used: the standard deviation of their logarithm, or of the same line in "
+            f"another record of the configuration, is above {NOISIEST_LINE:g}, where the logarithm is not normal "
+            "(antiresonances, or a low coherence)"
+        )
+    if dropped:
+        missing = (
+            f"too few lines with a standard deviation up to {NOISIEST_LINE:g}: {', '.join(dropped)}; the coherence is "
+            "too low there: hit harder, or average more hits"
+        )
+        if not kept:
+            raise ValueError(missing)
+        notes.append(f"not used: {missing}")
+    return (model.select(tuple(kept)) if dropped else replace(model, observations=tuple(kept))), tuple(notes)
+
+
+def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
+    """Return a mask of the usable lines of each observation, None where there are no lines.
+
+    Records of one configuration keep the same ones where that costs few lines, so that one evaluation serves all.
+    """
+    own: list[NDArray[np.bool_] | None] = []
+    groups: dict[Any, list[int]] = {}
+    for index, one in enumerate(model.observations):
+        own.append(None)
+        if isinstance(one, MeasuredFRF) and one.standard_deviation is not None:
+            own[index] = one.standard_deviation <= NOISIEST_LINE
+            key = (place_of(one, index).configuration, one.frequency_hz.tobytes())
+            groups.setdefault(key, []).append(index)
+    result = list(own)
+    for indices in groups.values():
+        masks = [mask for i in indices if (mask := own[i]) is not None]
+        common = np.logical_and.reduce(masks)
+        if np.mean(~common) <= SHARED_LOSS:
+            for i in indices:
+                result[i] = common
+    return result
+
+
+def informative_lines(model: Model, lines: int = EXPLORING_LINES) -> list[NDArray[np.intp] | None]:
+    """Return the most informative lines of each observation, dense where the logarithm changes fast; None for all.
+
+    Records of one configuration on the same lines get the same ones, so that one evaluation serves all of them.
+    """
+    paths: dict[Any, NDArray[np.float64]] = {}
+    keys: list[Any] = []
+    for index, one in enumerate(model.observations):
+        keys.append(None)
+        if isinstance(one, MeasuredFRF) and one.frequency_hz.size > lines and one.standard_deviation is not None:
+            path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
+            path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
+            place = place_of(one, index).configuration
+            keys[index] = (place, one.response, one.excitation, one.frequency_hz.tobytes())
+            paths[keys[index]] = paths.get(keys[index], 0.0) + path
+    chosen: dict[Any, NDArray[np.intp] | None] = {None: None}
+    for key, path in paths.items():
+        total = np.concatenate([[0.0], np.cumsum(path)])
+        ends = np.searchsorted(total, np.linspace(0.0, total[-1], lines)).clip(0, total.size - 1)
+        chosen[key] = np.unique(ends)
+    return [chosen[key] for key in keys]
+
+
+def thin(model: Model, lines: int = EXPLORING_LINES) -> Model:
+    """Return the model with the most informative lines of each receptance."""
+
+    def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
+        if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
+            return one
+        return on_lines(one, chosen)
+
+    pairs = zip(model.observations, informative_lines(model, lines), strict=True)
+    return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))

@@ -1,0 +1,200 @@
+"""All thresholds and grids of the diagnosis, with meaning and unit.
+
+Evidence and chi-square are dimensionless; so are standard deviations of the logarithm of a receptance. The blind
+laboratory (`tests/blind`) checks them together: see `docs/validation.md`.
+"""
+
+from __future__ import annotations
+
+__all__: list[str] = []
+
+# Lines of measured receptances.
+
+NOISIEST_LINE = 0.12
+"""Largest standard deviation of the logarithm of a line that is used. Above it the logarithm is not normal: it has long
+tails, which heavily damped modes and other wrong changes can fit."""
+SHARED_LOSS = 0.1
+"""Largest share of its lines that a record may lose so that all records of its configuration use the same lines."""
+FEWEST_LINES = 16
+"""Smallest number of lines of a receptance that is used."""
+EXPLORING_LINES = 120
+"""Lines of each receptance while starts of fits are compared."""
+
+# Fits.
+
+CONVERGED = 1e-3
+"""Predicted decrease of chi-square by the next step below which a fit has converged."""
+TIE = 0.01
+"""Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
+SAME_END = 4.0
+"""Difference of chi-square on few lines below which two end points are both fitted on all lines."""
+DIFFERENT_END = 1e-2
+"""Distance of two end points, as a share of the range of a variable, from which they count as different."""
+EVALUATIONS = 100
+"""Most evaluations of a fit on all lines."""
+EVALUATIONS_EXPLORING = 30
+"""Most evaluations of a fit on few lines."""
+EVALUATIONS_OF_START = 8
+"""Evaluations that every start gets on few lines before the starts are compared."""
+CONTINUED_STARTS = 2
+"""Number of starts, the best ones, whose fits on few lines continue."""
+LARGE_SIZE = 3.0
+"""Large sizes from which fits start, as a multiple of the typical size."""
+JOINT_FACTORS = (2.0, 10.0)
+"""Factors of the joint stiffnesses from which fits of a cause without parameters start."""
+WORSE_LEVEL = 1.5
+"""Ratio of the misfits of neighbouring levels from which a level is fitted from its own starting values as well."""
+
+# Adequacy.
+
+MISFIT_LIMIT = 1.25
+"""Misfit up to which a model is adequate: estimates of the noise are not better than that."""
+LEAST_FREEDOM = 3
+"""Fewest degrees of freedom that judge a model: with two, a misfit of 6.9 passes the test at `MISFIT_CHANCE`."""
+MISFIT_CHANCE = 1e-3
+"""Probability with which noise alone exceeds a limit of the adequacy test."""
+BLOCK_LINES = 8
+"""Neighbouring lines whose residuals are added: noise averages out, an error of the model does not."""
+SEEN_VARIANCE = 0.05
+"""Share of the prior variance that the data must remove before the error of a tolerance is tested."""
+STRAINS_SHOWN = 3
+"""Number of strained tolerances that are listed."""
+MISFIT_BANDS = 24
+"""Frequency bands of each receptance among which the largest misfit is located."""
+
+# Screening to first order.
+
+CHANCE_LEVEL = 0.999
+"""Quantile of the best evidence by chance that is the detection threshold. It is high because it holds to first order
+and for noise of known size: of 150 virtual diagnoses without a hidden cause five exceeded the quantile 0.99."""
+CHANCE_DRAWS = 20000
+"""Draws of residuals for that quantile."""
+OTHER_QUANTITY = 0.3
+"""Median error of the logarithm of a receptance from which another measured quantity is tried."""
+VARIANTS_FITTED = 3
+"""Variants of each cause that are fitted, the highest predicted evidence first."""
+INVISIBLE = 1e-8
+"""Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
+
+# Selection.
+
+MARGIN = 10.0
+"""Difference of evidence within which explanations are reported together."""
+ADDED_EVIDENCE = 20.0
+"""Evidence that a further cause must add. An unknown effect is often imitated by a pair of weak causes."""
+ROOTS = 3
+"""Explanations to which further causes are added."""
+ADDED_CAUSES = 6
+"""Further causes that are fitted with each of them."""
+RESTARTED = 8
+"""Explanations by several causes that are fitted level by level where nothing explains the data."""
+SCREENING_LIMIT = 20.0
+"""Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
+SETTLED = 1e-9
+"""Relative decrease of chi-square that replaces the fit of the base."""
+EVALUATED_ON_INTERRUPT = 12
+"""Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines."""
+LEADING_CAUSES = 4
+"""Causes whose best variant is fitted on all lines in any case."""
+IDLE = 10.0
+"""Gain on few lines below which a cause with no predicted evidence is not fitted on all lines."""
+BEHIND = 60.0
+BEHIND_SHARE = 0.3
+"""An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
+BEHIND plus this share of what the best one gains."""
+
+# Alternatives that are not causes.
+
+ALTERNATIVES_FINISHED = 3
+"""Alternatives that are fitted on all lines."""
+ALTERNATIVE_PLACES = (0.15, 0.3, 0.5, 0.7, 0.85)
+"""Places on tool and holder, as shares of the length."""
+SOFT_LENGTH = 1e-3
+"""Length in m of a section with a reduced diameter."""
+TAPER_CYLINDERS = 6
+"""Cylinders of equal length that approximate a taper."""
+
+# The verdict.
+
+ONE_CONFIGURATION = 0.97
+"""Share of the improvement in one configuration from which a cause of the structure is suspected only."""
+STRAIN_CHANCE = 1e-2
+"""Probability of the strain of the tolerances below which a cause is suspected only: a wrong cause leaves an effect
+that the tolerances absorb."""
+VETOED_SHOWN = 3
+"""Number of vetoed causes that are listed."""
+LOOK_ALIKE = 0.9
+"""Cosine between the effects of two causes from which they are listed as look-alikes."""
+
+# Held-out data and residuals by mode.
+
+FOLDS = 4
+"""Most folds; each repeats the whole selection."""
+SINGLES_HELD_OUT = 8
+"""Causes whose own improvement is measured in each fold, the highest evidence first."""
+SAME_MODE = 0.06
+"""Relative difference of two peak frequencies up to which they are the same mode."""
+CIRCLE_WIDTHS = 4.0
+"""Half-power widths on each side of a peak over which a circle is fitted."""
+BIAS_CONFIGURATIONS = 3
+"""Fewest configurations whose errors are tested for a common sign."""
+BIAS_CHANCE = 0.05
+"""Probability, corrected for the number of tests, up to which a bias is reported."""
+LEAST_BIAS = 0.02
+"""Smallest bias that is reported, in percent."""
+
+# Truncated records.
+
+TRUNCATION_STEP = 2.5
+"""Ratio of the power before and after an instant from which the record is truncated there."""
+TRUNCATION_WINDOW = 0.05
+"""Length of the windows that are compared, as a share of the period."""
+TRUNCATION_FROM = 0.3
+"""Earliest truncation, as a share of the period."""
+TRUNCATION_POINTS = 400
+"""Instants of a period."""
+UNEVEN_LINES = 0.02
+"""Largest deviation of a line from a multiple of the spacing, in spacings."""
+
+# Grids and steps of the variants.
+
+SAME_PLACE = 1e-9
+"""Distance in m below which two places are the same."""
+VARIED = 1.05
+"""Ratio of the largest and the smallest value from which a condition has been varied."""
+SHORTEST_SPREAD = 1e-4
+"""Length in m of a spread joint that replaces a point joint."""
+COLLET_GYRATION = 0.6
+"""Radius of gyration of a collet as a multiple of the shank's diameter."""
+TIP_STEP = 1e-5
+"""Distance in m from the tip, or from a place on the tool, of a new step between sections."""
+SHORTENED = 0.98
+"""Share of the length behind the last place on a tool by which the overhang may be shorter than stated."""
+FLUTE_ROOM = 1e-3
+"""Distance in m between two places on a tool below which no end of the flutes is placed between them."""
+RIGID_MODULUS = 2e12
+"""Young's modulus in Pa from which a body is rigid: no material reaches it."""
+METAL_MODULUS = 2e11
+"""Young's modulus in Pa from which the decades of a rigid body's stiffness count."""
+RESONANCE_STEP = 0.08
+"""Distance of the trial frequencies of a resonator, as a natural logarithm."""
+ORDINARY_MODULUS = 0.15
+ORDINARY_DENSITY = 0.1
+"""Natural logarithms up to which a change is an error of the stated material and not another material."""
+MATERIAL_DEVIATIONS = 4.0
+"""Plausible range of a material, in standard deviations of its grades."""
+SUSPENSION_PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Places of a suspension, as shares of the holder's length."""
+HIT_STEP = 5e-6
+"""Distance in m by which a hit is moved from a place that something else needs. It is below `TIP_STEP`, so that hits
+can be moved along flutes."""
+HIT_BOUND = 1e-4
+"""Distance in m below which a step between sections does not bound the offset of a hit: starts of other fits."""
+SPRING_PIECES = (6, 5, 4, 3, 2)
+"""Numbers of pieces into which a distributed spring is divided; the first one that divides its points is used."""
+SPRING_COUNT = 6
+"""Springs between two point springs."""
+SPRING_DECAY = 2.3
+"""Natural logarithm of the decay of these springs from one end to the other."""
+SPRING_TRACE = 1e-3
+"""Sum of these springs relative to the point spring, at the null of the cause."""

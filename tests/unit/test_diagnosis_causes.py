@@ -1,0 +1,148 @@
+"""Causes and explanations as objects: identity of their parameters, variants, and the order of a selection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
+from receptance.diagnosis.causes import IndescribableError, parameters_of
+from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.identification import Law, Move, Tolerance
+
+LINES = np.linspace(200.0, 6000.0, 120)
+
+
+def assembled(overhang: float) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
+
+
+def observed(overhang: float) -> MeasuredFRF:
+    assembly = assembled(overhang)
+    return MeasuredFRF(
+        assembly=assembly,
+        frequency_hz=LINES,
+        receptance=assembly.receptance(LINES),
+        standard_deviation=0.01,
+        label=f"{1e3 * overhang:.0f} mm",
+    )
+
+
+JOINT = (
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
+)
+MODEL = Model((observed(0.05), observed(0.08)), JOINT)
+
+
+def moved_residual(model: Model, cause: str) -> np.ndarray:
+    """Residuals of the lines with all variables off their starts, except those of a cause."""
+    problem = model.task().problem()
+    names = problem.variables.names
+    x = problem.variables.start + 0.01 * np.array([not name.startswith(f"{cause}.") for name in names])
+    return problem.residual(x)[: 2 * LINES.size * len(model.observations)].copy()
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+def test_every_new_unknown_of_a_cause_stands_for_one_of_its_parameters(name: str) -> None:
+    try:
+        variants = CATALOGUE[name].variants(MODEL)
+    except UndecidableError:
+        return
+    declared = {one.key for one in CATALOGUE[name].parameters}
+    for variant in variants:
+        own = parameters_of(variant.model.unknowns)
+        assert {one.key for one in own.values()} <= declared
+        assert {one.cause for one in own.values()} <= {name}
+        assert set(own) == {u.name for u in variant.model.unknowns} - {u.name for u in JOINT}
+
+
+def test_variants_have_different_names() -> None:
+    for cause in CATALOGUE.values():
+        try:
+            names = [one.name for one in cause.variants(MODEL)]
+        except UndecidableError:
+            continue
+        assert len(set(names)) == len(names), cause.id
+
+
+def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
+    """Flutes divide the tool and renumber unknowns; a sensor before them is still found."""
+    steps = (Step(CATALOGUE["sensor_mass"], "50 mm"), Step(CATALOGUE["fluted_part"], "from the tip"))
+    model = MODEL
+    for step in steps:
+        model = step.extend(model)
+    fit: Any = SimpleNamespace(model=model, values={u.name: 0.1 for u in model.unknowns})
+    found = Explanation(steps, fit, 0.0, 0.0)
+    assert list(found.sizes(steps[0].cause)) == ["sensor_mass.mass @ 50 mm"]
+    assert [one.key for one in found.parameters.values()] == [
+        "sensor_mass.mass",
+        "fluted_part.log_diameter",
+        "fluted_part.length",
+    ]
+    assert found.implausible == ("sensor_mass.mass @ 50 mm", "fluted_part.log_diameter")
+    assert found.title == "sensor_mass + fluted_part"
+
+
+def test_an_unknown_that_is_no_parameter_is_refused() -> None:
+    def change(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+        yield Variant("all", model.plus(Unknown(address="joint.c_y", lower=1.0, upper=1e4)))
+
+    odd = Cause(id="odd", group="structure", parameters=(), change=change, meaning="odd", remedy="none")
+    with pytest.raises(TypeError, match=r"Cause 'odd': the unknown 'joint.c_y' of 'all' is not made of one of its par"):
+        odd.variants(MODEL)
+
+
+def test_a_variant_that_the_model_does_not_have() -> None:
+    with pytest.raises(IndescribableError, match="sensor_mass 99 mm"):
+        Step(CATALOGUE["sensor_mass"], "99 mm").extend(MODEL)
+
+
+def test_a_collet_of_no_mass_is_the_joint() -> None:
+    """Laws, moves and tolerances of the joint apply to both springs, so that nothing changes."""
+    unknowns = (
+        Law(address="joint.k_y", lower=1e6, upper=1e11, start=6e8, individual=0.05, follows={"joint.c_y": 0.5}),
+        Move(address="both", lower=-1.0, upper=1.0, moves={"joint.k_theta": 1.0, "joint.c_theta": -1.0}, relative=True),
+    )
+    tolerances = (Tolerance(name="loss", moves={"joint.c_theta": 0.1}, relative=True),)
+    model = Model(MODEL.observations, unknowns, tolerances)
+    (collet, *_) = CATALOGUE["collet_mass"].variants(model)
+    assert collet.name == "between tool and holder"
+    assert isinstance(collet.model.observations[0].assembly.elements["joint"], ColletJoint)
+    before, after = (moved_residual(one, "collet_mass") for one in (model, collet.model))
+    np.testing.assert_allclose(after, before, atol=1e-7)
+    with pytest.raises(UndecidableError, match="has a collet"):
+        CATALOGUE["collet_mass"].variants(collet.model)
+
+
+def explanation(evidence: float, *ids: str) -> Explanation:
+    return Explanation(tuple(Step(CATALOGUE[id], "all") for id in ids), SimpleNamespace(), evidence, evidence)  # type: ignore[arg-type]
+
+
+def test_a_selection_keeps_the_best_of_each_set_of_causes_in_order() -> None:
+    base: Any = SimpleNamespace(chi_square=1000.0)
+    selection = Selection(base, 7.0)
+    assert selection.best is None
+    worse, better = explanation(3.0, "sensor_mass"), explanation(5.0, "sensor_mass")
+    gain, pair = explanation(4.0, "calibration_gain"), explanation(9.0, "sensor_mass", "calibration_gain")
+    selection.add([worse, pair])
+    selection.add([gain, better])
+    assert selection.singles == [better, gain]
+    assert selection.several == [pair]
+    assert selection.explanations == [pair, better, gain]
+    # The order of the causes makes no other explanation.
+    selection.add([explanation(8.0, "calibration_gain", "sensor_mass")])
+    assert selection.several == [pair]
+    selection.remove(pair)
+    assert selection.best is better
+    again: Any = SimpleNamespace(chi_square=998.0)
+    selection.replace_base(again)
+    assert selection.base is again
+    assert [one.evidence for one in selection.singles] == [3.0, 2.0]
