@@ -36,6 +36,10 @@ EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
 EVALUATIONS_EXPLORING = 30
 """Most evaluations of a fit on few lines."""
+EVALUATIONS_OF_BASE = 200
+"""Most evaluations from each start of the base on few lines."""
+TOLERANCE_OF_BASE = 1e-10
+"""Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
 """Evaluations that every start gets on few lines before the starts are compared."""
 CONTINUED_STARTS = 2
