@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     import receptance.io
     import receptance.measurement
     import receptance.modal
-    import receptance.plot
     import receptance.report
     import receptance.spindle
     import receptance.stability
@@ -91,7 +90,6 @@ _SUBPACKAGES = (
     "io",
     "measurement",
     "modal",
-    "plot",
     "report",
     "spindle",
     "stability",

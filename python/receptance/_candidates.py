@@ -209,7 +209,7 @@ class _Assemblies(Candidates):
         # One after the other, so that signals are seen in between.
         super().__init__(addresses, lines.size, _CALL_S)
         # Brings all that fits need.
-        from receptance.identification.stepped_place import SteppedPlace
+        from receptance._stepped_place import SteppedPlace
 
         self._assembly, self._lines, self._threads = assembly, lines, threads
         self._places = [SteppedPlace(assembly, point) for point in points]

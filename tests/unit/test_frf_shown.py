@@ -10,7 +10,7 @@ import pytest
 
 from bar_frf import LINES, make
 from receptance import FRF
-from receptance.plot._style import as_image
+from receptance.report.figure import as_image
 
 
 def test_pickles():

@@ -87,7 +87,7 @@ class LevelSeries(Results[ForceSeries]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw each parameter over the levels with its law; see `Result.plot`."""
-        from receptance.plot.series import draw_series
+        from receptance.campaign.figure import draw_series
 
         return draw_series(self, ax)
 

@@ -98,7 +98,7 @@ def catalogue(
         found = with_progress(lambda say: _run(read, wanted, say))
 
     def draw() -> Figure:
-        from receptance.plot.catalogue import draw_catalogue
+        from receptance.catalogue.figure import draw_catalogue
 
         return draw_catalogue(found, read.title)
 
@@ -203,10 +203,10 @@ def _with_files(
     predictions: Iterator[ToolPrediction], names: dict[str, str], figures: Path | None, frfs: Path | None
 ) -> Iterator[ToolPrediction]:
     """Write the files of each tool while predictions go through."""
+    from receptance.catalogue.figure import draw_tool
     from receptance.catalogue.writing import as_frf
     from receptance.io import write
-    from receptance.plot import as_image
-    from receptance.plot.catalogue import draw_tool
+    from receptance.report.figure import as_image
 
     for one in predictions:
         name = names[one.row.name]

@@ -153,7 +153,7 @@ class Targets:
         if self.extended is not None and extended is not None:
             contents[self.extended] = extended.encode()
         if self.plot is not None and draw is not None:
-            from receptance.plot import as_image
+            from receptance.report.figure import as_image
 
             try:
                 contents[self.plot] = as_image(draw(), self.kind)
@@ -211,7 +211,7 @@ def _beside(path: Path, what: str) -> Path:
 
 
 def _image_kind(plot: Path) -> str:
-    from receptance.plot import image_formats
+    from receptance.report.figure import image_formats
 
     kind = plot.suffix.removeprefix(".").lower()
     if kind not in image_formats():

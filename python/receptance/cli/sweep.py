@@ -311,6 +311,6 @@ def _document(read: Campaign, found: xr.Dataset, best: list[int], chosen: xr.Dat
 
 
 def _figure(found: xr.Dataset) -> Figure:
-    from receptance.plot.sweep import draw_misfit
+    from receptance.sweep.figure import draw_misfit
 
     return draw_misfit(found)

@@ -238,7 +238,7 @@ def _lay_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _P
         for i in range(SPRING_COUNT)
     ]
     weights = [math.exp(-SPRING_DECAY * x) for x in places]
-    shares = (1.0, *(SPRING_TRACE * weight / sum(weights) for weight in weights))
+    shares = (1.0, *(math.exp(SPRING_TRACE) * weight / sum(weights) for weight in weights))
     return _Pieces(spring.name, (spring, *springs), shares, (0.0, *places))
 
 

@@ -21,14 +21,16 @@ from receptance.diagnosis.thresholds import (
     DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
+    EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
     SAME_END,
+    TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
 from receptance.identification.conclusion import conclude
-from receptance.identification.fit import identify
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
+from receptance.identification.search import fit_direct, fit_staged
 from receptance.identification.task import place_of
 
 if TYPE_CHECKING:
@@ -184,22 +186,18 @@ def _few(model: Model, threads: int | None) -> tuple[Task, Problem]:
 
 def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
     """Return the model fitted from its own starting values: in stages on few lines, then on all lines."""
-    few = thin(model)
+    task = thin(model).task(threads)
+    problem = task.problem()
+    # Not `identify`: where data contradict the model it enlarges their noise, and a diagnosis asks for the reason.
     if all(isinstance(one, MeasuredFRF) for one in model.observations):
-        found = identify(
-            few.observations,
-            few.unknowns,
-            tolerances=few.tolerances,
-            strategy="staged",
-            starts=1,
-            seed=seed,
-            threads=threads,
-        )
+        starts = task.variables.draw(1, seed)
+        runs = fit_staged(task, problem, starts, seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     else:
-        found = identify(
-            few.observations, few.unknowns, tolerances=few.tolerances, starts=8, seed=seed, threads=threads
-        )
-    return _finish(model, found.values, threads, found.evaluations)
+        runs = fit_direct(problem, task.variables.draw(8, seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
+    best = min(runs, key=lambda run: run.cost)
+    if not np.isfinite(best.cost):
+        raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {best.message}")
+    return _finish(model, best.values, threads, problem.evaluations)
 
 
 @dataclass(frozen=True, eq=False)

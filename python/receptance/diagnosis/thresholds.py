@@ -6,6 +6,8 @@ laboratory (`tests/blind`) checks them together: see `docs/validation.md`.
 
 from __future__ import annotations
 
+import math
+
 __all__: list[str] = []
 
 # Lines of measured receptances.
@@ -34,6 +36,10 @@ EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
 EVALUATIONS_EXPLORING = 30
 """Most evaluations of a fit on few lines."""
+EVALUATIONS_OF_BASE = 200
+"""Most evaluations from each start of the base on few lines."""
+TOLERANCE_OF_BASE = 1e-10
+"""Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
 """Evaluations that every start gets on few lines before the starts are compared."""
 CONTINUED_STARTS = 2
@@ -196,5 +202,5 @@ SPRING_COUNT = 6
 """Springs between two point springs."""
 SPRING_DECAY = 2.3
 """Natural logarithm of the decay of these springs from one end to the other."""
-SPRING_TRACE = 1e-3
-"""Sum of these springs relative to the point spring, at the null of the cause."""
+SPRING_TRACE = math.log(1e-3)
+"""Natural logarithm of the sum of these springs relative to the point spring, at the null of the cause."""

@@ -422,7 +422,7 @@ class Verdict(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw measured and modelled data before and after, and the evidence of the candidates; see `Result.plot`."""
-        from receptance.plot.diagnosis import draw_diagnosis
+        from receptance.diagnosis.figure import draw_diagnosis
 
         return draw_diagnosis(self, ax)
 

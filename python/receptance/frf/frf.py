@@ -315,8 +315,8 @@ class FRF(Record):
         return as_dataset(self)
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Return a figure of magnitude, phase and, where it is known, coherence; see `receptance.plot.frf.draw_frf`."""
-        from receptance.plot.frf import draw_frf
+        """Return a figure of magnitude, phase and, where known, coherence; see `receptance.frf.figure.draw_frf`."""
+        from receptance.frf.figure import draw_frf
 
         return draw_frf(self, ax)
 

@@ -217,7 +217,7 @@ class NextMeasurement(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the interval of each target now and with each candidate; see `Result.plot`."""
-        from receptance.plot.next_measurement import draw_next_measurement
+        from receptance.identification.figures.next_measurement import draw_next_measurement
 
         return draw_next_measurement(self, ax)
 

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
+from receptance._stepped_place import SteppedPlace
 from receptance.errors import ReceptanceError
 from receptance.identification.factors import FACTORS
 from receptance.identification.mapping import Addresses, Parameters
 from receptance.identification.residuals import FRFResidual
 from receptance.identification.spread import quantile
-from receptance.identification.stepped_place import SteppedPlace
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:

@@ -293,10 +293,27 @@ class Problem:
             found.normal,
             strict=True,
         )
-        ends = [End(*one) for one in numbers]
+        kept = np.append(moving | of_all, True)
+        ends = [self._against_bound(start, End(*one), kept) for start, one in zip(starts, numbers, strict=True)]
         self.evaluations += sum(end.evaluations for end in ends)
         self._end = min(ends, key=lambda end: end.cost, default=None)
         return ends
+
+    def _against_bound(self, start: NDArray[np.float64], end: End, kept: NDArray[np.bool_]) -> End:
+        """Return the start itself where it lies on a bound and fits better than the end.
+
+        The engine works inside of the bounds. A model may jump at one: a spring of zero stiffness leaves a free body
+        its rigid-body modes, and any stiffness makes modes of them.
+        """
+        low, high = self.variables.limits
+        if not ((start <= low) | (start >= high)).any():
+            return end
+        matrix = self.core.normal_matrix(np.ascontiguousarray(start))
+        cost = 0.5 * float(matrix[-1, -1])
+        if not cost < end.cost:
+            return end._replace(evaluations=end.evaluations + 1)
+        own = np.ascontiguousarray(matrix[np.ix_(kept, kept)])
+        return end._replace(x=start.copy(), cost=cost, evaluations=end.evaluations + 1, normal=own)
 
     def fit_one(self, start: NDArray[np.float64], most: int = 100, **settings: Any) -> End:
         """Return the end of the fit from one start, which may be outside of the bounds; `settings` as of `fit`."""

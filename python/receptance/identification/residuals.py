@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
+from receptance._stepped_place import SteppedPlace
 from receptance.errors import ReceptanceError
 from receptance.identification.early_end import EarlyEnd
 from receptance.identification.factors import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, frequency_weights
-from receptance.identification.stepped_place import SteppedPlace
 from receptance.identification.unknowns import covered
 
 if TYPE_CHECKING:

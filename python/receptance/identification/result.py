@@ -32,6 +32,8 @@ __all__ = ["Identification", "Start"]
 
 _CORRELATED = 0.9
 """Correlations beyond this are named in the summary."""
+_MOST_CORRELATIONS = 6
+"""Correlations that are named, the strongest first; `to_dict` has the matrix."""
 _NO_RESIDUAL = 1e-3
 """Root mean squares below this are printed as that: they are rounding errors."""
 _NOT_DETERMINED = 1e3
@@ -513,7 +515,7 @@ class Identification(Result):
         """Draw measurements, fitted model and intervals, of a series the parameters over levels; see `Result.plot`."""
         if self.series:
             return self.series.plot(ax)
-        from receptance.plot.campaign import draw_identification
+        from receptance.identification.figures.fit import draw_identification
 
         return draw_identification(self, ax)
 
@@ -578,13 +580,15 @@ class Identification(Result):
                     if self._at_a_level(second):
                         first, second = (name.split(" @ ")[0] for name in (first, second))
                     pairs.setdefault(f"{first} and {second}", []).append(float(self.correlation[i, j]))
+        order = sorted(pairs.items(), key=lambda pair: -max(map(abs, pair[1])))
         texts = [
             f"{names}: {own[0]:+.3f}"
             if len(own) == 1
             else f"{names} at {len(own)} levels: {min(own):+.3f} to {max(own):+.3f}"
-            for names, own in pairs.items()
+            for names, own in order[:_MOST_CORRELATIONS]
         ]
-        return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}."] if texts else []
+        more = f"; and {len(order) - len(texts)} more" if len(order) > len(texts) else ""
+        return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}{more}."] if texts else []
 
     def _at_a_level(self, name: str) -> bool:
         """Return whether a parameter is one of a series, which has tables of its own."""

@@ -91,7 +91,7 @@ def transfer(
     ...     for length in (0.05, 0.07, 0.09)
     ... ]
     >>> transfer(measured, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), starts=2)
-    Transfer(3 splits, 6 modes predicted to 0.00554 % rms, 6 of 6 in their 95 % intervals)
+    Transfer(3 splits, 6 modes predicted to 0.00554 % rms, +0.00 % on average, 6 of 6 in their 95 % intervals)
     """
     observed = (observations,) if isinstance(observations, Observation) else tuple(observations)
     for index, one in enumerate(observed):

@@ -198,7 +198,7 @@ class ModalFit(Result):
 
     def plot(self, ax: Axes | None = None, *, response: int = 0, excitation: int = 0) -> Figure:
         """Draw measured and synthesised values of one entry, residuals and poles; see `Result.plot`."""
-        from receptance.plot.modal import draw_modal_fit
+        from receptance.modal.figure import draw_modal_fit
 
         return draw_modal_fit(self, response=response, excitation=excitation, ax=ax)
 

@@ -131,7 +131,7 @@ class RingDown(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw natural frequency and damping against amplitude; see `Result.plot`."""
-        from receptance.plot.modal import draw_ring_down
+        from receptance.modal.figure import draw_ring_down
 
         return draw_ring_down(self, ax)
 

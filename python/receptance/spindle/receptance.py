@@ -170,7 +170,7 @@ class SpindleReceptance(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the three terms with bands, and the condition number; see `Result.plot`."""
-        from receptance.plot.spindle import draw_spindle
+        from receptance.spindle.figure import draw_spindle
 
         return draw_spindle(self, ax=ax)
 

@@ -287,7 +287,7 @@ class Lobes(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw limit, band, recommended speeds and chatter frequency; see `Result.plot`."""
-        from receptance.plot.stability import draw_lobes
+        from receptance.stability.figure import draw_lobes
 
         return draw_lobes(self, ax)
 
@@ -340,7 +340,7 @@ class Stability(Results[Lobes]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the lobes of each cut with their bands; see `Result.plot`."""
-        from receptance.plot.stability import draw_several_lobes
+        from receptance.stability.figure import draw_several_lobes
 
         return draw_several_lobes(self, ax)
 

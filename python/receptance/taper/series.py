@@ -264,7 +264,7 @@ class ForceSeries(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw values with 95 % intervals, and the best law; see `Result.plot`."""
-        from receptance.plot.series import draw_force_series
+        from receptance.taper.figure import draw_force_series
 
         return draw_force_series(self, ax)
 

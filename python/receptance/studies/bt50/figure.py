@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
-from receptance.plot.series import draw_over_levels
+from receptance.report.figure import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
 from receptance.studies.bt50.report import series_of
 from receptance.taper import ForceSeries
+from receptance.taper.figure import draw_over_levels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.plot._style import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""The figure of a campaign over levels: every parameter with its intervals and the law that describes it."""
+"""Figures of a parameter over levels, with its intervals and the law that describes it."""
 
 from __future__ import annotations
 
@@ -7,63 +7,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.campaign.addresses import kind_of
-from receptance.plot._style import COLOURS, finished, set_up, surface, title_left
+from receptance.report.figure import COLOURS, finished, set_up, surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.campaign.series import LevelSeries
     from receptance.taper import ForceSeries
 
-__all__ = ["draw_force_series", "draw_over_levels", "draw_series"]
+__all__ = ["axis_unit", "draw_force_series", "draw_over_levels", "draw_with_law"]
 
 _NORMAL = 1.96
 _RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 _LAWS = {"constant": "constant", "linear": "K\u2080 + a F", "power": "K\u2080 + a F\u207f"}
 
 
-def draw_series(found: LevelSeries, ax: Axes | None = None) -> Figure:
-    """Draw each parameter over the levels, with 95 % whiskers and its law, as the paper's figures 10 to 13.
-
-    Parameters
-    ----------
-    found : LevelSeries
-        Of a campaign with a series of six levels or more.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
-    over = f"{found.over} ({found.unit})" if found.unit else found.over
-    count = len(found)
-    columns = min(count, 3 if count > 4 else 2)
-    rows = -(-count // columns)
-    figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
-    panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
-    for axes, (name, series) in zip(panels, found.items(), strict=False):
-        factor, label = _unit(kind_of(name).unit, series)
-        _draw_with_law(axes, series, factor, over, label)
-    for axes in panels[count:]:
-        axes.set_visible(False)
-    if found.provenance.title:
-        title_left(figure, found.provenance.title)
-    return finished(figure)
-
-
 def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:
     """Draw one parameter over force with 95 % whiskers and its law; units as they are."""
     figure = surface(ax, 7.1, 4.9)
-    factor, label = _unit("", series)
-    _draw_with_law(figure.subplots(), series, factor, "force", label)
+    factor, label = axis_unit("", series)
+    draw_with_law(figure.subplots(), series, factor, "force", label)
     return finished(figure)
 
 
-def _draw_with_law(axes: Axes, series: ForceSeries, factor: float, over: str, label: str) -> None:
+def draw_with_law(axes: Axes, series: ForceSeries, factor: float, over: str, label: str) -> None:
+    """Draw a parameter over its levels and its law, with titles and a legend."""
     set_up(axes, series.name, over, label)
     draw_over_levels(axes, series, factor, COLOURS[0] if ".k_" in series.name else COLOURS[1], "identified, 95 %")
     _legend(axes, series)
@@ -89,7 +57,7 @@ def draw_over_levels(
     )
 
 
-def _unit(unit: str, series: ForceSeries) -> tuple[float, str]:
+def axis_unit(unit: str, series: ForceSeries) -> tuple[float, str]:
     """Return the factor by which values are multiplied, and the label of the axis."""
     power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
     if -3 < power <= 3:

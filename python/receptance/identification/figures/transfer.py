@@ -8,7 +8,7 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification.spread import SAYS_NOTHING
-from receptance.plot._style import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""What all figures share."""
+"""Shared parts of all figures; matplotlib is loaded when one is drawn, and figures are returned, not shown."""
 
 from __future__ import annotations
 

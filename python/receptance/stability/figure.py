@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, PALE, finished, set_up, surface
+from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

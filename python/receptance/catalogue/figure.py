@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, PALE, new_figure, set_up
+from receptance.report.figure import COLOURS, INK, PALE, new_figure, set_up
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification import MeasuredFRF
-from receptance.plot._style import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.frf.places import Unplaced, describe
-from receptance.plot._style import COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

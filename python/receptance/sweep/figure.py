@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, INK, keep_clear, new_figure, set_up
+from receptance.report.figure import COLOURS, INK, keep_clear, new_figure, set_up
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +49,7 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
     Examples
     --------
     >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment
-    >>> from receptance.plot.sweep import draw_misfit
+    >>> from receptance.sweep.figure import draw_misfit
     >>> from receptance.sweep import Grid, Misfit, sweep
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> joint = PointJoint(k_y=1e8, k_theta=1e5, name="joint")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import BAD, COLOURS, INK, finished, set_up, surface, title_left
+from receptance.report.figure import BAD, COLOURS, INK, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +46,7 @@ def draw_profiles(profiles: Profiles, ax: Axes | None = None) -> Figure:
     Examples
     --------
     >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
-    >>> from receptance.plot.profiles import draw_profiles
+    >>> from receptance.identification.figures.profiles import draw_profiles
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
     >>> modes = MeasuredFrequencies(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.plot._style import COLOURS, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import COLOURS, PALE, finished, set_up, surface, title_left
 from receptance.terminals import ENTRIES
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""Figures of identifications, profiles, samples, predictions, transfers, inverse couplings and next measurements."""
