@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 from unittest import mock
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from receptance import MeasuredFRF
 from receptance.diagnosis import Verdict, diagnose
-from receptance.identification.task import Task
+from receptance.identification.problem import End, Problem
 
 from . import campaigns
 from .pair import Pair
@@ -21,7 +23,7 @@ CAUSES = ("time_delay", "calibration_gain", "sensor_mass", "tool_modulus", "join
 
 
 def diagnosis_pairs(lines: int) -> Iterator[Pair]:
-    """Yield the pair, on one thread: whole fits in the core beside fits whose steps are taken in Python."""
+    """Yield the pair, on one thread: whole fits in the core beside fits by SciPy."""
     made = campaigns.campaign(lines)
     seen = [_delayed(one) for one in made.observations]
 
@@ -29,8 +31,7 @@ def diagnosis_pairs(lines: int) -> Iterator[Pair]:
         return diagnose(seen, made.unknowns, tolerances=made.tolerances, causes=CAUSES, most=1, threads=1)
 
     def step_by_step() -> Verdict:
-        # The road of models that the core's fits do not know: residuals and derivatives from the core, all else NumPy.
-        with mock.patch.object(Task, "modelled", return_value=None):
+        with mock.patch.object(Problem, "fit", _fit_by_scipy):
             return told()
 
     def difference(ours: Verdict, theirs: Verdict) -> float:
@@ -48,7 +49,7 @@ def diagnosis_pairs(lines: int) -> Iterator[Pair]:
 
     yield Pair(
         subject=f"diagnosis of {len(seen)} overhangs, {len(made.tolerances)} tolerances, {len(CAUSES)} causes",
-        against="the steps of each fit in Python, derivatives from the core",
+        against="the fits by SciPy, derivatives from the core",
         ours=told,
         reference=step_by_step,
         difference=difference,
@@ -57,6 +58,44 @@ def diagnosis_pairs(lines: int) -> Iterator[Pair]:
         most_rounds=3,
         remark=remark,
     )
+
+
+def _fit_by_scipy(
+    problem: Problem,
+    starts: np.ndarray,
+    most: int | np.ndarray = 100,
+    *,
+    free: np.ndarray | None = None,
+    tolerance: float = 1e-10,
+    least: float = 0.0,
+    of_all: bool = False,
+) -> list[End]:
+    """Return the ends of fits as `Problem.fit` does, with residuals and derivatives from the core and SciPy's steps."""
+    limits = problem.variables.limits
+    moving = np.ones(starts.shape[1], dtype=bool) if free is None else free
+    ends = []
+    for start, number in zip(np.asarray(starts), np.broadcast_to(most, len(starts)), strict=True):
+
+        def whole(z: np.ndarray, start: np.ndarray = start) -> np.ndarray:
+            x = start.copy()
+            x[moving] = z
+            return x
+
+        first = 0.5 * float(np.square(problem.residual(start)).sum())
+        settings: dict[str, Any] = {"ftol": max(tolerance, 1e-8), "xtol": 1e-8, "gtol": 1e-8, "max_nfev": int(number)}
+        found = least_squares(
+            lambda z: problem.residual(whole(z)),
+            np.clip(start[moving], *limits[:, moving]),
+            jac=lambda z: problem.jacobian(whole(z))[:, moving],
+            bounds=tuple(limits[:, moving]),
+            x_scale="jac",
+            **settings,
+        )
+        x = whole(found.x)
+        jacobian = problem.jacobian(x)[:, np.ones_like(moving) if of_all else moving]
+        rows = np.column_stack([jacobian, problem.residual(x)])
+        ends.append(End(x, float(found.cost), first, int(found.nfev), int(found.status), rows.T @ rows))
+    return ends
 
 
 def _delayed(one: MeasuredFRF) -> MeasuredFRF:

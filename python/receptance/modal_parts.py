@@ -87,7 +87,9 @@ def modal_entries(modes: Iterable[Mode], lines: NDArray[Any]) -> NDArray[np.comp
     ResonanceError
         A line that meets a mode without damping exactly.
     """
-    return _core.modal_receptance(_core.Lines(lines, tau), np.array([mode.columns() for mode in modes]))
+    return _core.modal_receptance(
+        _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns() for mode in modes])
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -91,12 +91,14 @@ def test_an_assembly_is_a_rigid_body_too(part: Part, mass: float, inertia: float
     np.testing.assert_allclose(assembly.receptance(f).real, expected, rtol=1e-6)
 
 
-@given(part=parts(most=2), springs=springs(damped=True), f=logarithmic(0.5, 5.0))
-def test_a_stiff_part_on_a_support_is_the_supports_compliance(part: Part, springs: dict[str, float], f: float) -> None:
+@given(part=parts(most=2), springs=springs(damped=True), share=logarithmic(1e-6, 1e-4))
+def test_a_stiff_part_on_a_support_is_the_supports_compliance(
+    part: Part, springs: dict[str, float], share: float
+) -> None:
     """Far below the first mode, the loaded end moves as the inverse of the support's stiffness says."""
     assembly = Assembly([Part(part.segments, name="body")], [GroundSpring(**springs, part="body", name="support")])
+    f = share * first_mode(assembly)
     k = GroundSpring(**springs).stiffness([f])[0]
-    assume(f < 1e-4 * first_mode(assembly))
     points = both_ends(assembly)[:2]
     assert_same(assembly.receptance([f], response=points, excitation=points), np.linalg.inv(k)[None], 1e-5)
 

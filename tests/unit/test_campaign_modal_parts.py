@@ -264,9 +264,10 @@ ANOTHER = Cause(
 @pytest.mark.slow
 def test_a_cause_that_changes_the_modal_part_is_written(tmp_path: Path) -> None:
     more = (*MODES, Mode(frequency_hz=1300.0, damping_ratio=0.02, y=0.15, theta=0.0))
-    found = written(tmp_path, KNOWN, modes=more, step=10).diagnose([ANOTHER])
-    assert found.verdict.explanation is not None
-    again = campaign.load(found.write_extended(tmp_path / "extended.toml"))
+    given = written(tmp_path, KNOWN, modes=more, step=10)
+    found = given.diagnose([ANOTHER])
+    assert found.explanation is not None
+    again = campaign.load(given.write_extended(found, tmp_path / "extended.toml"))
     spindle = again.assemblies["machine"].elements["spindle"]
     assert isinstance(spindle, ModalPart)
     assert len(spindle.modes) == 3

@@ -142,13 +142,13 @@ def test_a_title_is_only_a_title(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 def test_results_are_not_lost_with_a_figure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from receptance import plot
+    from receptance.report import figure as rendering
 
     def fails(figure: object, kind: str) -> bytes:
         raise RuntimeError("no such figure")
 
     write(Path())
-    monkeypatch.setattr(plot, "as_image", fails)
+    monkeypatch.setattr(rendering, "as_image", fails)
     assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", "i.svg") == 1
     assert "no such figure" in capsys.readouterr().err
     assert left() == {"campaign.toml", "i.json"}

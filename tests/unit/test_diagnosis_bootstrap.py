@@ -59,7 +59,7 @@ def test_the_linearised_maximum_is_that_of_full_refits() -> None:
         linear.append(max(one.score - PENALTY * one.count for one in found))
         best = -np.inf
         for one in found:
-            end = refit(one.variant.model, {**fit.values, **one.step}, threads=1)
+            end = refit(one.variant.model, {**fit.values, **one.estimate}, threads=1)
             best = max(best, fit.chi_square - end.chi_square - PENALTY * one.count)
         full.append(best)
     # Draw by draw the two are the same number, and so are their distributions and the threshold's own draws.

@@ -300,7 +300,7 @@ class Prediction(Result):
         ]
         inside += [yes for frf in self.frfs for peak in frf.peaks if (yes := peak.within(self.reach)) is not None]
         rest = len(self.errors_percent) - len(inside)
-        wide = f"; {rest} intervals are too wide to say anything" if rest else ""
+        wide = f"; {rest} intervals are too wide to be useful" if rest else ""
         return [
             f"held out: {len(self.errors_percent)} natural frequencies and peaks, predicted {self.rms_percent:.2f} % "
             f"rms off; {sum(inside)} of {len(inside)} within the {100.0 * self.level:g} % intervals{wide}.",

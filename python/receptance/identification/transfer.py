@@ -18,6 +18,7 @@ from receptance.identification.spread import quantile
 from receptance.identification.task import Observation, place_of
 from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
 from receptance.identification.unknowns import Unknown, covered
+from receptance.terminals import Terminal
 
 if TYPE_CHECKING:
     from receptance.identification.result import Identification
@@ -258,9 +259,16 @@ def _frf(
 
 
 def _peaks(frf: TransferredFRF, forecast: Forecast, fit: Identification, level: float) -> list[TransferredMode]:
-    """Return measured peaks beside predicted ones; a predicted one moves as the natural frequency nearest to it."""
+    """Return measured peaks beside predicted ones; a predicted one moves as the natural frequency nearest to it.
+
+    An assembly with a spindle known by its receptances has no natural frequencies: its peaks have no interval.
+    """
     lines, predicted = frf.predicted.frequency_hz, frf.predicted.receptance
-    found, scatter = forecast.natural_frequencies(1.1 * float(lines[-1].real))
+    known = not any(isinstance(one, Terminal) for one in forecast.assembly.elements.values())
+    found, deviation = np.empty(0), np.empty(0)
+    if known:
+        found, scatter = forecast.natural_frequencies(1.1 * float(lines[-1].real))
+        deviation = scatter.total
     rows = []
     for peak in match_peaks(lines, frf.measured, predicted, frf.noise):
         if peak.measured_hz is None:
@@ -273,7 +281,7 @@ def _peaks(frf: TransferredFRF, forecast: Forecast, fit: Identification, level: 
                 mode=None if near is None else near + 1,
                 measured_hz=peak.measured_hz,
                 predicted_hz=peak.predicted_hz,
-                deviation_hz=None if near is None else float(scatter.total[near]),
+                deviation_hz=None if near is None else float(deviation[near]),
                 reading_hz=peak.measured_deviation_hz,
                 reach=fit.reach(level),
             )
