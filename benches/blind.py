@@ -1,9 +1,9 @@
 """The blind laboratory: `python benches/blind.py --cases N --seed S [--json FILE] [--shard i/n] [--resume FILE]
 [--budget MIN]`.
 
-Hides an effect in every case (or nothing, in a third of them), asks the package, opens the truth and prints the score
-table, with exact binomial intervals. Every case is drawn anew from the seed and its number, so that shards and a
-resumed run give the same cases as one long run. The file of `--resume` holds one JSON line for each finished case;
+Hides an effect in every case (none in a third of them), runs the diagnosis, compares it with the truth and prints the
+score table, with exact binomial intervals. Every case is drawn anew from the seed and its number, so shards and a
+resumed run give the same cases as one long run. The file of `--resume` has one JSON line for each finished case;
 several shards are scored together with `--score FILE FILE ...`. Any beginning of the list of cases is a fair mixture,
 so `--budget` may end a run early: after so many minutes no case is begun any more, and the table says how many ran.
 """
@@ -26,7 +26,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-# The laboratory is the package `blind` under tests, and this file must not stand for it.
+# The laboratory is the package `blind` under tests, and this file must not shadow it.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
@@ -70,7 +70,7 @@ def shard(text: str) -> tuple[int, int]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run, print the table, write JSON if asked."""
+    """Run, print the table, write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=30)
     parser.add_argument("--seed", type=int, help="by default a new one, which is printed")
@@ -89,18 +89,18 @@ def main(arguments: list[str] | None = None) -> int:
         outcomes = read(options.score)
         seeds = sorted({one.seed for one in outcomes})
         seed = seeds[0] if len(seeds) == 1 else seeds
-        wanted = len(outcomes)
+        requested = len(outcomes)
     else:
         seed = secrets.randbelow(2**31) if options.seed is None else options.seed
         sys.stdout.write(f"seed {seed}, {options.cases} cases, shard {own}/{count}\n")
         outcomes = run(seed, options, own, count)
-        wanted = len(range(own - 1, options.cases, count))
+        requested = len(range(own - 1, options.cases, count))
     if not outcomes:
         sys.stdout.write("no case\n")
         return 0
     hidden = sum(bool(one.effects) for one in outcomes)
     sys.stdout.write(
-        f"seed {seed}: {len(outcomes)} of {wanted} cases ran, {hidden} with something hidden, "
+        f"seed {seed}: {len(outcomes)} of {requested} cases ran, {hidden} with something hidden, "
         f"{len(outcomes) - hidden} with nothing\n{report(outcomes)}\n"
     )
     if options.json:

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from machine_with_catalogue import load
 from receptance.catalogue import Catalogue, predict_catalogue
-from receptance.catalogue.writing import reduced, write_modes
+from receptance.catalogue.results import summaries, write_modes
 
 QUICK = 40
 
@@ -65,7 +65,7 @@ def measure(count: int, threads: int | None, seed: int) -> dict[str, Any]:
         processor = time.process_time()
         modes, early = 0, 0.0
         predictions = predict_catalogue(catalogue, identified, threads=threads)
-        for number, one in enumerate(reduced(write_modes(folder / "modes.csv", predictions))):
+        for number, one in enumerate(summaries(write_modes(folder / "modes.csv", predictions))):
             modes += one.modes
             if number == count // 10:
                 early = memory_mb()
@@ -87,7 +87,7 @@ def measure(count: int, threads: int | None, seed: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure, print, write JSON if asked."""
+    """Measure, print, write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tools", type=int, default=10_000)
     parser.add_argument("--threads", type=int, default=2)

@@ -1,7 +1,7 @@
 """Our time beside the NumPy reference's, pair by pair in one process: ``python benches/ratios.py [--json FILE]``.
 
 Each pair first has to agree. Then both sides run in turns, so that whatever else the machine does meets both, and the
-medians over the rounds are compared. Nothing is asserted about time. What the rows mean is told in ``README.md`` beside
+medians over the rounds are compared. Nothing is asserted about time. The rows are described in ``README.md`` beside
 this file.
 """
 
@@ -37,7 +37,7 @@ from receptance import _core
 from receptance._files import check_target, write_whole
 
 ROUNDS, QUICK_ROUNDS, QUICK_SHARE = 15, 3, 10
-# A turn of one side lasts at least so long [s], by repeating the call.
+# Least duration of a turn of one side [s], by repeating the call.
 LEAST_TURN = 0.01
 TITLE = f"""
   {"":<58} {"ms a call":>19} {"":>7} {"ratio,":>13} {"ours, ns a":>17} {"reference, ns a":>17} {"largest":>9}
@@ -50,7 +50,7 @@ Clock = Callable[[], float]
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured of a pair: seconds a call of both sides, their ratio, and its quartiles over the rounds."""
+    """Measurement of a pair: seconds a call of both sides, their ratio, and its quartiles over the rounds."""
 
     pair: Pair
     ours_s: float
@@ -108,7 +108,7 @@ def measure(pair: Pair, rounds: int, least: float, clock: Clock = time.perf_coun
     gc.disable()
     try:
         for count in range(rounds):
-            # The first of a round changes: a machine that slows down then favours neither side.
+            # The first side alternates between rounds, so a slowing machine biases neither.
             for side in (0, 1) if count % 2 else (1, 0):
                 taken[side].append(turn(sides[side], times[side], clock))
             if pair.threads > 1:
@@ -132,7 +132,7 @@ def measure(pair: Pair, rounds: int, least: float, clock: Clock = time.perf_coun
 
 
 def machine() -> dict[str, Any]:
-    """Return what the times depend on."""
+    """Return the properties of the machine and the versions."""
     return {
         "processor": processor(),
         "cores": os.cpu_count(),
@@ -146,7 +146,7 @@ def machine() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """Return the processor's name as far as the system tells it."""
+    """Return the processor's name as far as the system provides it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -179,7 +179,7 @@ def line(row: Row) -> str:
 
 
 def describe(fit: Share) -> str:
-    """Return in words how much of the reference's identification is SciPy's own."""
+    """Return the share of SciPy in the time of the reference identification, as text."""
     setup = fit.whole - fit.scipy - fit.model
     return (
         f"reference identification, analytic Jacobian: {fit.whole * 1e3:.2f} ms, of these SciPy's own "

@@ -40,7 +40,7 @@ COLUMNS, A_COLUMN = {"elastic": 4, "viscous": 8}, 8
 
 @dataclass(frozen=True)
 class Kernel:
-    """What was measured of a kernel: nanoseconds, operations and roots, exponentials and the like of one item."""
+    """Measurement of a kernel: nanoseconds, operations and roots, exponentials and the like of one item."""
 
     name: str
     item: str
@@ -94,13 +94,13 @@ def chains(repeats: int) -> list[Kernel]:
 def sweeps(repeats: int) -> list[Kernel]:
     """Return the kernels of sweeps over joints."""
     _, w = sweep(LINES)
-    own, seen, found = swept(LINES, 1), measured(w), []
+    own, data, found = swept(LINES, 1), measured(w), []
     for kind, columns in COLUMNS.items():
         rows = joints(kind, CANDIDATES)
         calls = {
             "receptance": lambda rows=rows: own.receptance(rows),
-            "misfit, complex": lambda rows=rows: own.misfit(rows, seen, residual="complex"),
-            "misfit, logarithm": lambda rows=rows: own.misfit(rows, seen),
+            "misfit, complex": lambda rows=rows: own.misfit(rows, data, residual="complex"),
+            "misfit, logarithm": lambda rows=rows: own.misfit(rows, data),
         }
         for name, call in calls.items():
             ns = 1e9 * least(call, repeats) / (CANDIDATES * LINES)

@@ -1,7 +1,7 @@
 """How times grow with lines, segments, candidates, threads and workers: ``python benches/scaling.py --plot FILE``.
 
 Each point is the least processor time of several calls, ours beside the NumPy reference on one thread. That of several
-threads is by the clock on the wall, all numbers of threads in turns: it tells something on a quiet machine only.
+threads is by the clock on the wall, all numbers of threads in turns: it is meaningful on an idle machine only.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def repeats(call: Callable[[], object], quick: bool) -> int:
 
 
 def measure(quick: bool = False) -> Iterator[Point]:
-    """Yield all points; fewer and rougher ones where it is only to be tried out."""
+    """Yield all points; fewer and less accurate ones for a trial run."""
     few = slice(0, 2) if quick else slice(None)
 
     def points(panel: str, x: int, calls: dict[str, Callable[[], Any]]) -> Iterator[Point]:
@@ -81,24 +81,24 @@ def measure(quick: bool = False) -> Iterator[Point]:
             "NumPy, closed form": lambda table=table: reference.tip_by_stiffness(w, table),
         }
         yield from points(f"segments, {AT_LINES:,} lines", count, tip)
-    seen, own = measured(w), swept(AT_LINES, 1)
-    plain = reference.JointSweep(w, reference.Substructures(*tool_and_holder(), w[-1]), True, seen)
+    data, own = measured(w), swept(AT_LINES, 1)
+    plain = reference.JointSweep(w, reference.Substructures(*tool_and_holder(), w[-1]), True, data)
     for count in CANDIDATES[few]:
         rows = joints("viscous", count)
         misfit = {
-            "receptance": lambda rows=rows: own.misfit(rows, seen),
+            "receptance": lambda rows=rows: own.misfit(rows, data),
             "NumPy, matrix products": lambda rows=rows: plain.misfits(rows, np.ones(AT_LINES)),
         }
         yield from points(f"candidates (misfit), {AT_LINES:,} lines", count, misfit)
-    yield from threaded(seen, few, quick)
+    yield from threaded(data, few, quick)
 
 
-def threaded(seen: Array, few: slice, quick: bool) -> Iterator[Point]:
+def threaded(data: Array, few: slice, quick: bool) -> Iterator[Point]:
     """Yield the points of several threads, all numbers of them in turns."""
     rows, (f, _), slopes = joints("viscous", 1_000), sweep(50_000), segment_addresses(coupled())
     many = {count: swept(AT_LINES, count) for count in THREADS}
     work: dict[str, Callable[[int], Any]] = {
-        "misfits of 1,000 joints": lambda count: many[count].misfit(rows, seen),
+        "misfits of 1,000 joints": lambda count: many[count].misfit(rows, data),
         "tool, joint and holder, 50,000 lines": lambda count: coupled().receptance(f, threads=count),
         "with 40 derivatives": lambda count: coupled().derivatives(f, slopes, threads=count),
     }
@@ -116,7 +116,7 @@ def on_workers(numbers: Sequence[int], quick: bool) -> Iterator[Point]:
     """Yield the points of dask workers of one thread each: a sweep of misfits, on the wall."""
     if not numbers:
         return
-    frf, least = sweeping.measured(0), dict.fromkeys(numbers, math.inf)
+    frf, least = sweeping.measure(0), dict.fromkeys(numbers, math.inf)
     for number, row, _ in sweeping.on_workers(frf, 2_000 if quick else 500_000, 0, numbers, 1 if quick else 5):
         least[number] = min(least[number], row["seconds"])
     for number, seconds in least.items():
@@ -156,7 +156,7 @@ def figure(points: Sequence[Point], about: str = "") -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print, and write what is asked for."""
+    """Measure, print, and write the requested files."""
     parser = argparse.ArgumentParser(description="How times grow with lines, segments, candidates and threads.")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="write a figure (PNG, SVG or PDF)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the points")

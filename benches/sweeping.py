@@ -34,7 +34,7 @@ LINES = 2000
 QUICK = 2000
 
 
-def measured(seed: int) -> MeasuredFRF:
+def measure(seed: int) -> MeasuredFRF:
     """Return a simulated measurement with 2 % noise."""
     tool = Part([Segment(length=0.09, outer_diameter=0.016, material=CARBIDE)], name="tool")
     joint = PointJoint(k_y=1.5e8, k_theta=9e4, c_y=400.0, c_theta=0.15, name="joint")
@@ -51,7 +51,7 @@ def measured(seed: int) -> MeasuredFRF:
     )
 
 
-def drawn(count: int, seed: int) -> Sampled:
+def draw(count: int, seed: int) -> Sampled:
     """Return the candidates."""
     ranges = {
         "joint.k_y": (3e7, 1e9),
@@ -66,7 +66,7 @@ def run(frf: MeasuredFRF, count: int, seed: int, name: str, **options: Any) -> t
     """Sweep, and return a row and the misfits."""
     with tempfile.TemporaryDirectory() as folder:
         before, begun = processor_seconds(options.get("client")), time.perf_counter()
-        found = sweep(frf.assembly, drawn(count, seed), Misfit(frf), store=Path(folder) / "sweep.zarr", **options)
+        found = sweep(frf.assembly, draw(count, seed), Misfit(frf), store=Path(folder) / "sweep.zarr", **options)
         seconds = time.perf_counter() - begun
         here, on_workers = np.subtract(processor_seconds(options.get("client")), before).tolist()
         misfits = found["misfit"].values
@@ -99,7 +99,7 @@ def processor_seconds(client: Any) -> tuple[float, float]:
 def on_workers(
     frf: MeasuredFRF, count: int, seed: int, numbers: Sequence[int], rounds: int
 ) -> Iterator[tuple[int, dict[str, Any], Any]]:
-    """Sweep on so many dask workers of one thread each, in turns; small sweeps before let them load what they need."""
+    """Sweep on the given numbers of dask workers of one thread each, in turns, after small warm-up sweeps."""
     from distributed import Client, LocalCluster
 
     options: dict[str, Any] = {"threads_per_worker": 1, "processes": True, "dashboard_address": None}
@@ -111,7 +111,7 @@ def on_workers(
             LocalCluster(n_workers=number, local_directory=folder, **options) as cluster,
             Client(cluster) as client,
         ):
-            sweep(frf.assembly, drawn(200 * number, seed), Misfit(frf), block=50, client=client)
+            sweep(frf.assembly, draw(200 * number, seed), Misfit(frf), block=50, client=client)
             title = f"dask, {number} worker{'s' if number > 1 else ''} of one thread"
             yield number, *run(frf, count, seed, title, client=client)
 
@@ -124,7 +124,7 @@ def compared(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure, print, write JSON if asked."""
+    """Measure, print, write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--candidates", type=int, default=1_000_000)
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2], help="numbers of dask workers; none for none")
@@ -135,7 +135,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     count, workers = (QUICK, []) if options.quick else (options.candidates, options.workers)
     print(f"seed {options.seed}, {os.cpu_count()} processors")
-    frf = measured(options.seed)
+    frf = measure(options.seed)
     rows = [run(frf, max(count // 10, 1), options.seed, "one thread, a tenth", threads=1)[0]]
     row, expected = run(frf, count, options.seed, "one thread", threads=1)
     rows.append(row)

@@ -47,7 +47,7 @@ def _pair(ours: float, reference: float) -> Pair:
 
 
 @pytest.mark.parametrize("ours", [1.0 + 1e-8, np.nan, np.inf])
-def test_a_pair_that_disagrees_is_not_timed(ours: float) -> None:
+def test_disagreeing_pair_is_not_timed(ours: float) -> None:
     with pytest.raises(AssertionError, match="a number: another: the two sides differ"):
         ratios.measure(_pair(ours, 1.0), rounds=1, least=0.0)
 
@@ -90,14 +90,14 @@ def test_scaling_is_drawn(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "arguments", [["--rounds", "0"], ["--json", "no such folder/ratios.json"], ["--only", "nothing"]]
 )
-def test_what_cannot_be_done_is_said_first(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_requests_fail_first(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         ratios.main(arguments)
     assert stopped.value.code == 2
     assert arguments[0] in capsys.readouterr().err
 
 
-def test_a_sweep_gives_the_same_on_any_threads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sweep_is_independent_of_thread_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "sweeping.json"
     assert sweeping.main(["--quick", "--json", str(target)]) == 0
     assert "two threads" in capsys.readouterr().out

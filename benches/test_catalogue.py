@@ -1,4 +1,4 @@
-"""The bench of catalogues at a small size: it runs, and its numbers are there."""
+"""The bench of catalogues at a small size: it runs and returns its numbers."""
 
 from __future__ import annotations
 

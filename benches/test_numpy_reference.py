@@ -121,7 +121,7 @@ def test_segment_past_its_cut_off():
     assert_allclose(segment_receptance(w, row), [plain_receptance(x, row) for x in w], rtol=1e-8)
 
 
-def test_segment_blocks_agree_and_output_is_used():
+def test_segment_blocks_agree_and_output_array_is_used():
     w, row = np.linspace(10.0, HIGHEST, 1000), np.array(SEGMENTS["slender"])
     out = np.empty((1000, 4, 4), dtype=complex)
     assert segment_receptance(w, row, out=out, block=300) is out
@@ -191,7 +191,7 @@ def test_long_chain_leaves_the_whole_chain_series():
     assert_allclose(chain_tip_receptance(w, rows), tip_by_stiffness(w, rows), rtol=1e-9)
 
 
-def test_formulations_agree_more_closely_than_the_plain_check():
+def test_formulations_agree_with_each_other():
     w, rows = np.linspace(2 * np.pi * 10, HIGHEST, 3000), ten_segments()
     assert_allclose(TipSeries(rows, HIGHEST)(w), TransferChain(rows, HIGHEST)(w), rtol=1e-9)
 
@@ -246,7 +246,7 @@ def test_natural_frequencies_of_published_beams(row, expected, limit):
 
 
 @pytest.mark.parametrize("total", [0.2, 0.35])
-def test_natural_frequencies_by_counting_alone(total, monkeypatch):
+def test_natural_frequencies_by_counting(total, monkeypatch):
     rows = ten_segments(total)
     by_series = natural_frequencies(rows, 25e3 * 0.2 / total)
     monkeypatch.setattr("numpy_reference.natural.SPAN_LIMIT", 0.0)

@@ -1,9 +1,10 @@
 """Compare the speed of two commits: ``python benches/versus.py OLD [NEW] [--rounds N] [--only TEXT] [--json FILE]``.
 
 Both commits (NEW is the working commit by default) are checked out and installed into virtual environments of their
-own. Then ``ratios.py`` of each commit runs in turn, N times, the first of a round alternating. For every row that both
-commits have, the table shows our time in ms with the old and with the new commit, the ratio of the medians, and its
-quartiles over the rounds. A ratio above 1 means that the new commit is slower. Nothing is asserted.
+own; a folder with a `checkout` and its `venv` may be given instead of a commit. Then ``ratios.py`` of each commit runs
+in turn, N times, the first of a round alternating. For every row that both commits have, the table shows our time in ms
+with the old and with the new commit, the ratio of the medians, and its quartiles over the rounds. A ratio above 1 means
+that the new commit is slower. Nothing is asserted.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ def run(*words: str | Path, cwd: Path = REPOSITORY) -> str:
 
 
 def installed(commit: str, folder: Path) -> Path:
-    """Check out a commit, install it with what its benchmarks need, and return its checkout."""
-    checkout = folder / "checkout"
-    run("git", "worktree", "add", "--detach", checkout, commit)
+    """Check out a commit, install it with what its benchmarks need, and return the folder; a folder is ready."""
+    if (Path(commit) / "venv").is_dir():
+        return Path(commit).resolve()
+    run("git", "worktree", "add", "--detach", folder / "checkout", commit)
     run(sys.executable, "-m", "venv", folder / "venv")
     sys.stderr.write(f"installing {commit}\n")
-    run(folder / "venv" / "bin" / "pip", "install", "--quiet", ".[test]", cwd=checkout)
-    return checkout
+    run(folder / "venv" / "bin" / "pip", "install", "--quiet", ".[test]", cwd=folder / "checkout")
+    return folder
 
 
 def rows(folder: Path, only: str) -> dict[str, tuple[float, int]]:
@@ -52,22 +54,20 @@ def rows(folder: Path, only: str) -> dict[str, tuple[float, int]]:
 def main() -> None:
     """Build both, measure in turn, print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("old", help="a commit, as git names it")
+    parser.add_argument("old", help="a commit, or a folder with a `checkout` and its `venv`")
     parser.add_argument("new", nargs="?", default="HEAD")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--only", default="", help="rows whose name contains the text")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    commits = [run("git", "rev-parse", "--short", name).strip() for name in (options.old, options.new)]
     with tempfile.TemporaryDirectory() as place:
-        folders = [Path(place) / name for name in ("old", "new")]
+        new = [Path(place) / name for name in ("old", "new")]
         try:
-            for folder, commit in zip(folders, commits, strict=True):
-                folder.mkdir()
-                installed(commit, folder)
+            folders = [installed(name, folder) for name, folder in zip((options.old, options.new), new, strict=True)]
+            commits = [run("git", "rev-parse", "--short", "HEAD", cwd=one / "checkout").strip() for one in folders]
             measured = compare(folders, options.only, options.rounds)
         finally:
-            for folder in folders:
+            for folder in new:
                 subprocess.run(
                     ["git", "worktree", "remove", "--force", str(folder / "checkout")],
                     cwd=REPOSITORY, capture_output=True, check=False,

@@ -1,6 +1,6 @@
 """A virtual BT50 rig by finite elements: an elastic holder on contact that is spread over its taper.
 
-Nothing in here knows the library. The holder has the taper of JIS B 6339 BT50 (gauge diameter 69.85 mm, 7/24, 101.8 mm
+It does not use the library. The holder has the taper of JIS B 6339 BT50 (gauge diameter 69.85 mm, 7/24, 101.8 mm
 long, flange 100 mm) and is cut into short elements whose section follows the cone; rods for the motion along, two-node
 Timoshenko beams for the motion across. Each node on the taper stands on a spring and a dashpot to a rigid spindle; they
 are not evenly spread (the ends carry more, and the big end more than the small one). How the contact depends on the
@@ -170,18 +170,18 @@ def poles_of(mesh: Mesh, motion: str, force_kn: float) -> Poles:
     damping[own] = c * mesh.shares
     places = (0.0,) if axial else SEEN_ACROSS
     hit = own[np.argmin(np.abs(mesh.nodes - (0.0 if axial else HIT_ACROSS)))]
-    seen = [own[np.argmin(np.abs(mesh.nodes - x))] for x in places]
+    rows = [own[np.argmin(np.abs(mesh.nodes - x))] for x in places]
     squares, shapes = linalg.eigh(stiffness, mass, subset_by_index=[0, MODES - 1])
     n = squares.size
     first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(squares), -(shapes.T * damping) @ shapes]])
     values, right = np.linalg.eig(first_order)
     drive = np.linalg.solve(right, np.concatenate([np.zeros(n), shapes[hit]]))
-    residues = (shapes[seen] @ right[:n] * drive).T
+    residues = (shapes[rows] @ right[:n] * drive).T
     keep = np.flatnonzero((values.imag > 0.0) & (np.abs(values) < 2.0 * np.pi * HIGHEST_HZ))
     keep = keep[np.argsort(np.abs(values[keep]))]
     load = np.zeros(len(mass))
     load[hit] = 1.0
-    static = linalg.solve(stiffness, load, assume_a="pos")[seen]
+    static = linalg.solve(stiffness, load, assume_a="pos")[rows]
     poles, residues = values[keep], residues[keep]
     return Poles(poles, residues, static + 2.0 * np.sum((residues / poles[:, None]).real, axis=0))
 

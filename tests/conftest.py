@@ -1,4 +1,4 @@
-"""What all tests share: the seed, hypothesis without surprises, and a report of the accuracy that was reached."""
+"""Common to all tests: the seed, reproducible hypothesis settings, and a report of the accuracy."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
-    """Take what a worker of pytest-xdist measured; one that crashed has nothing."""
+    """Collect the measurements of a pytest-xdist worker; a crashed worker has none."""
     found = getattr(node, "workeroutput", {}).get("summaries", "{}")
     node.config.stash[_SUMMARIES].update(json.loads(found))
 

@@ -1,4 +1,4 @@
-"""Hits on a structure, simulated in the time domain: nothing here knows how an FRF is estimated from them.
+"""Hits on a structure, simulated in the time domain, independent of the estimation of FRFs.
 
 A structure is a sum of modes, each turned into a difference equation by SciPy. The force is sampled as it is, the
 response follows from the difference equations sample by sample, and the true FRF is that of the very same equations,
@@ -74,7 +74,7 @@ def coloured(generator: np.random.Generator, shape: tuple[int, ...], rms: float,
 
 @dataclass(frozen=True)
 class Records:
-    """What a recorder would have, and what it should find."""
+    """Simulated records, and the true FRF."""
 
     force: FloatArray
     response: FloatArray
@@ -96,7 +96,7 @@ def strike(
     colour: float = 0.0,
     pre_trigger_s: float = 0.01,
 ) -> Records:
-    """Hit a structure several times, one record each; no two hits are alike.
+    """Hit a structure several times, one record each; all hits differ.
 
     Noise is in dB of the largest hit's peak, in the time domain: -40 dB is a standard deviation of 1 % of that peak.
     """

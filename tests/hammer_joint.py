@@ -1,4 +1,4 @@
-"""Hits on a tool in a holder, by finite elements in the time domain: neither waves nor spectra are in here.
+"""Hits on a tool in a holder, by finite elements in the time domain, without waves or spectra.
 
 The elements are those of the oracle. Their modes, damped by the joint's dashpots, are integrated on a grid much finer
 than the recorder's, the force straight between grid points; then force and acceleration go through one low-pass filter
@@ -38,7 +38,7 @@ class Structure:
 
     @cached_property
     def poles(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], float]:
-        """Poles above the real axis, residues of the tip's displacement there, and what the rigid body does."""
+        """Poles above the real axis, their residues of the tip's displacement, and the rigid-body terms."""
         rows = [tables.segment(0, 1, *TOOL, CARBIDE)]
         rows += [tables.segment(2 + i, 3 + i, *section, STEEL) for i, section in enumerate(SECTIONS)]
         model = tables.make(rows, [tables.joint(1, 2, self.k_y, self.k_theta)])
@@ -120,7 +120,7 @@ class Bench:
         found = []
         for clean, level in zip(self.clean, (force_noise_db, response_noise_db), strict=True):
             hit = np.array([a * np.roll(clean[i], d) for i, a, d in zip(which, strength, shift, strict=True)])
-            # What a shift brings round from the beginning is silence; from the end nothing is taken.
+            # The shift wraps silence from the beginning; the end is not used.
             hit[:, -40:] = np.array([a * clean[i][-40:] for i, a in zip(which, strength, strict=True)])
             found.append(hit + np.abs(hit).max() * 10.0 ** (level / 20.0) * generator.standard_normal(hit.shape))
         return found[0], found[1]

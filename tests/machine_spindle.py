@@ -1,4 +1,4 @@
-"""A spindle made of a shaft on bearings, and blanks measured in it, for the tests of what identifies it."""
+"""A spindle made of a shaft on bearings, and blanks measured in it, for the tests of its identification."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def seen_at_the_plane(spindle: Assembly, lines: np.ndarray = LINES) -> np.ndarra
 
 
 def with_spindle(blank: Assembly, spindle: Assembly) -> Assembly:
-    """Return a blank in the spindle, as beams, so that nothing of what is tested is used."""
+    """Return a blank in the spindle, as beams, independent of the tested code."""
     chain = [*blank.elements.values(), *spindle.elements.values()]
     named = [replace(one, name=name) for name, one in spindle.attachments.items()]
     return Assembly(chain, [*blank.attachments.values(), *named])

@@ -19,8 +19,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-RENDERERS = {"as_dict", "to_dict", "summary", "as_text", "as_html", "_repr_html_", "plot"}
-"""Methods by which a class renders itself; one that only returns its data (`to_dict` alone) is counted as well."""
+RENDERERS = {"as_dict", "to_dict", "summary", "as_text", "as_html", "_repr_html_"}
+"""Methods by which a class renders itself; `Result`, which does it for all, is not counted."""
 KINDS = re.compile(
     r"^(Measured(FRF|Frequencies|Part)|\w*Joint|Part|ModalPart|PointMass|GroundSpring|Terminal|_JOINTS|_TERMINALS)$"
 )
@@ -96,7 +96,7 @@ def _named(node: ast.expr, name: str) -> bool:
     return isinstance(node, ast.Name) and node.id == name
 
 
-def measured(root: Path) -> list[tuple[str, str]]:
+def measure(root: Path) -> list[tuple[str, str]]:
     """Return name and value of each number."""
     package = root / "python" / "receptance"
     rows: list[tuple[str, str]] = []
@@ -116,7 +116,7 @@ def measured(root: Path) -> list[tuple[str, str]]:
                 classes += 1
                 dataclasses += any("dataclass" in ast.unparse(one) for one in node.decorator_list)
                 methods = {one.name for one in node.body if isinstance(one, ast.FunctionDef)}
-                rendering += [node.name] if methods & RENDERERS else []
+                rendering += [node.name] if methods & RENDERERS and node.name != "Result" else []
         numbers += named_numbers(tree)
         asked += kinds_asked(tree)
     count, most, name = extension(package / "_core.pyi")
@@ -221,7 +221,7 @@ def main() -> None:
         found = walk(root)
         print("\n".join(found), f"{len(found)} files", sep="\n")
         return
-    rows = measured(root)
+    rows = measure(root)
     width = max(len(name) for name, _ in rows)
     for name, value in rows:
         print(f"{name:<{width}}  {value}")

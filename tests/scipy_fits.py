@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+import plain_residuals
 from receptance.identification.mapping import Parameters
 from receptance.identification.problem import Observed, prior_table
-from receptance.identification.residuals import InfeasibleError
 from receptance.identification.task import Task, place_of
 
 
@@ -26,13 +26,11 @@ def residual_and_jacobian(task: Task, x: np.ndarray) -> tuple[np.ndarray, np.nda
     values = variables.to_values(x)
     rows, slopes = [], []
     for i, (one, placed, unit) in enumerate(zip(task.observed, task.placed, task.units, strict=True)):
-        residual = Observed(one, placed, unit, task.chosen(i)).residual(1)
-        try:
-            row, slope = residual.evaluate(values, variables.slopes(values))
-        except InfeasibleError:
-            row, slope = np.full(residual.size, np.inf), np.zeros((residual.size, x.size))
+        found = plain_residuals.residual_and_jacobian(Observed(one, placed, unit, task.chosen(i)), values)
+        # Without a value one infinite residual is sufficient.
+        row, slope = (np.array([np.inf]), np.zeros((1, x.size))) if found is None else found
         rows.append(row)
-        slopes.append(slope)
+        slopes.append(slope * variables.slopes(values))
     for variable, scale, offset in prior_table(variables.unknowns):
         rows.append(np.array([scale * x[int(variable)] - offset]))
         slopes.append(scale * np.eye(x.size)[[int(variable)]])

@@ -1,4 +1,4 @@
-"""Random measuring campaigns with random joints, tolerances and noise, for what is claimed of many fits."""
+"""Random measuring campaigns with random joints, tolerances and noise, for statistics of fits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BOUNDS = {
 
 @dataclass(frozen=True)
 class SimulatedCampaign:
-    """Observations, what is known beforehand, and the truth."""
+    """Observations, prior information, and the truth."""
 
     observations: list[MeasuredFRF]
     tolerances: list[Tolerance]
@@ -33,7 +33,7 @@ class SimulatedCampaign:
     noise: float
 
     def unknowns(self, starts: dict[str, float] | None = None) -> list[Unknown]:
-        """Return the joint's unknowns, starting where it is said, by default in the middle of the bounds."""
+        """Return the joint's unknowns, with the given starts, by default in the middle of the bounds."""
         given = starts or {}
         return [Unknown(address=a, lower=b[0], upper=b[1], start=given.get(a)) for a, b in BOUNDS.items()]
 

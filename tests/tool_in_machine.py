@@ -1,4 +1,4 @@
-"""A tool in a holder, in a spindle or hanging free, for the tests of what to measure next."""
+"""A tool in a holder, in a spindle or hanging free, for the tests of the next measurement."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def make_machine(overhang: float = 0.07, *, free: bool = False) -> Assembly:
 
 
 def unknowns(start: dict[str, float] | None = None) -> list[Unknown]:
-    """Return the joint's stiffnesses and dashpots, starting at the truth where nothing else is said."""
+    """Return the joint's stiffnesses and dashpots, starting at the truth by default."""
     values = TRUE | (start or {})
     return [
         Unknown(address=a, lower=low, upper=high, start=float(np.clip(values[a], low, high)))
@@ -54,7 +54,7 @@ def clamped(name: str) -> Tolerance:
 
 
 def tolerances() -> list[Tolerance]:
-    """Return what is not exact of the measurement in the machine."""
+    """Return the tolerances of the measurement in the machine."""
     return [
         Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.015}, relative=True),
         Tolerance(name="taper", moves={"taper.k_y": 0.1, "taper.k_theta": 0.1}, relative=True),

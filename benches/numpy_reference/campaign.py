@@ -191,7 +191,7 @@ class CampaignResidual:
         # The four parts with 1, k1, k2, k1 k2 in front become A and iw B at once, before the tool is passed.
         above = self._joined(coefficients, joint)
         more = [rate * minors[1 + quantity] for _, quantity, rate in own]
-        # Only the rows y M and V M of the minors are wanted at the tip.
+        # Only the rows y M and V M of the minors are needed at the tip.
         pick = np.concatenate([matrix[:, [2, 5]] for matrix in (minors[0], *more)], axis=1)
         front = apply(pick, above[0])
         rear = apply(minors[0][:, [2, 5]], np.concatenate(above[1:], axis=2)) if len(above) > 1 else None

@@ -81,7 +81,7 @@ class TipSeries:
     Parameters
     ----------
     segments, joints, masses, grounds : tables of a chain, nodes in order from the tip; no viscous terms.
-    highest : largest |w| that will be asked for [rad/s].
+    highest : largest requested |w| [rad/s].
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class BothEndsSeries:
     Parameters
     ----------
     segments : table of a chain, nodes in order from the tip.
-    highest : largest |w| that will be asked for [rad/s].
+    highest : largest requested |w| [rad/s].
     """
 
     # The ten distinct entries, in the order of the planes.

@@ -1,6 +1,6 @@
-"""Closed forms line by line in scalar loops that numba compiles: what a person writes who needs no more than speed.
+"""Closed forms line by line in scalar loops that numba compiles: the fastest plain implementation.
 
-Needs numba; `missing` says so where it is not installed. The same formulas as `segment` and `riccati`, with
+Needs numba; `missing` gives a message if it is not installed. The same formulas as `segment` and `riccati`, with
 tanh(z) = (1 - e) / (1 + e), e = exp(-2 z), the fastest of several ways that were tried.
 """
 
@@ -18,7 +18,7 @@ from .segment import Complex, Real, segment_constants
 
 
 def missing() -> str:
-    """Return why there is no compiled reference, nothing where there is one."""
+    """Return why there is no compiled reference; empty if there is one."""
     return "" if find_spec("numba") else "numba is not installed (pip install numba)"
 
 

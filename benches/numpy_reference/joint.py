@@ -27,7 +27,7 @@ class Substructures:
     Parameters
     ----------
     tool, holder : segment tables; each numbered 0-1-2-... from its own tip side.
-    highest : largest |w| that will be asked for [rad/s].
+    highest : largest requested |w| [rad/s].
     """
 
     def __init__(self, tool: Real, holder: Real, highest: float) -> None:
@@ -150,7 +150,7 @@ def tip_receptance(
     out: tuple[Complex, Complex | None] | None = None,
     block: int = JOINT_BLOCK,
 ) -> tuple[Complex, Complex | None]:
-    """Tip receptance H_yy of tool, joint and holder, with its derivatives when asked.
+    """Tip receptance H_yy of tool, joint and holder, with its derivatives if requested.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def natural_frequencies(
         if change.size == expected - rigid:
             return limit_hz * _newton(polynomial, x[change], x[change + 1])
     else:
-        # Two rigid modes of a free chain sit at zero, and counts far below the first mode hold only those.
+        # Two rigid modes of a free chain are at zero, and counts far below the first mode hold only those.
         rigid = int(counter(np.full(1, _NEAR_ZERO))[0][0])
     if expected == rigid:
         return np.empty(0)

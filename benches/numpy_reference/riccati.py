@@ -16,7 +16,7 @@ from .series import SPAN_LIMIT, degree_for, generators, powers_of, propagate, wa
 
 STIFFNESS_BLOCK = 4096
 TRANSFER_BLOCK = 1024
-# Measured on ten-segment chains, 1 Hz to 10 kHz: up to 5 nothing is lost but what the frequency itself costs
+# Measured on ten-segment chains, 1 Hz to 10 kHz: up to 5 only the rounding of the frequency is lost
 # (1e-11).
 TRANSFER_LIMIT = 5.0
 
@@ -123,7 +123,7 @@ class TransferChain:
     Parameters
     ----------
     segments : rows in order from the tip.
-    highest : largest |w| that will be asked for [rad/s].
+    highest : largest requested |w| [rad/s].
     limit : largest wave span of one transfer matrix.
     merge : whether short neighbours become one matrix.
     """

@@ -122,7 +122,7 @@ def waves(w: NDArray, scalars: tuple, work: Workspace) -> bool:
     Returns
     -------
     bool
-        Whether the block is of such low frequency that T stands for its tail U = (T - h) / lambda^2.
+        Whether the block is of such low frequency that T holds its tail U = (T - h) / lambda^2.
     """
     length, shear, bending, mass, rotary = scalars
     half, real = length / 2, work.real[:, : w.size]

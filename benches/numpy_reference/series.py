@@ -1,4 +1,4 @@
-"""What a chain hoists out of the frequency loop: Taylor series in ``w^2``, evaluated as one matrix product.
+"""The frequency-independent part of a chain: Taylor series in ``w^2``, evaluated as one matrix product.
 
 The transfer matrix of a segment, its 2x2 minors and those of a whole chain are entire functions of ``w^2``.
 A minor computed from the transfer matrix cancels like exp(lambda L); the minors of a product are the product

@@ -1,6 +1,6 @@
-"""What is timed: our call and the NumPy reference's on one input, and how closely their results agree.
+"""Timed pairs: the library and the NumPy reference on one input, and the difference of their results.
 
-Our side is what a person calls (`Assembly.receptance` and so on: objects checked and flattened at every call). The
+The library is called as by a user (`Assembly.receptance` and so on: objects checked and flattened at every call). The
 reference works on ready tables. Both get fresh output, and what either prepares for a structure (the reference's power
 series, our minors) is inside the time unless a name says otherwise.
 """

@@ -35,7 +35,7 @@ FIELDS = {LENGTH: "length", DIAMETER: "outer_diameter", MODULUS: "youngs_modulus
 
 
 class Campaign(NamedTuple):
-    """What both sides start from."""
+    """Common starting point of both sides."""
 
     observations: list[MeasuredFRF]
     unknowns: list[Unknown]
@@ -49,7 +49,7 @@ def holder_table() -> np.ndarray:
     return np.array([segment_row(i, length, d, 0.0, STEEL) for i, (length, d) in enumerate(rows)])
 
 
-def assembled(overhang: float) -> Assembly:
+def make_assembly(overhang: float) -> Assembly:
     """Return the assembly with one overhang."""
     tool = np.array([segment_row(0, overhang, 0.012, 0.0, CARBIDE)])
     return Assembly([part(tool, "tool"), PointJoint(**TRUTH, name="joint"), part(holder_table(), "holder")])
@@ -61,11 +61,11 @@ def campaign(lines: int) -> Campaign:
     frequency_hz = np.linspace(100.0, 8000.0, lines)
     observations = []
     for overhang in OVERHANGS:
-        true = assembled(overhang + CLAMPED * rng.standard_normal())
+        true = make_assembly(overhang + CLAMPED * rng.standard_normal())
         noise = NOISE * (rng.standard_normal((lines, 2)) @ np.array([1.0, 1j]))
         observations.append(
             MeasuredFRF(
-                assembly=assembled(overhang),
+                assembly=make_assembly(overhang),
                 frequency_hz=frequency_hz,
                 receptance=true.receptance(frequency_hz) * np.exp(noise),
                 standard_deviation=NOISE,

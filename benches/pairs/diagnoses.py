@@ -25,14 +25,14 @@ CAUSES = ("time_delay", "calibration_gain", "sensor_mass", "tool_modulus", "join
 def diagnosis_pairs(lines: int) -> Iterator[Pair]:
     """Yield the pair, on one thread: whole fits in the core beside fits by SciPy."""
     made = campaigns.campaign(lines)
-    seen = [_delayed(one) for one in made.observations]
+    data = [_delayed(one) for one in made.observations]
 
-    def told() -> Verdict:
-        return diagnose(seen, made.unknowns, tolerances=made.tolerances, causes=CAUSES, most=1, threads=1)
+    def diagnosed() -> Verdict:
+        return diagnose(data, made.unknowns, tolerances=made.tolerances, causes=CAUSES, most=1, threads=1)
 
     def step_by_step() -> Verdict:
         with mock.patch.object(Problem, "fit", _fit_by_scipy):
-            return told()
+            return diagnosed()
 
     def difference(ours: Verdict, theirs: Verdict) -> float:
         """Distance of the evidence of the first candidate; infinite where the answers differ."""
@@ -48,13 +48,13 @@ def diagnosis_pairs(lines: int) -> Iterator[Pair]:
         )
 
     yield Pair(
-        subject=f"diagnosis of {len(seen)} overhangs, {len(made.tolerances)} tolerances, {len(CAUSES)} causes",
+        subject=f"diagnosis of {len(data)} overhangs, {len(made.tolerances)} tolerances, {len(CAUSES)} causes",
         against="the fits by SciPy, derivatives from the core",
-        ours=told,
+        ours=diagnosed,
         reference=step_by_step,
         difference=difference,
         tolerance=0.1,
-        lines=lines * len(seen),
+        lines=lines * len(data),
         most_rounds=3,
         remark=remark,
     )

@@ -57,16 +57,16 @@ class Pair:
 
     @property
     def ratio_is(self) -> str:
-        """What the ratio means, in the words of the JSON keys."""
+        """Meaning of the ratio, as in the JSON keys."""
         return "ours_s / reference_s" if self.is_cost else "reference_s / ours_s"
 
     def check(self) -> tuple[float, str]:
-        """Run both sides once; return how far apart they are and the remark.
+        """Run both sides once; return their difference and the remark.
 
         Raises
         ------
         AssertionError
-            They disagree, so their times mean nothing.
+            They disagree, so their times are not comparable.
         """
         ours, other = self.ours(), self.reference()
         found = self.difference(ours, other)

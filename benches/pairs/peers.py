@@ -36,8 +36,8 @@ LOSS_FACTOR = 8
 
 @cache
 def missing(module: str) -> str:
-    """Return why a peer is left out, nothing where it is not."""
-    # SDynPy brings a graphical interface, which asks for a screen.
+    """Return why a peer is left out; empty if it is not."""
+    # SDynPy imports a graphical interface, which needs a display.
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     try:
         _module(module)
@@ -51,7 +51,7 @@ def missing(module: str) -> str:
 
 
 def skipped() -> str:
-    """Return which peers are left out and why, nothing where none is."""
+    """Return which peers are left out and why; empty if none is."""
     return "; ".join(filter(None, map(missing, PEERS)))
 
 
@@ -150,7 +150,7 @@ def ross_pair(lines: int) -> Pair:
     digits = (np.abs(f[:, None] / modes - 1.0) > BESIDE_RESONANCE).all(axis=1)
 
     def by_elements() -> Array:
-        # It would remember the last call's.
+        # It would reuse the result of the last call.
         rotor._run_freq_response.cache_clear()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

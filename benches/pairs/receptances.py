@@ -15,7 +15,7 @@ from receptance import Coordinate, _core
 from .models import SEGMENT_COLUMNS, Array, chain, coupled, joint_addresses, part, segment_addresses, sweep
 from .pair import Pair, largest_difference
 
-# Below, the reference's closed-form dynamic stiffness has lost digits and is nothing to compare with.
+# Below, the reference's closed-form dynamic stiffness has lost digits and is no reference.
 STIFFNESS_FROM_HZ = 100.0
 
 
@@ -83,7 +83,7 @@ def chain_pairs(lines: int) -> Iterator[Pair]:
             lines=lines,
             segments=len(table),
         )
-    # What the library's checks and the way from objects to tables cost.
+    # Cost of the checks and of the conversion from objects to tables.
     complex_w, both = w.astype(np.complex128), np.array([[0.0, 0.0], [0.0, 1.0]])
     none = [np.empty((0, columns)) for columns in (9, 3, 8)]
     no_parameters = np.empty((0, 3))
@@ -124,7 +124,7 @@ def long_chain_pairs(lines: int) -> Iterator[Pair]:
 
 
 def joint_pairs(lines: int) -> Iterator[Pair]:
-    """Yield the pairs of tool, joint and holder, and what derivatives cost us."""
+    """Yield the pairs of tool, joint and holder, and the cost of derivatives."""
     f, w = sweep(lines)
     tool, holder = tool_and_holder()
     segments = len(tool) + len(holder)
@@ -161,7 +161,7 @@ def joint_pairs(lines: int) -> Iterator[Pair]:
         lines=lines,
         segments=segments,
     )
-    # Not ours against NumPy: what derivatives add to our own time.
+    # Not against NumPy: the time that derivatives add.
     yield Pair(
         subject="cost of four joint derivatives",
         against="ours with / ours without",

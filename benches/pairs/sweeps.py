@@ -9,7 +9,7 @@ import numpy as np
 
 import numpy_reference as reference
 from numpy_reference.cases import JOINT, tool_and_holder
-from receptance._candidates import Candidates, candidates_of
+from receptance.sweep.candidate_model import CandidateModel, candidate_model
 
 from .models import JOINT_FIELDS, Array, coupled, joint_addresses, sweep
 from .pair import Pair, largest_difference
@@ -45,18 +45,18 @@ def measured(w: Array) -> Array:
 
 
 @cache
-def swept(lines: int, threads: int) -> Candidates:
+def swept(lines: int, threads: int) -> CandidateModel:
     """Return what evaluates joints; tool and holder are evaluated once, as the reference does."""
-    return candidates_of(coupled(), joint_addresses(), sweep(lines)[0], threads=threads)
+    return candidate_model(coupled(), joint_addresses(), sweep(lines)[0], threads=threads)
 
 
 def _joint_pairs(kind: str, lines: int, candidates: int) -> Iterator[Pair]:
     _, w = sweep(lines)
-    rows, seen, weights = joints(kind, candidates), measured(w), np.full(lines, 1.0 / NOISE)
+    rows, data, weights = joints(kind, candidates), measured(w), np.full(lines, 1.0 / NOISE)
     parts = reference.Substructures(*tool_and_holder(), w[-1])
     planes, room = parts(w), np.empty((candidates, lines), dtype=np.complex128)
     plain = reference.JointSweep(w, parts, kind == "viscous")
-    fitted = reference.JointSweep(w, parts, kind == "viscous", seen)
+    fitted = reference.JointSweep(w, parts, kind == "viscous", data)
     many = f"{candidates} joints at {lines:,} lines"
 
     def one_by_one() -> Array:
@@ -84,7 +84,7 @@ def _joint_pairs(kind: str, lines: int, candidates: int) -> Iterator[Pair]:
         yield Pair(
             subject=f"sweep of {kind} joints, misfit ({many}){on}",
             against="matrix products with BLAS, real logarithms, hoisted, blocked",
-            ours=lambda own=own: own.misfit(rows, seen, weights),
+            ours=lambda own=own: own.misfit(rows, data, weights),
             reference=lambda: fitted.misfits(rows, weights),
             difference=largest_difference,
             threads=threads,
@@ -98,7 +98,7 @@ def _models_pair(lines: int, candidates: int) -> Pair:
     addresses = ("tool.segment[0].length", "tool.segment[1].outer_diameter", "joint.k_y")
     own = np.array([coupled().get(address) for address in addresses])
     rows = own * np.random.default_rng(SEED).uniform(1 - SHARE, 1 + SHARE, (candidates, own.size))
-    ours = candidates_of(coupled(), addresses, f, threads=1)
+    ours = candidate_model(coupled(), addresses, f, threads=1)
     room = np.empty((candidates, lines), dtype=np.complex128)
 
     def one_by_one() -> Array:

@@ -1,4 +1,4 @@
-"""Pairs of ours on two threads and on one."""
+"""Pairs of the library on two threads and on one."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def thread_pairs(lines: int) -> Iterator[Pair]:
 
 
 def machine_gain(size: int = 10_000_000) -> float:
-    """Return how much faster the machine, as busy as it is now, does independent work on two threads than on one.
+    """Return the ratio of speed of two threads to one for independent work on this machine at its present load.
 
-    Two threads that each compute a checksum share nothing, so nothing that runs here can gain more than they do.
+    Two threads that each compute a checksum share no data, so this ratio is an upper bound for the pairs.
     """
     data = bytes(size)
 

@@ -100,7 +100,7 @@ def hypothesis(name: str, observed: list[rc.MeasuredFRF], laws: Sequence[rc.Unkn
         Tolerance(name=f"overhang {o.configuration}", moves={LENGTH: 1e-4}, configurations=(o.configuration,))
         for o in observed
     ]
-    fit = rc.identify(observed, [*laws, *losses], tolerances=tolerances, starts=1, max_evaluations=100)
+    fit = rc.identify(observed, [*laws, *losses], tolerances=tolerances, starts=1, max_evaluations=100, noise="stated")
     evidence = log_evidence(fit)
     return {
         "name": name,
@@ -336,7 +336,7 @@ class FittedLaw:
     log_evidence: float
 
     @property
-    def told(self) -> bool:
+    def significant(self) -> bool:
         """Whether the interval excludes a constant and the evidence is for the power law."""
         return (self.interval[0] > 0.0 or self.interval[1] < 0.0) and self.log_evidence > 0.0
 
@@ -354,7 +354,7 @@ class FittedLaw:
             "change_percent": self.change_percent(low, high),
             "scatter_percent": self.scatter_percent,
             "log_evidence_against_constant": self.log_evidence,
-            "told": self.told,
+            "significant": self.significant,
         }
 
 
@@ -400,7 +400,7 @@ def fit_law(
                 rc.Unknown(**bounds, start=value, configurations=(one.configuration,))
                 for one, value in zip(states, values, strict=True)
             ]
-        return rc.identify(states, unknowns, tolerances=tolerances, starts=1)
+        return rc.identify(states, unknowns, tolerances=tolerances, starts=1, noise="stated")
 
     power = Power(of=of, reference=reference, lower=-EXPONENT[of], upper=EXPONENT[of])
     fits = {grows: [fit(scatter, (power,) if grows else ()) for scatter in SCATTERS] for grows in (False, True)}
@@ -600,9 +600,9 @@ def show(found: dict[str, Any]) -> None:
             "power law": "growth:+.1f",
             "95 %": "interval:+.1f",
             "log evidence": "log_evidence_against_constant law:+.1f",
-            "more than scatter": "told law",
+            "more than scatter": "significant law",
             "log evidence if reclamped": "log_evidence_against_constant law_if_reclamped:+.1f",
-            "if reclamped": "told law_if_reclamped",
+            "if reclamped": "significant law_if_reclamped",
         },
     )
     print(
@@ -619,7 +619,7 @@ def show(found: dict[str, Any]) -> None:
             "95 %": "interval:.2f",
             "scatter [%]": "scatter_percent:.0f",
             "log evidence": "log_evidence_against_constant:+.1f",
-            "more than scatter": "told",
+            "more than scatter": "significant",
         },
     )
     steps = " and ".join(

@@ -22,7 +22,7 @@ from scipy.signal import find_peaks
 
 import receptance as rc
 from output import options, print_table, save
-from receptance.identification import Floor, Tolerance, hold
+from receptance.identification import Floor, Tolerance, constrained_fit
 from receptance.studies import er32
 
 DIAMETER_MM = 9.53
@@ -231,7 +231,7 @@ def judge_sets(measured: rc.MeasuredFRF, found: rc.Identification | None) -> lis
         stiffness = {"joint.k_y": one.k_y, "joint.k_theta": one.k_theta}
         with_set = measured.assembly.replace(stiffness).natural_frequencies(3.0 * upper)[: true.size]
         percent = 100.0 * (with_set / true - 1.0)
-        held = None if found is None else hold(found, stiffness)
+        held = None if found is None else constrained_fit(found, stiffness)
         rows.append(
             {
                 "name": one.name,

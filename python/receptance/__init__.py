@@ -2,11 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.assembly import Assembly
-from receptance.beams import Part, Section, Segment
-from receptance.collet import ColletJoint
-from receptance.complex_modes import DampedModes, damped_modes
-from receptance.coordinates import Coordinate
 from receptance.errors import (
     GrossSlipError,
     ReceptanceError,
@@ -23,12 +18,13 @@ from receptance.identification import (
     find_bands,
     identify,
 )
-from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
-from receptance.materials import CARBIDE, STEEL, Material
-from receptance.microslip import MicroslipJoint
-from receptance.modal_parts import ModalPart, Mode
-from receptance.spread import SpreadJoint
-from receptance.terminals import MeasuredPart
+from receptance.model.assembly import Assembly
+from receptance.model.beams import CARBIDE, STEEL, Material, Part, Section, Segment
+from receptance.model.complex_modes import DampedModes, damped_modes
+from receptance.model.coordinates import Coordinate
+from receptance.model.distributed import SpreadJoint
+from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.terminals import MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
     import receptance.campaign

@@ -1,4 +1,4 @@
-"""Checks of numbers that people give, answered in words that name the quantity."""
+"""Checks of numbers and arrays given by users; the messages name owner and quantity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
-    """Return `value` as a finite float, or raise with the owner, the quantity and what was found."""
+    """Return `value` as a finite float; errors name the owner, the quantity and the value."""
     expected = f"a finite number{' of ' + unit if unit else ''}"
     if isinstance(value, (bool, np.bool_, str)) or value is None:
         raise TypeError(f"{owner}: {quantity} is {value!r}, expected {expected}")
@@ -30,26 +30,33 @@ def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     return result
 
 
+def whole_number(owner: str, quantity: str, value: Any, *, least: int = 1) -> int:
+    """Return `value` as an int of at least `least`, or raise."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{owner}: {quantity} is {value!r}, expected a whole number of at least {least}")
+    return int(value)
+
+
 class MaskedError(ValueError):
-    """Masked values where numbers are expected."""
+    """An array with masked values where numbers are expected."""
 
 
 def unmasked(owner: str, quantity: str, value: Any, dtype: Any = None) -> NDArray[Any]:
-    """Return `np.asarray(value, dtype)`, or raise where values are masked: what is under a mask is no number."""
+    """Return `np.asarray(value, dtype)`, or raise where values are masked."""
     parts = value if isinstance(value, (list, tuple)) else (value,)
     count = sum(int(np.count_nonzero(one.mask)) for one in parts if isinstance(one, np.ma.MaskedArray))
     if count:
         first = f"{owner}: {quantity}" if owner else quantity
         raise MaskedError(
             f"{first} has {count} masked value{'s' if count > 1 else ''}, expected an array without a mask: leave the "
-            "masked lines out of all arrays, as in frequency_hz[~mask], or put numbers there and say which lines of an "
-            "FRF are good with usable=~mask"
+            "masked lines out of all arrays, as in frequency_hz[~mask], or fill in numbers and mark the usable lines "
+            "of an FRF with usable=~mask"
         )
     return np.asarray(value, dtype=dtype)
 
 
 def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
-    """Return an array of some kinds of numbers, or raise."""
+    """Return an array whose dtype is of one of the `kinds` (NumPy's dtype codes such as "iuf"), or raise."""
     try:
         array = unmasked(owner, quantity, value)
     except MaskedError:
@@ -69,6 +76,15 @@ def quantity(owner: str, name: str, value: Any, of: Quantity) -> float:
     return result
 
 
+def set_fields(instance: Any, values: dict[str, Any]) -> None:
+    """Set the attributes of a frozen dataclass; arrays are stored as read-only C-contiguous copies."""
+    for name, value in values.items():
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            value = np.array(value, order="C")
+            value.setflags(write=False)
+        object.__setattr__(instance, name, value)
+
+
 def positive(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
     """Return `value` as a positive finite float."""
     result = number(owner, quantity, value, unit=unit)
@@ -86,9 +102,9 @@ def not_negative(owner: str, quantity: str, value: Any, *, unit: str = "") -> fl
 
 
 def frequencies(frequency_hz: ArrayLike) -> NDArray[np.float64] | NDArray[np.complex128]:
-    """Return frequency lines as a one-dimensional array: ascending, positive, finite; real or complex.
+    """Return ascending, positive, finite frequency lines, real or complex, as a contiguous array `(n,)`.
 
-    It lies in memory as the core takes it, and may be the given array itself.
+    The result is contiguous and aligned, as required by the core, and may be the given array itself.
     """
     array = unmasked("", "frequency_hz", frequency_hz)
     if array.dtype.kind not in "iufc":
@@ -102,33 +118,33 @@ def frequencies(frequency_hz: ArrayLike) -> NDArray[np.float64] | NDArray[np.com
     if not (array.flags.c_contiguous and array.flags.aligned):
         array = array.copy()
     real = array.real
-    # What ascends from above zero to a finite end is finite and positive: one pass over real lines.
+    # Ascending values between a positive first and a finite last one are finite and positive: one pass suffices.
     ascends = bool((real[1:] > real[:-1]).all())
     if not (ascends and real[0] > 0.0 and real[-1] < np.inf and (array is real or np.isfinite(array.imag).all())):
-        raise _unusable(array)
+        raise _frequency_error(array)
     return array
 
 
-def _unusable(array: NDArray[Any]) -> ValueError:
-    """Return in words what is wrong with lines that cannot be used."""
+def _frequency_error(array: NDArray[Any]) -> ValueError:
+    """Return the error for invalid frequency lines."""
     real = array.real
     if (bad := np.flatnonzero(~np.isfinite(array))).size:
         return ValueError(f"frequency_hz[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
     if (bad := np.flatnonzero(real <= 0.0)).size:
         return ValueError(
             f"frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
-            "(a free structure has no receptance at 0 Hz: leave that line out)"
+            "(a free structure has no receptance at 0 Hz; omit that line)"
         )
     bad = np.flatnonzero(real[1:] <= real[:-1])
     first, second = real[bad[0]], real[bad[0] + 1]
     return ValueError(
         f"frequency_hz is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
-        "sort the lines and leave out repeated ones"
+        "sort the lines and omit repeated ones"
     )
 
 
 def thread_count(threads: int | None) -> int:
-    """Return the number of threads: given, or from RECEPTANCE_THREADS, or 0 for all that are allowed."""
+    """Return the number of threads: given, or from RECEPTANCE_THREADS, or 0 for all allowed processors."""
     source = "threads"
     value: Any = threads
     if value is None:
@@ -138,11 +154,13 @@ def thread_count(threads: int | None) -> int:
     except (TypeError, ValueError):
         count = -1
     if count < 0 or isinstance(value, (bool, float)):
-        raise ValueError(f"{source} is {value!r}, expected a whole number (0: all that this process may use)")
+        raise ValueError(
+            f"{source} is {value!r}, expected a whole number (0: all processors that this process may use)"
+        )
     return count
 
 
 def worker_count(threads: int | None) -> int:
-    """Return the number of threads of a pool in Python: as `thread_count`, with what 0 stands for."""
+    """Return the number of threads of a pool in Python: `thread_count`, with 0 replaced by the allowed processors."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return thread_count(threads) or allowed

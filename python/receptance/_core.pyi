@@ -14,12 +14,14 @@ overlaps (n, 31): node where the shank goes on, node where the sleeve does (x la
 
 terminals (n, 4), by `Model.with_terminals`: node, and the constant part of y/F, theta/M and y/M;
 modes (m, 7), with them: row of the terminal, natural frequency in rad/s, damping ratio, y, theta, y_imaginary,
-    theta_imaginary.
+    theta_imaginary;
+slips (n, 7), by `Model.with_slips`: row of the joint, slip_y, slip_theta, exponent, level, reference_y,
+    reference_theta.
 
 For axial motion and torsion a node has one degree of freedom; then k_y, c_y, loss_factor and the first inertia column
 act along it. Coordinates are rows of node and direction (0 y or force, 1 theta or moment); `points` are two of them,
 response and excitation. Parameters are rows of table (0 segments, 1 joints, 2 masses, 3 grounds, 4 overlaps, 5
-terminals, 6 modes), row and column.
+terminals, 6 modes, 7 slips), row and column.
 """
 
 from collections.abc import Callable
@@ -31,12 +33,14 @@ from numpy.typing import NDArray
 __all__ = [
     "ByLine",
     "Ends",
+    "GrossSlipError",
     "JointReduction",
     "Lines",
     "Model",
     "ModelSweep",
     "Problem",
     "ReceptanceError",
+    "Records",
     "ResonanceError",
     "SingularInterfaceError",
     "TiedModel",
@@ -45,6 +49,7 @@ __all__ = [
 ]
 
 class ReceptanceError(Exception): ...
+class GrossSlipError(ReceptanceError): ...
 class SingularInterfaceError(ReceptanceError): ...
 class ResonanceError(ReceptanceError): ...
 
@@ -60,8 +65,8 @@ class Lines:
 class ByLine:
     def __new__(
         cls,
-        added: NDArray[np.complex128] | None = None,
         beyond: NDArray[np.complex128] | None = None,
+        force: NDArray[np.float64] | None = None,
     ) -> ByLine: ...
 
 @final
@@ -76,6 +81,7 @@ class Model:
         overlaps: NDArray[np.float64] | None = None,
     ) -> Model: ...
     def with_terminals(self, terminals: NDArray[np.float64], modes: NDArray[np.float64]) -> Model: ...
+    def with_slips(self, slips: NDArray[np.float64]) -> Model: ...
     def receptance(
         self,
         lines: Lines,
@@ -88,7 +94,12 @@ class Model:
     def natural_frequencies(
         self, upper: float | None, most: int, parameters: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
-    def log_determinant(self, lines: Lines, by_line: ByLine | None = None) -> NDArray[np.complex128]: ...
+    def complex_frequencies(
+        self, undamped: NDArray[np.float64], parameters: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
+    def poles(
+        self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
+    ) -> tuple[NDArray[np.complex128], int]: ...
     def reduced_to_joint(
         self,
         joint: int,
@@ -104,7 +115,6 @@ class Model:
         present: NDArray[np.float64],
         addresses: NDArray[np.float64],
         factors: NDArray[np.float64] | None = None,
-        powers: NDArray[np.float64] | None = None,
     ) -> TiedModel: ...
 
 @final
@@ -143,6 +153,17 @@ class ModelSweep:
     ) -> NDArray[np.float64]: ...
 
 @final
+class Records:
+    def __new__(
+        cls,
+        measured: NDArray[np.complex128],
+        weights: NDArray[np.float64],
+        percent: bool = False,
+        end: float | None = None,
+    ) -> Records: ...
+    def evaluated(self, lines: Lines) -> NDArray[np.complex128]: ...
+
+@final
 class Problem:
     def __new__(
         cls,
@@ -159,9 +180,7 @@ class Problem:
         model: TiedModel,
         lines: Lines,
         points: NDArray[np.float64],
-        measured: NDArray[np.complex128],
-        weights: NDArray[np.float64],
-        percent: bool = False,
+        records: Records,
         by_line: ByLine | None = None,
     ) -> None: ...
     def add_frequencies(
@@ -170,6 +189,8 @@ class Problem:
         modes: NDArray[np.float64],
         measured: NDArray[np.float64],
         weights: NDArray[np.float64],
+        damping_ratio: NDArray[np.float64] | None = None,
+        damping_weights: NDArray[np.float64] | None = None,
     ) -> None: ...
     def add_joint_receptance(
         self,
@@ -179,10 +200,12 @@ class Problem:
         measured: NDArray[np.complex128],
         weights: NDArray[np.float64],
     ) -> None: ...
+    def add_linear(self, matrix: NDArray[np.float64], centre: NDArray[np.float64]) -> None: ...
     def add_function(
         self,
         function: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]] | None],
     ) -> None: ...
+    def reason(self, x: NDArray[np.float64]) -> tuple[int, str] | None: ...
     def thinned(self, lines: int) -> Problem: ...
     def normal_matrix(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def rows(

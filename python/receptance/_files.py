@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and read within limits."""
+"""Atomic writing of files, and reading within a limit of size."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import BinaryIO, TextIO
 __all__ = ["LARGEST", "check_target", "inert", "open_file", "read_whole", "streamed", "write_whole"]
 
 LARGEST = 1 << 30
-"""Bytes that are read of one file at most, compressed or not: 1 GiB."""
+"""Most bytes read of one file, compressed or expanded: 1 GiB."""
 
 
 def inert(text: str) -> str:
-    """Return a text for a cell of a table, so that no spreadsheet takes it for a formula.
+    """Return a text for a cell of a table, quoted if a spreadsheet would take it for a formula.
 
     Examples
     --------
@@ -29,14 +29,14 @@ def inert(text: str) -> str:
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Open a file to read it; a pipe or a device, which may never end, is refused.
+    """Open a file for reading; pipes and devices, which may not end, are refused.
 
     Raises
     ------
     OSError
-        No file, or something else than a file.
+        A missing file, a folder, a pipe or a device.
     """
-    # Without O_NONBLOCK the call waits for somebody who writes into a pipe.
+    # Without O_NONBLOCK opening a pipe waits for a writer.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     descriptor = os.open(os.fspath(path), flags)
     try:
@@ -70,19 +70,19 @@ def read_whole(path: Path) -> bytes:
     b'whole'
     """
     with open_file(path) as file:
-        # The size may be zero or wrong where a file system makes contents on demand, so it is not relied on.
+        # The stated size may be wrong in file systems with generated contents.
         pieces = [file.read(min(os.fstat(file.fileno()).st_size + 1, LARGEST + 1))]
         size = len(pieces[0])
         while size <= LARGEST and (piece := file.read(1 << 20)):
             pieces.append(piece)
             size += len(piece)
     if size > LARGEST:
-        raise OSError(f"cannot read {path}: it is larger than {LARGEST >> 20} MiB, the most that is read of one file")
+        raise OSError(f"cannot read {path}: it is larger than {LARGEST >> 20} MiB, the limit for one file")
     return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
 
 def check_target(path: Path) -> None:
-    """Raise an OSError in words where a file can clearly not be written, before long work is done for it."""
+    """Raise an OSError if a file cannot be written, for a check before a long computation."""
     folder = path.resolve().parent
     if path.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder")
@@ -94,9 +94,9 @@ def check_target(path: Path) -> None:
 
 
 def write_whole(contents: Mapping[Path, bytes]) -> None:
-    """Write files under temporary names beside their targets, then rename all of them.
+    """Write files under temporary names next to their targets, then rename all of them.
 
-    An error or an interruption leaves the targets as they were and no temporary file behind.
+    After an error or an interruption the targets are unchanged and no temporary file is left.
 
     Raises
     ------
@@ -135,10 +135,10 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
 
 def _stage(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
     if path.exists() and not path.is_file():
-        # A pipe or a terminal (/dev/stdout) cannot be renamed to.
+        # A pipe or a terminal (/dev/stdout) cannot be replaced by renaming.
         path.write_bytes(content)
         return
-    # What a link points to is replaced, not the link.
+    # The target of a link is replaced, not the link.
     target = path.resolve()
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     waiting[temporary] = target
@@ -152,7 +152,7 @@ def _stage(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
 
 @contextlib.contextmanager
 def streamed(path: Path) -> Iterator[TextIO]:
-    """Open a text file that takes the place of its target only when all is written.
+    """Open a text file that replaces its target after it is completely written.
 
     An error or an interruption leaves the target as it was and no temporary file behind.
 

@@ -1,4 +1,4 @@
-"""Text from files and from users in messages: control characters, values, near misses of names."""
+"""Text of files and users in messages: control characters, values, similar names."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-__all__ = ["did_you_mean", "one_of", "printable", "shown"]
+__all__ = ["did_you_mean", "instead_of", "one_of", "printable", "shown"]
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Characters that move the cursor, change colours or the direction of writing; not ends of lines and tabs."""
+"""Characters that move the cursor, or change colours or writing direction, except line feeds and tabs."""
 _LONGEST_LIST = 12
 _LONGEST_TEXT = 60
 
 
 def printable(text: str) -> str:
-    r"""Return a text with its control characters escaped, so that they do nothing to a terminal.
+    r"""Return a text with control characters escaped, which would affect a terminal.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def printable(text: str) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a value as it stands in a file; long texts are shortened, tables and lists are not written out."""
+    """Return a value as text for a message; long texts are shortened, tables and lists are summarised."""
     if isinstance(value, str):
         return f'"{value if len(value) <= _LONGEST_TEXT else value[: _LONGEST_TEXT - 3] + "..."}"'
     if isinstance(value, bool):
@@ -41,7 +41,7 @@ def shown(value: Any) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a question to follow a message, or nothing where no known word is near.
+    """Return the question "did you mean" for a message, or an empty text without a similar name.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def one_of(known: Iterable[str]) -> str:
-    """Return some names as a list for the end of "expected ..."."""
+    """Return names as a list to append to "expected "."""
     names = [f'"{name}"' for name in known]
     if not names:
         return "nothing: there is none"
@@ -68,3 +68,16 @@ def one_of(known: Iterable[str]) -> str:
         return names[0]
     rest = f" and {len(names) - _LONGEST_LIST} more" if len(names) > _LONGEST_LIST else ""
     return f"one of {', '.join(names[:_LONGEST_LIST])}{rest}"
+
+
+def instead_of(name: str, known: Iterable[str]) -> str:
+    """Return the names that are expected in place of an unknown one, and the nearest of them.
+
+    Examples
+    --------
+    >>> from receptance._text import instead_of
+    >>> instead_of("stel", ["steel", "carbide"])
+    ', expected one of "steel", "carbide" (did you mean "steel"?)'
+    """
+    choices = list(known)
+    return f", expected {one_of(choices)}{did_you_mean(name, choices)}"

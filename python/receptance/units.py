@@ -1,9 +1,9 @@
 """Units and physical quantities: the unit registry, units of FRFs and records, quantities written as text.
 
-The program has one unit registry. It knows the units of mechanical measurements and nothing else, and the angle is a
-dimension of its own, so that rad/N and m/(N m) differ. The letter g stands for two units: it is the acceleration of
-gravity where that gives a motion or a motion per load (`g`, `g/N`, `V/(100 mV/g)`), and a gram elsewhere (`0.6 g`,
-`14.5 g/cm^3`). pint is imported when the first unit is read.
+The program has one unit registry, restricted to the units of mechanical measurements. The angle has a dimension of its
+own, so rad/N and m/(N m) differ. The letter g is the acceleration of gravity if that gives a motion or a motion per
+load (`g`, `g/N`, `V/(100 mV/g)`), and a gram otherwise (`0.6 g`, `14.5 g/cm^3`). pint is imported when the first unit
+is read.
 """
 
 from __future__ import annotations
@@ -87,12 +87,12 @@ percent = 0.01
 """
 
 _SI = {"mass": "kg", "length": "m", "angle": "rad", "voltage": "V", "temperature": "K", "time": "s"}
-"""SI unit of each dimension, in the order in which a unit is written."""
+"""SI unit of each dimension, in the order of a written unit."""
 
 Form = Literal["receptance", "mobility", "accelerance"]
 """Displacement, velocity or acceleration per load."""
 FORMS: tuple[Form, ...] = get_args(Form)
-"""In the order of time derivatives: the index is the power of i w that a receptance is multiplied with."""
+"""Forms in the order of time derivatives: the index is the power of i w relative to a receptance."""
 _SYNONYMS = {"compliance": "receptance", "inertance": "accelerance"}
 
 Dimension = tuple[tuple[str, float], ...]
@@ -100,7 +100,7 @@ Dimension = tuple[tuple[str, float], ...]
 
 
 class UnitError(ValueError):
-    """A text that is not a known unit; `word` is the part that is unknown."""
+    """A text that is not a known unit; `word` is its unknown part."""
 
     def __init__(self, message: str, word: str = "") -> None:
         super().__init__(message)
@@ -114,9 +114,9 @@ class Unit:
     Attributes
     ----------
     text : str
-        As it was written.
+        The unit as written.
     factor : float
-        Numbers in this unit times `factor` are in SI units.
+        Factor from numbers in this unit to SI units.
     dimension : Dimension
         Powers of the base dimensions.
     """
@@ -132,7 +132,7 @@ _LONGEST_UNIT = 80
 _EXPONENT = r"[+-]?\d(?:\.5)?"
 _POWER = re.compile(rf"(?<=[A-Za-zµμ)])\s*(?:\^|\*\*)\s*(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?![\d.]|\s*(?:\^|\*\*))")
 _SIGN = re.compile(r"(?:(?<=\d[eE])[+-]|(?:^|(?<=[(/*]))\s*-)(?=\s*\d)")
-"""A sign of a number, as against a difference or a sum."""
+"""A sign of a number, as opposed to a difference or a sum."""
 _ALLOWED = re.compile(r"[A-Za-zµμ_0-9.*/() ]+")
 _GRAM_OR_GRAVITY = re.compile(r"\b([mµμun]?)g\b")
 _LINEAR_POWER = re.compile(r"\b([A-Za-zµμ]+)(-?\d)\b")
@@ -148,7 +148,7 @@ def _registry() -> Any:
 
 
 def _plain(text: str) -> str:
-    """Return a unit as pint spells it."""
+    """Return a unit in the spelling of pint."""
     plain = text.strip()
     for sign, power in (("⁻", "-"), ("¹", "1"), ("²", "2"), ("³", "3"), ("⁴", "4")):
         plain = plain.replace(sign, power)
@@ -162,10 +162,10 @@ def _plain(text: str) -> str:
 
 @functools.lru_cache(maxsize=1024)
 def _read(text: str, gravity: bool = False) -> Unit:
-    """Return the unit that a text names; g is the acceleration of gravity or a gram."""
+    """Return the unit of a text; g is the acceleration of gravity or a gram."""
     plain = _plain(text)
     wrong = f"{text!r} is not understood as a unit, expected one such as 'm/s^2/N' or 'g'"
-    # pint evaluates any expression in a text, and a power of a power such as m^9^9^9 takes for ever.
+    # pint evaluates any expression in a text, and a power of a power such as m^9^9^9 does not end.
     bare = _SIGN.sub("", _POWER.sub("", plain))
     if len(plain) > _LONGEST_UNIT or "//" in bare or "**" in bare or not _ALLOWED.fullmatch(bare):
         raise UnitError(wrong, text)
@@ -178,10 +178,10 @@ def _read(text: str, gravity: bool = False) -> Unit:
         factor = float(base.magnitude)
         powers = {name.strip("[]"): float(power) for name, power in dict(base.dimensionality).items()}
     except Exception as error:
-        # pint raises whatever its parts raise: syntax errors, undefined units, arithmetic.
+        # pint raises many types of errors: syntax errors, undefined units, arithmetic.
         found = getattr(error, "unit_names", None) or ()
         words = (found,) if isinstance(found, str) else tuple(map(str, found))
-        hint = f" (what is {', '.join(words)!r}?)" if words else ""
+        hint = f" (unknown: {', '.join(words)!r})" if words else ""
         raise UnitError(wrong + hint, words[0] if words else text) from None
     if not 0.0 < abs(factor) < math.inf:
         raise UnitError(f"{wrong}: it is a factor of {factor:g}", text)
@@ -189,13 +189,13 @@ def _read(text: str, gravity: bool = False) -> Unit:
 
 
 def parse_unit(text: str) -> Unit:
-    """Return the unit that a text names, as analysers spell it: `m/s^2/N`, `(m/s²)/N`, `g/lbf`, `um/N`, `rad/(N m)`.
+    """Return the unit of a text in the notation of analysers: `m/s^2/N`, `(m/s²)/N`, `g/lbf`, `um/N`, `rad/(N m)`.
 
     Parameters
     ----------
     text : str
-        A unit, perhaps with numbers such as the sensitivity of a sensor, `V/(2.25 mV/N)`. g is the acceleration of
-        gravity if the whole is then a motion or a motion per load, else a gram.
+        A unit, optionally with numbers such as the sensitivity of a sensor, `V/(2.25 mV/N)`. g is the acceleration of
+        gravity if the result is a motion or a motion per load, otherwise a gram.
 
     Raises
     ------
@@ -213,9 +213,7 @@ def parse_unit(text: str) -> Unit:
     if not isinstance(text, str):
         raise TypeError(f"the unit is {text!r}, expected a text such as 'm/s^2/N'")
     if "db" in text.lower():
-        raise UnitError(
-            f"the unit {text!r} is a level in dB; export linear values, a level does not say what it refers to"
-        )
+        raise UnitError(f"the unit {text!r} is a level in dB, whose reference is unknown; export linear values")
     unit = _read(text)
     if _GRAM_OR_GRAVITY.search(text):
         gravity = _read(text, gravity=True)
@@ -231,7 +229,7 @@ def parse_unit(text: str) -> Unit:
 
 @dataclass(frozen=True)
 class FRFKind:
-    """What the dimension of an FRF's unit tells."""
+    """Form and direction of an FRF, from the dimension of its unit."""
 
     form: Form
     response: str
@@ -326,7 +324,7 @@ def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
     Parameters
     ----------
     owner, what : str
-        Named in errors, such as "TimeRecords 'hammer'" and "force_unit".
+        Named in errors, such as "HammerRecords 'hammer'" and "force_unit".
     quantity : str
         A key of `CHANNEL_UNITS`.
     unit : str
@@ -377,16 +375,16 @@ _COMMON = ("mm", "cm", "m", "µm", "um", "GPa", "MPa", "Pa", "kg", "g", "N", "kN
 
 @dataclass(frozen=True)
 class Quantity:
-    """A physical quantity: name, SI unit, an example and the values that are allowed.
+    """A physical quantity: name, SI unit, an example and bounds.
 
     Parameters
     ----------
     name : str
-        With its article, as in "a length".
+        Name with article, such as "a length".
     unit : str
         Unit of its values; empty for a plain number.
     example : str
-        A value as a user writes it.
+        Example of a value as text.
     above, least, most : float, optional
         Bounds: values are more than `above`, at least `least` and at most `most`.
     """
@@ -400,7 +398,7 @@ class Quantity:
 
     @property
     def expected(self) -> str:
-        """What a text must be, for messages."""
+        """Description of a valid text, for messages."""
         if not self.unit:
             return f"a number such as {self.example}"
         return f'{self.name} as text with a unit, such as "{self.example}"'
@@ -464,14 +462,14 @@ SPINDLE_SPEED = Quantity("a spindle speed", "rpm", "12000 rpm", above=0.0)
 DIRECTION = Quantity("a direction", "deg", "30 deg")
 
 QUANTITIES = tuple(one for one in tuple(globals().values()) if isinstance(one, Quantity))
-"""All of them."""
+"""All quantities."""
 
 _RATES = {
     "Hz": ("Hz or kHz", re.compile(r"[A-Za-zµμ]*(Hz|hertz|Hertz)")),
     "rpm": ("rpm", re.compile(r"rpm|revolutions_per_minute")),
     "1/s": ("1/s; a rate of decay is in 1/s, not in Hz", re.compile(r"(?!.*(Hz|hertz)).*", re.IGNORECASE)),
 }
-"""How rates must be written: Hz and 1/s have the same dimension, and differ by 2 pi where the reader errs."""
+"""Required units of rates: Hz and 1/s have the same dimension, and confusing them is an error of 2 pi."""
 
 
 def parse(text: Any, quantity: Quantity) -> float:
@@ -480,15 +478,15 @@ def parse(text: Any, quantity: Quantity) -> float:
     Parameters
     ----------
     text : str or float
-        A number and a unit; a plain number where the quantity has no unit.
+        A number and a unit; a plain number for a quantity without a unit.
     quantity : Quantity
-        What is expected.
+        Expected quantity.
 
     Raises
     ------
     ValueError
-        Not text, no unit, an unknown unit, another quantity, or a value out of range; the message begins with "is",
-        for the name of the value to be put before it.
+        Not text, no unit, an unknown unit, another quantity, or a value out of range; the message begins with "is", so
+        the caller can put the name of the value before it.
 
     Examples
     --------

@@ -39,7 +39,7 @@ STUB = Path(receptance.__file__).with_name("_core.pyi")
 MANY_LINES = np.linspace(1.0, 1e4, 20_000)
 
 
-def test_the_stubs_have_the_binarys_names_and_parameters() -> None:
+def test_stubs_match_names_and_parameters_of_the_extension() -> None:
     tree = ast.parse(STUB.read_text(encoding="utf-8"))
     functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
     classes = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}
@@ -51,7 +51,7 @@ def test_the_stubs_have_the_binarys_names_and_parameters() -> None:
         assert getattr(_core, name).__doc__, name
 
 
-def test_every_public_name_is_there_and_documented() -> None:
+def test_every_public_name_is_documented() -> None:
     for name in receptance.__all__:
         thing = getattr(receptance, name)
         assert thing.__doc__, name
@@ -92,7 +92,7 @@ def test_import_loads_numpy_and_scipy_only() -> None:
     assert found <= {"receptance", "numpy", "scipy"}, found
 
 
-def test_packages_are_there_after_import_receptance() -> None:
+def test_subpackages_are_available_after_import() -> None:
     """Each is loaded when it is first used, and not before."""
     folder = Path(receptance.__file__).parent
     packages = {path.parent.name for path in folder.glob("*/__init__.py")} - {"cli"}
@@ -143,7 +143,7 @@ def test_other_threads_run_during_a_call() -> None:
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
+def test_exception_in_signal_handler_ends_a_call(threads: int) -> None:
     """2000 fits over 20,000 lines take minutes; a raising handler ends them within a second."""
 
     class AlarmError(Exception):
@@ -174,11 +174,11 @@ def test_a_call_ends_when_a_handler_of_a_signal_raises(threads: int) -> None:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-    # What comes after is not disturbed.
+    # Later calls are not affected.
     assert np.array_equal(own.receptance(f), exact)
 
 
-def test_a_limit_that_has_no_square_is_refused() -> None:
+def test_limit_with_overflowing_square_is_an_error() -> None:
     """1e-320 Hz did not return: the search for a frequency below all modes never got below it."""
     shank = Section(outer_diameter=0.012, material=STEEL)
     sleeve = Section(outer_diameter=0.035, inner_diameter=0.012, material=STEEL)
@@ -240,14 +240,14 @@ def _first_mode(assembly: Assembly) -> float:
     return float(assembly.natural_frequencies(1e4)[0])
 
 
-def test_assemblies_go_to_other_processes() -> None:
+def test_assemblies_pickle_to_other_processes() -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         assert pool.apply(pickle.dumps, (rich(),))
     assert pickle.loads(pickle.dumps(rich())) == rich()
     assert _first_mode(pickle.loads(pickle.dumps(rich()))) == _first_mode(rich())
 
 
-def test_many_threads_are_no_more_than_there_is_work() -> None:
+def test_thread_count_is_limited_by_the_work() -> None:
     assembly = rich()
     few = np.linspace(10.0, 1e3, 20)
     np.testing.assert_array_equal(assembly.receptance(few, threads=10_000), assembly.receptance(few, threads=1))

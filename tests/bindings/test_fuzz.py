@@ -1,4 +1,4 @@
-"""The extension's own functions under anything that NumPy can hand them: an answer or an ordinary exception."""
+"""The extension's own functions with arbitrary NumPy input: a result or an ordinary exception."""
 
 from __future__ import annotations
 
@@ -88,9 +88,9 @@ def modes(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def check(function: Any, arguments: dict[str, Any]) -> Exception | None:
-    """Call; what comes back must be right in shape and finite, what is raised must be one of the allowed.
+    """Call; the result must be finite and of the right shape, or the error one of the allowed types.
 
-    A panic would be a `PanicException`, which is no `Exception`: nothing here would catch it.
+    A panic would be a `PanicException`, which is not an `Exception` and is not caught here.
     """
     started = time.perf_counter()
     refused: Exception | None = None
@@ -120,7 +120,7 @@ def check(function: Any, arguments: dict[str, Any]) -> Exception | None:
     return None
 
 
-def test_the_starting_point_works() -> None:
+def test_undamaged_call_succeeds() -> None:
     assert check(calls.receptance, good()) is None
     assert check(calls.natural_frequencies, modes(good())) is None
 
@@ -183,14 +183,14 @@ def test_any_shape_and_type(data: st.DataObject) -> None:
 
 @pytest.mark.parametrize("name", [*TABLES, "angular_frequency"])
 @pytest.mark.parametrize("value", [None, 1.0, "text", [], [[1.0]], object(), {}, b"bytes", np.float64(2.0)])
-def test_what_is_no_array_is_a_type_error(name: str, value: object) -> None:
+def test_non_array_is_a_type_error(name: str, value: object) -> None:
     with pytest.raises(TypeError, match=name):
         calls.receptance(**{**good(), name: value})
 
 
 @pytest.mark.parametrize("name", ["motion", "threads"])
 @pytest.mark.parametrize("value", [None, 1.5, "1", -1, 2**70, [0]])
-def test_what_is_no_count_is_refused(name: str, value: object) -> None:
+def test_invalid_count_is_an_error(name: str, value: object) -> None:
     with pytest.raises((TypeError, OverflowError), match=f"{name}|negative|too (big|large)"):
         calls.receptance(**{**good(), name: value})
 
@@ -204,7 +204,7 @@ def test_wrong_columns_name_the_table(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_layout_that_is_not_c_contiguous_is_refused_or_read_right(name: str) -> None:
+def test_non_contiguous_arrays_are_refused_or_read_correctly(name: str) -> None:
     # Two rows and more: one row lies the same way in both orders.
     arguments = good()
     arguments["joints"] = np.repeat(arguments["joints"], 2, axis=0)
@@ -256,7 +256,7 @@ def test_a_layout_that_is_not_c_contiguous_is_refused_or_read_right(name: str) -
         ("excitations", 0, 1, 2.0, "excitation"),
         ("responses", 1, 0, -1.0, "responses: -1"),
         ("responses", 1, 0, 0.5, "responses: 0.5"),
-        ("parameters", 0, 0, 7.0, "table is 7"),
+        ("parameters", 0, 0, 8.0, "table is 8"),
         ("parameters", 0, 1, 2.0, "parameter row 0 is 2"),
         ("parameters", 0, 2, 13.0, "parameter column 0 is 13"),
         ("parameters", 0, 2, 1.0, "parameter column 0 is 1"),
@@ -274,7 +274,7 @@ def test_errors_name_the_quantity_and_its_value(table: str, row: int, column: in
 @pytest.mark.parametrize(
     "line", [0.0, -1.0, np.nan, np.inf, complex(1.0, np.nan), complex(0.0, -1.0), complex(-1.0, 1.0)]
 )
-def test_lines_that_are_no_frequency(line: complex) -> None:
+def test_invalid_frequencies_are_errors(line: complex) -> None:
     arguments = good()
     arguments["angular_frequency"][1] = line
     with pytest.raises(ValueError, match="frequency line 1"):
@@ -308,8 +308,8 @@ EXTREMES = [
 
 
 @pytest.mark.parametrize("which", range(len(EXTREMES)), ids=["-".join(map(str, extreme)) for extreme in EXTREMES])
-def test_numbers_beyond_reason_are_answered(which: int) -> None:
-    """Slips of many orders of magnitude: an answer or an error, not all memory and not for ever."""
+def test_extreme_numbers_return_or_raise(which: int) -> None:
+    """Slips of many orders of magnitude: a result or an error, within limits of memory and time."""
     run_alone(
         """
         import resource, sys, time
@@ -335,7 +335,7 @@ def test_numbers_beyond_reason_are_answered(which: int) -> None:
     )
 
 
-def test_huge_node_numbers_are_refused_without_memory() -> None:
+def test_huge_node_numbers_are_refused_before_allocation() -> None:
     """In a process of its own, with a limit on memory: the nodes must not be allocated before they are counted."""
     script = """
         import resource, sys

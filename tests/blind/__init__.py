@@ -1,1 +1,1 @@
-"""The laboratory: it hides effects in data from its own physics, and scores who finds them."""
+"""Blind tests: effects are hidden in data from an independent simulation, and the diagnosis is scored."""

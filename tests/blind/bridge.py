@@ -1,7 +1,7 @@
 """From a case to objects of the package, and from its verdict to plain values: the only place that imports it.
 
-What goes through is what an engineer would write into a campaign: nominal dimensions, stated tolerances, the joint as
-unknown, and the FRFs with what the analyser says about them. Nothing of the truth is known here.
+It passes the content of a campaign file: nominal dimensions, stated tolerances, the joint as
+unknown, and the FRFs with their metadata. It does not use the truth.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _materials(nominal: Nominal) -> dict[str, Material]:
 
 
 def assembly_of(nominal: Nominal, configuration: Configuration) -> Assembly:
-    """Return the assembly that the engineer describes."""
+    """Return the nominal assembly."""
     p, material = nominal.numbers, _materials(nominal)
     shear = "hutchinson" if p["shear.hutchinson"] else "cowper"
     tool = []
@@ -175,10 +175,10 @@ def unknowns_of(nominal: Nominal) -> list[Law]:
 
 
 def frf_of(record: Record) -> FRF:
-    """Return the FRF in the form that the analyser gave."""
+    """Return the FRF in the form of the analyser."""
     e = record.estimate
     with warnings.catch_warnings():
-        # Where the quantity is wrong the package may well say so; the verdict is what counts here.
+        # The package may warn of a wrong quantity; only the verdict is scored.
         warnings.simplefilter("ignore")
         frf = FRF(
             frequency_hz=e.frequency_hz,
@@ -243,7 +243,7 @@ def ask(
     causes: Sequence[str] | None = None,
     without: Sequence[str] = (),
 ) -> Answer:
-    """Return what the package says of a case, perhaps from some causes only, or without some."""
+    """Return the verdict of the package on a case, perhaps from some causes only, or without some."""
     from receptance.diagnosis import CATALOGUE, diagnose
 
     if without:
@@ -266,7 +266,7 @@ def ask(
             seed=seed,
             threads=threads,
         )
-    except Exception as error:  # a diagnosis that fails is an answer, and a wrong one
+    except Exception as error:  # a failed diagnosis counts as a wrong answer
         return _failed(f"{type(error).__name__}: {error}", time.perf_counter() - begun)
     seconds = time.perf_counter() - begun
     predictions, before = {}, {}
@@ -279,7 +279,7 @@ def ask(
         try:
             predictions[tool.name] = _lists(verdict.predict_natural_frequencies(assembly, UPPER_HZ, **where))
             before[tool.name] = _lists(verdict.base.predict_natural_frequencies(assembly, UPPER_HZ, **where))
-        except Exception as error:  # said in the table as a prediction that is missing
+        except Exception as error:  # the table counts it as a missing prediction
             problem = f"prediction: {type(error).__name__}: {error}"
     after = verdict.adequacy_after
     return Answer(

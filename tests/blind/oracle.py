@@ -1,7 +1,7 @@
-"""An oracle that knows which effect is hidden and fits its sizes, with the laboratory's own model.
+"""An oracle that fits the sizes of the hidden effect with the model of the generator.
 
-It says how much there was to gain, in the data and on a tool that was not measured, and whether another effect would
-have looked the same. The engine under test has no part in it.
+It returns the possible gain, in the data and on a tool that was not measured, and whether another effect explains the
+data equally well. It does not use the engine under test.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CURVED = ("joint_spread", "missing_mode", "collet_mass", "flexible_body", "suspe
 
 @dataclass(frozen=True)
 class Oracle:
-    """What there was to gain."""
+    """The possible gain."""
 
     gain: float
     """Decrease of chi-square by the truth's own parameters, all effects together."""
@@ -46,13 +46,13 @@ class Oracle:
     @property
     def large(self) -> bool:
         """Whether the effect counts as large enough to be found."""
-        seen = self.local or self.held_out > 5.0
+        detectable = self.local or self.held_out > 5.0
         both = all(self.each[id] > 30.0 and self.each_held_out[id] > 5.0 for id in self.each)
-        return self.gain > 30.0 and seen and both
+        return self.gain > 30.0 and detectable and both
 
 
 def consult(case: Case, truth: Truth) -> Oracle:
-    """Return what the oracle says of a case."""
+    """Return the result of the oracle for a case."""
     data = data_of(case, truth)
     full = Problem(case, truth, data, truth.effects)
     best = full.fit(full.start(), most=12)
@@ -148,11 +148,11 @@ def same_answer(case: Case, truth: Truth, id: str, beside: Sequence[str] = (), *
     data = data_of(case, truth, exact=True)
     own = Problem(case, truth, data, truth.effects)
     best = own.fit(own.start(), most=20)
-    wanted = best.chi_square + 6.0
+    limit = best.chi_square + 6.0
     kept = [effect for effect in truth.effects if effect.id in beside]
     base = Problem(case, truth, data, kept)
     start = base.fit(base.start(), most=20)
-    if start.chi_square < wanted:
+    if start.chi_square < limit:
         return True
     ranked = []
     ways = _ways(case, truth, id, tries)
@@ -160,7 +160,7 @@ def same_answer(case: Case, truth: Truth, id: str, beside: Sequence[str] = (), *
         ways = [replace(one, sizes={**one.sizes, "fixture.hz": hz}) for one in ways[:3] for hz in _worst(base, start.x)]
     local = {effect.configuration for effect in truth.effects}
     if local != {None}:
-        # What acts in one configuration may look like something else there.
+        # An effect in one configuration may be indistinguishable from another one there.
         ways += [replace(one, configuration=place) for one in ways for place in local]
     for effect in ways:
         problem = Problem(case, truth, data, [*kept, effect])
@@ -169,7 +169,7 @@ def same_answer(case: Case, truth: Truth, id: str, beside: Sequence[str] = (), *
                 x = np.concatenate([joint, problem.start(null=null)[base.size :]])
                 ranked.append((problem.promise(x), len(ranked), problem, x))
     best_first = [(problem, x) for _, _, problem, x in sorted(ranked)[:4]]
-    return any(problem.fit(x, most=25, hopeless=wanted).chi_square < wanted for problem, x in best_first)
+    return any(problem.fit(x, most=25, hopeless=limit).chi_square < limit for problem, x in best_first)
 
 
 def _worst(problem: Problem, x: FloatArray) -> list[float]:
@@ -185,6 +185,6 @@ def _ways(case: Case, truth: Truth, id: str, tries: int) -> list[Effect]:
     """Return effects of a kind that act in different ways, of middling size."""
     rng = np.random.default_rng([*truth.seed, 78])
     drawn = [draw_effect(rng, id, (attempt % 5 + 0.5) / 5.0, case.nominal.numbers) for attempt in range(4 * tries)]
-    # Two that differ in sizes only lead to the same end.
+    # Two that differ only in size have the same optimum.
     others = {tuple(sorted(effect.fixed.items())) or i % 3: effect for i, effect in enumerate(drawn)}
     return list(others.values())[:tries]

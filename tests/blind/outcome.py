@@ -1,4 +1,4 @@
-"""One case: drawn, answered, and what of the answer was right."""
+"""One case: its draw, the verdict, and the correctness of the verdict."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COMPARED_HZ = 0.95 * UPPER_HZ
 
 @dataclass(frozen=True)
 class Outcome:
-    """One case: what was hidden, what the oracle gains, what was answered."""
+    """One case: hidden effects, gain of the oracle, verdict."""
 
     seed: int
     index: int
@@ -55,12 +55,12 @@ class Outcome:
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Reported ids that are right or as good as right."""
+        """Reported ids that are right or indistinguishable from the right ones."""
         return tuple(id for id in self.reported if id in self.effects or id in self.same)
 
     @property
     def in_set(self) -> bool:
-        """Whether every effect, or what looks the same, is reported."""
+        """Whether every effect, or an indistinguishable one, is reported."""
         if not self.effects:
             return False
         right = sum(id in self.reported for id in self.effects)
@@ -68,18 +68,18 @@ class Outcome:
 
     @property
     def named_right(self) -> bool:
-        """Whether all of the effects and nothing else is named."""
+        """Whether exactly the hidden effects are named."""
         return self.verdict == "named" and self.in_set and len(self.found) == len(self.reported)
 
     @property
     def one_answer(self) -> bool:
-        """Whether the effects and nothing else are reported, what looks the same as they do being the same answer."""
+        """Whether exactly the effects are reported; indistinguishable causes count as the same."""
         merged = self.verdict in ("named", "ambiguous") and len(self.found) == len(self.reported)
         return self.in_set and merged
 
     @property
     def named_wrong(self) -> bool:
-        """Whether something is named that is not there."""
+        """Whether an absent effect is named."""
         return self.verdict == "named" and len(self.found) < len(self.reported)
 
 
@@ -87,7 +87,7 @@ def run_case(
     seed: int, index: int, kind: str, effects: Sequence[str], ask: Callable[[Any], Any], *, quick: bool = False,
     u: float | None = None, oracle: bool = True,
 ) -> Outcome:  # fmt: skip
-    """Draw a case, have it answered, and open the truth."""
+    """Draw a case, run the diagnosis, and compare with the truth."""
     case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u)
     answer = ask(case)
     names = tuple(effect.id for effect in truth.effects)
@@ -159,7 +159,7 @@ def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> f
 
 
 def _share(told: Any, answer: Any) -> float | None:
-    """Return how much of the oracle's improvement on new tools was reached; None where there was hardly any."""
+    """Return the share of the oracle's improvement on new tools; None if that is negligible."""
     true = told.frequencies_true
     before, best = (_error(one, true) for one in (told.frequencies_before, told.frequencies_after))
     after = _error({name: pair[0] for name, pair in answer.predictions.items()}, true)

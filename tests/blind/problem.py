@@ -1,4 +1,4 @@
-"""The laboratory's own model with unknowns, fitted to records: what the oracle fits with."""
+"""The model of the generator with unknowns, fitted to records: the fit of the oracle."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Data:
-    """One record as the oracle takes it."""
+    """One record in the fit of the oracle."""
 
     record: Record
     configuration: Configuration
@@ -89,7 +89,7 @@ class Problem:
         self.size = len(self.joint) + len(self.errors) + len(self.sizes)
 
     def start(self, *, null: bool = False) -> FloatArray:
-        """Return the truth, perhaps with effects as good as absent."""
+        """Return the truth, optionally with negligible effects."""
         x = [np.log(self.truth.joint[name]) for name in self.joint]
         x += [self.truth.errors.get(name, 0.0) for name in self.errors]
         for (i, name), scale in zip(self.sizes, self.scales, strict=True):
@@ -162,7 +162,7 @@ class Problem:
         for j in own:
             move = self._moved(x, one, p, j)
             if move:
-                # Unknowns that go the same way, a stiffness and its scatter say, need one derivative.
+                # Unknowns of equal effect, such as a stiffness and its scatter, need one derivative.
                 first = next(iter(move.values()))
                 way = tuple((name, float(f"{change / first:.6g}")) for name, change in move.items())
                 steps.setdefault(way, move)
@@ -197,7 +197,7 @@ class Problem:
     def fit(self, x: FloatArray, most: int = 12, enough: float = 0.1, hopeless: float = 0.0) -> Fitted:
         """Return the least chi-square near a start, by Levenberg and Marquardt; the slope is kept while it serves.
 
-        It ends early where even a linear model promises to stay far above `hopeless`, if that is given.
+        It ends early if a linear model predicts a minimum far above `hopeless`, if given.
         """
         r = self.residual(x)
         cost = float(r @ r)

@@ -1,4 +1,4 @@
-"""From answers to the table: every share with its exact binomial interval, nothing hidden behind a pass mark."""
+"""The score table: every share with its exact binomial interval."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STRANGE = ("ground_spring", "sensor_mounting", "second_joint")
 
 @dataclass(frozen=True)
 class Line:
-    """One line of the table: hits among trials, and what was asked for."""
+    """One line of the table: hits among trials, and the required share."""
 
     name: str
     hits: int
@@ -52,7 +52,7 @@ def _line(name: str, cases: Sequence[Outcome], hit: Callable[[Outcome], bool], t
 
 
 def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
-    """Return the lines of the table, and what cannot be a share as text."""
+    """Return the lines of the table, and results other than shares as text."""
     cases = list(outcomes)
 
     def of(*kinds: str) -> list[Outcome]:
@@ -120,7 +120,7 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
 
 
 def trusted(cases: Iterable[Outcome]) -> list[Outcome]:
-    """Return the cases whose predictions are offered as such: where the model is said to be explained."""
+    """Return the cases with valid predictions: those whose model is explained."""
     return [o for o in cases if o.verdict in ("adequate", "named") and o.covered]
 
 
@@ -216,10 +216,10 @@ def by_effect(outcomes: Sequence[Outcome]) -> list[str]:
         big = [o for o in own if o.large]
         wrong = sorted({other for o in own if o.named_wrong for other in o.reported if other not in o.found})
         verdicts = {v: sum(o.verdict == v for o in big) for v in dict.fromkeys(o.verdict for o in big)}
-        said = ", ".join(f"{n} {v}" for v, n in verdicts.items())
+        counts = ", ".join(f"{n} {v}" for v, n in verdicts.items())
         texts.append(
             f"   {id:<24} {len(own):3d} cases, {len(big):3d} large: {sum(o.in_set for o in big):3d} in set, "
-            f"{sum(o.named_right for o in big):3d} named; {said}{'; wrong: ' + ', '.join(wrong) if wrong else ''}"
+            f"{sum(o.named_right for o in big):3d} named; {counts}{'; wrong: ' + ', '.join(wrong) if wrong else ''}"
         )
     return texts
 

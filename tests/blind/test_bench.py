@@ -34,7 +34,7 @@ def bench(monkeypatch):
     return module
 
 
-def test_shards_are_parts_of_one_run_and_score_together(bench, tmp_path, capsys):
+def test_shards_partition_one_run_and_are_scored_together(bench, tmp_path, capsys):
     files = [tmp_path / f"{i}.jsonl" for i in (1, 2)]
     for i, file in enumerate(files, 1):
         bench.main(["--cases", "21", "--seed", "3", "--shard", f"{i}/2", "--resume", str(file)])
@@ -50,7 +50,7 @@ def test_shards_are_parts_of_one_run_and_score_together(bench, tmp_path, capsys)
     assert named["interval"][1] == 1.0
 
 
-def test_a_killed_run_goes_on_where_it_was(bench, tmp_path):
+def test_killed_run_resumes(bench, tmp_path):
     file = tmp_path / "cases.jsonl"
     arguments = ["--cases", "9", "--seed", "4", "--resume", str(file)]
     bench.main(arguments)
@@ -68,13 +68,13 @@ def test_a_killed_run_goes_on_where_it_was(bench, tmp_path):
     assert bench.ran == [0, 1]
 
 
-def test_a_budget_begins_no_more_cases(bench, capsys):
+def test_no_case_starts_after_the_time_budget(bench, capsys):
     bench.main(["--cases", "9", "--seed", "4", "--budget", "0"])
     assert not bench.ran
     assert "no case" in capsys.readouterr().out
 
 
-def test_a_shard_that_cannot_be_is_refused(bench):
+def test_invalid_shard_is_an_error(bench):
     for wrong in ("0/2", "3/2", "a/b", "2"):
         with pytest.raises(SystemExit):
             bench.main(["--shard", wrong])

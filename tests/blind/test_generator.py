@@ -1,4 +1,4 @@
-"""Is the laboratory right, and is it apart from what it tests?"""
+"""Correctness of the generator, and its independence of the package."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def some_numbers(rng_seed=0, **changes):
     return {**next(iter(truth.numbers.values())), **changes}
 
 
-def test_the_package_never_comes_in():
+def test_generator_does_not_import_the_package():
     code = "import sys; import blind.generator; sys.exit(any(m.split('.')[0] == 'receptance' for m in sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=HERE.parent, env={"PYTHONPATH": str(HERE.parent), "PATH": ""}, check=False
@@ -90,7 +90,7 @@ EXTRAS = [
 
 
 @pytest.mark.parametrize("extra", EXTRAS, ids=lambda extra: next(iter(extra), "plain"))
-def test_the_mesh_error_lies_far_under_noise_and_floor(extra):
+def test_mesh_error_is_small_against_noise_and_floor(extra):
     # Half the elements, twice the modes: 1e-4 is a thirtieth of the floor, on any line.
     p = some_numbers(**extra)
     lines = np.linspace(150.0, 7000.0, 400)
@@ -118,7 +118,7 @@ def test_points_of_a_layer_converge():
 def test_a_spread_joint_tends_to_a_point():
     p = some_numbers()
     point = rig.natural_frequencies(p, 6e3)[0]
-    # What bends beside the spring goes with the length.
+    # The bending compliance beside the spring depends on the length.
     away = [
         abs(rig.natural_frequencies({**p, "spread.length": length, "spread.points": 3.0}, 6e3)[0] / point - 1.0)
         for length in (8e-3, 2e-3, 5e-4)
@@ -126,7 +126,7 @@ def test_a_spread_joint_tends_to_a_point():
     assert away[0] > 2.0 * away[1] > 4.0 * away[2]
 
 
-def test_estimates_scatter_as_they_say(summarise):
+def test_estimates_scatter_by_their_stated_deviation(summarise):
     squares = []
     for i in range(12):
         id = ("time_delay", "sensor_mass", "calibration_gain", "exponential_window")[i % 4]
@@ -139,17 +139,17 @@ def test_estimates_scatter_as_they_say(summarise):
             error = np.log(e.receptance / exact)
             good = known < 0.12**2
             if e.decay_rate == 0.0 and record.level == 100.0:
-                # Where noise is more than what the end of a record leaves.
+                # Lines on which the noise exceeds the truncation error.
                 good &= e.log_variance > 0.003**2
                 squares.append(np.mean(np.abs(error[good]) ** 2 / 2.0 / e.log_variance[good]))
-            # With the floor nothing is left to explain.
+            # The floor covers the remaining difference.
             assert np.mean(np.abs(error[good]) ** 2 / 2.0 / (known[good] + 0.003**2)) < 1.25
             assert np.median(np.sqrt(e.log_variance)) < 0.02
     summarise("blind laboratory", f"seed {SEED}: squares of estimates {np.mean(squares):.3f}", np.mean(squares))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.05), SEED
 
 
-def test_what_a_record_cuts_off_is_what_is_missing():
+def test_truncated_record_lacks_the_truncated_part():
     for i in range(4):
         case, truth = draw_case(SEED, i, "single", ("coarse_resolution",), u=1.0, quick=True)
         for record in case.records:
@@ -163,7 +163,7 @@ def test_what_a_record_cuts_off_is_what_is_missing():
             assert errors[0] < max(0.2 * errors[1], 3.0 * e.frequency_hz.size), (SEED, i)
 
 
-def test_same_seed_same_case_another_seed_another():
+def test_seed_determines_the_case():
     (a, s), (b, _), (c, _) = (draw_case(seed, 3, "pair", quick=True) for seed in (SEED, SEED, SEED + 1))
     assert pickle.dumps(a) == pickle.dumps(b)
     assert pickle.dumps(a) != pickle.dumps(c)
@@ -171,7 +171,7 @@ def test_same_seed_same_case_another_seed_another():
 
 
 @pytest.mark.parametrize("id", [*CATALOGUE, *OUTSIDE])
-def test_every_effect_changes_what_is_measured_and_more_when_larger(id):
+def test_measured_change_grows_with_effect_size(id):
     changes = []
     for u in (0.1, 0.9):
         case, truth = draw_case(11, 4, "single", (id,), u=u, quick=True)
@@ -189,7 +189,7 @@ def test_every_effect_changes_what_is_measured_and_more_when_larger(id):
     assert changes[1] > 3e-3, changes
 
 
-def test_the_case_holds_nothing_of_the_truth():
+def test_case_excludes_the_truth():
     case, truth = draw_case(SEED, 1, "pair", quick=True)
     text = repr(replace(case, records=()))
     for effect in truth.effects:
@@ -198,7 +198,7 @@ def test_the_case_holds_nothing_of_the_truth():
     assert not any(name.startswith("joint.k_y") and case.nominal.numbers[name] for name in known)
 
 
-def test_batches_have_their_shares():
+def test_batches_have_the_stated_shares():
     plan = every(450)
     kinds = [kind for kind, _ in plan]
     assert set(kinds) == set(KINDS)

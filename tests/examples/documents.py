@@ -58,7 +58,7 @@ def links(document: Path) -> list[str]:
 
 
 def difference(printed: str, shown: str) -> str | None:
-    """Return what is wrong with what was printed, or None.
+    """Return the first difference of the printed output, or None.
 
     Words must agree, spaces do not matter, and a number with a decimal point or an exponent may differ by one
     in the last digit that the document shows: rounding may fall either way between instruction sets.

@@ -1,4 +1,4 @@
-"""Every example in a docstring runs and prints what it says; every public name has one."""
+"""Every docstring example runs and prints the documented output; every public name has one."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ import pytest
 
 from examples.documents import DOCUMENTS, ROOT, blocks, commands, difference, links
 
-# One tool from the longest command that a document shows should not hold up everything.
+# A long command of a document must not block the others.
 SECONDS_AT_MOST = 300
 
 
@@ -84,7 +84,7 @@ def test_shell_lines(document: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_named)
-def test_links_lead_somewhere(document: Path) -> None:
+def test_links_resolve(document: Path) -> None:
     missing = [target for target in links(document) if not (document.parent / target).exists()]
     assert not missing, f"{_named(document)} links to {missing}, which is not there"
 

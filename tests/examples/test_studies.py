@@ -1,4 +1,4 @@
-"""The scripts in docs/studies run as the documentation says, print, write JSON and save a figure."""
+"""The scripts in docs/studies run as documented, print, write JSON and save a figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frozen outputs: record what the program answers today, and print every difference later.
+"""Frozen outputs: record the outputs of the program, and print later differences.
 
 ``python tests/frozen record`` runs every case below and writes one JSON file for each beside this file.
 ``python tests/frozen compare`` runs them again and prints each number, word or key that differs; exit code 1 where
@@ -7,8 +7,9 @@ difference is accepted by recording that case again; say why in the changelog.
 
 A case is one command on one packaged example, one study, the accuracy report with a fixed seed, or one block of cases
 of the blind laboratory. Numbers are written with six digits. Two numbers agree if they differ by less than `RELATIVE`
-of the larger one, or by less than `ABSOLUTE`. Long lists of numbers are recorded as their length, range, mean and root
-mean square. Times, versions and texts that only people read are left out.
+of the larger one, or by less than `ABSOLUTE`. Long lists of numbers, and the real and imaginary parts of complex
+ones, are recorded as their length, range, mean and root mean square. Times, versions and texts that only people read
+are left out.
 """
 
 from __future__ import annotations
@@ -154,6 +155,8 @@ def rounded(value: Any) -> Any:
                 **{key: rounded(one) for key, one in statistics.items()},
                 "rms": rounded(math.sqrt(square / len(finite))),
             }
+        if len(value) > LONG and all(isinstance(x, list) and len(x) == 2 for x in value):  # complex numbers
+            return [rounded(list(part)) for part in zip(*value, strict=True)]
         return [rounded(inner) for inner in value]
     if isinstance(value, float) and math.isfinite(value):
         return float(f"{value:.6g}")

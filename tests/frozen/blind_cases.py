@@ -18,7 +18,7 @@ from blind.outcome import run_case
 
 
 def main() -> None:
-    """Run the cases and write what was answered; sizes of misfits are left to the comparison's tolerance."""
+    """Run the cases and write the verdicts; sizes of misfits are left to the comparison's tolerance."""
     seed, first, end = (int(word) for word in sys.argv[1:4])
     found = {}
     for index, (kind, effects) in list(enumerate(every(end)))[first:]:

@@ -96,7 +96,7 @@ def case(rng: Rng) -> Case:
 
 
 def material(rng: Rng) -> tuple[float, float, float]:
-    """Draw Young's modulus, density and Poisson's ratio: a real metal's or something more extreme."""
+    """Draw Young's modulus, density and Poisson's ratio: a real metal's or more extreme values."""
     if rng.random() < 0.7:
         modulus, density, nu = REAL_MATERIALS[rng.integers(len(REAL_MATERIALS))]
         return (
@@ -174,7 +174,7 @@ def _special_segment(rng: Rng, kind: str, lossy: bool) -> list[float] | None:
 
 
 def _special_frequency(rng: Rng, kind: str, row: NDArray, start_hz: float) -> tuple[float | None, str]:
-    """Return the angular frequency that a special segment is to be seen at, and what it is."""
+    """Return the angular frequency that a special segment is to be seen at, and its kind."""
     lowest, highest = 2.0 * np.pi * LOWEST_HZ, 2.0 * np.pi * HIGHEST_HZ
     if kind == "cutoff":
         at = cutoff(row)
@@ -187,9 +187,9 @@ def _special_frequency(rng: Rng, kind: str, row: NDArray, start_hz: float) -> tu
         return at * (1.0 + distance), f"cutoff {distance:+.0e}"
     if kind == "wire":
         waves = _log_uniform(rng, 50.0, 0.7 * LARGEST_WAVES)
-        wanted = waves / row[2]
+        requested = waves / row[2]
         # bending dominates in a wire; the rest is put right by the limit on waves
-        w = wanted**2 / wave_number_bound(row, 1.0) ** 2
+        w = requested**2 / wave_number_bound(row, 1.0) ** 2
         return min(max(w, lowest), highest), "wire"
     ends = ENDS[rng.choice(len(ENDS), p=[0.25, 0.35, 0.4])]
     w = 2.0 * np.pi * start_hz

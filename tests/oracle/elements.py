@@ -1,4 +1,4 @@
-"""Natural frequencies by hierarchic finite elements in float64: nothing here knows the wave solution.
+"""Natural frequencies by hierarchic finite elements in float64, independent of the wave solution.
 
 Everything is kept as factors: strain energy is |G u|^2 / 2 and kinetic energy |N v|^2 / 2, and natural
 frequencies are singular values of G N^-1. A Jacobi SVD gives them with digits relative to each row, so that

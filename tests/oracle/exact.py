@@ -82,8 +82,8 @@ def derivative(
 ) -> list[list[list[mpmath.mpc]]]:
     """Return the derivative of the receptance by central differences in high precision.
 
-    Two successive precisions use different steps (a third of the digits each), so their agreement speaks for
-    the step as well as for the rounding.
+    Two successive precisions use different steps (a third of the digits each), so their agreement checks
+    the step as well as the rounding.
 
     Parameters
     ----------
@@ -105,9 +105,9 @@ def derivative(
         As for `receptance`.
     """
     line = _Line(tables, w, excitations, responses, ar)
-    wanted = _parameters(parameters)
-    flat, _ = _converged(lambda digits: line.derivative(digits, wanted), FIRST_DIGITS_DERIVATIVE, ar)
-    return _nest([ar.to_mpc(value) for value in flat], (*line.shape, len(wanted)))
+    requested = _parameters(parameters)
+    flat, _ = _converged(lambda digits: line.derivative(digits, requested), FIRST_DIGITS_DERIVATIVE, ar)
+    return _nest([ar.to_mpc(value) for value in flat], (*line.shape, len(requested)))
 
 
 def derivative_complex128(
@@ -161,10 +161,10 @@ def derivative_sensitivity(
         The largest change over `n_draws` draws; zero where the derivative is and stays zero.
     """
     line = _Line(tables, w, excitations, responses, ar)
-    wanted = _parameters(parameters)
-    base, digits = _converged(lambda d: line.derivative(d, wanted), FIRST_DIGITS_DERIVATIVE, ar)
-    draws = (line.derivative(digits, wanted, _draw_signs(tables, rng)) for _ in range(n_draws))
-    return _largest_change(base, draws, digits, ar).reshape(*line.shape, len(wanted))
+    requested = _parameters(parameters)
+    base, digits = _converged(lambda d: line.derivative(d, requested), FIRST_DIGITS_DERIVATIVE, ar)
+    draws = (line.derivative(digits, requested, _draw_signs(tables, rng)) for _ in range(n_draws))
+    return _largest_change(base, draws, digits, ar).reshape(*line.shape, len(requested))
 
 
 class _Line:
@@ -308,11 +308,11 @@ def _unknowns(points: ArrayLike) -> list[int]:
 
 
 def _parameters(parameters: ArrayLike) -> list[tuple[int, int, int]]:
-    wanted = [(int(t), int(r), int(c)) for t, r, c in np.asarray(parameters).reshape(-1, 3)]
-    for table, row, column in wanted:
+    requested = [(int(t), int(r), int(c)) for t, r, c in np.asarray(parameters).reshape(-1, 3)]
+    for table, row, column in requested:
         if not is_continuous(table, column):
             raise ValueError(f"column {column} of table {table} (row {row}) is not a physical quantity")
-    return wanted
+    return requested
 
 
 def _nest(flat: Sequence[mpmath.mpc], shape: tuple[int, ...]) -> list:

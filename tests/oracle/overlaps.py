@@ -102,7 +102,7 @@ class _Line(exact._Line):
             sides = []
             for sign in (1, -1):
                 with self.ar.precision(digits):
-                    # what is zero is moved by a share of what stands beside it
+                    # a zero entry is changed by a share of its neighbour
                     scale = abs(self.given[row][column]) or {4: self.given[row][3], 15: self.given[row][14]}.get(
                         column, 1.0 / abs(self.w) if column in (LAYER + 2, LAYER + 3) else 1.0
                     )
@@ -171,7 +171,7 @@ def equations(sections: Sequence[stiffness.Section], layer: Sequence[Scalar], w:
 def exponential(a: Matrix, length: Scalar, ar: Arithmetic) -> Matrix:
     """Return exp(a length) by the Taylor series of exp(a length / 2^k) and k squarings."""
     size = mpmath.mpf(0)
-    # the eighth power has no unit between like entries: its diagonal tells how many waves there are
+    # the eighth power has no unit between like entries: its diagonal gives the number of waves
     power = [[value * length for value in line] for line in a]
     for _ in range(3):
         power = product(power, power)

@@ -89,7 +89,7 @@ def _determinants(even: stiffness.Half, odd: stiffness.Half, ends: Ends) -> list
     if ends == "clamped-clamped":
         return [_minor(even.y, even.theta), _minor(odd.y, odd.theta)]
     # the stiffness of one end with the other held is the mean of the halves' stiffnesses: its determinant,
-    # multiplied out so that nothing is divided by the clamped-clamped determinants
+    # multiplied out to avoid division by the clamped-clamped determinants
     mixed = (
         _minor(even.force, even.theta) * _minor(odd.y, odd.moment)
         + _minor(even.y, even.moment) * _minor(odd.force, odd.theta)

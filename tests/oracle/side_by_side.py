@@ -1,7 +1,7 @@
 """Finite elements of two beams side by side with a layer or springs between them, for one chain with an overlap.
 
 Tool segments in front, the overlap, holder segments behind: the beams are the hierarchic elements of `elements`,
-the layer is integrated over them. Nothing is shared with the core or with the matrix exponential.
+the layer is integrated over them. Independent of the core and of the matrix exponential.
 """
 
 from __future__ import annotations

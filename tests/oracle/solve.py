@@ -11,7 +11,7 @@ Element = tuple[list[int], list[list[Scalar]]]
 
 
 def leaves_first(elements: Sequence[Element], n_nodes: int) -> list[int]:
-    """Return the nodes so that each comes before all but one of its neighbours: nothing then fills in."""
+    """Return the nodes so that each comes before all but one of its neighbours, which avoids fill-in."""
     neighbours: list[list[int]] = [[] for _ in range(n_nodes)]
     for nodes, _ in elements:
         if len(nodes) == 2:

@@ -1,4 +1,4 @@
-"""The references against facts that none of them is built on, and against each other."""
+"""The references against independent results, and against each other."""
 
 from __future__ import annotations
 
@@ -168,11 +168,11 @@ def test_reciprocity_and_passivity() -> None:
                 for j in range(i):
                     assert abs(h[i][j] - h[j][i]) <= 1e-30 * abs(h[i][j])
             if complex(w).imag == 0.0:
-                # zero where nothing is lost, but for rounding
+                # zero without losses, but for rounding
                 assert all(h[i][i].imag <= 1e-30 * abs(h[i][i]) for i in range(len(h)))
 
 
-def test_splitting_a_segment_changes_nothing() -> None:
+def test_splitting_a_segment_leaves_receptance_unchanged() -> None:
     whole = make([segment(0, 1, 0.125, 0.03, STEEL, inner_diameter=0.01, loss_factor=0.003)])
     parts = [segment(i, i + 1, length, 0.03, STEEL, inner_diameter=0.01, loss_factor=0.003)
              for i, length in enumerate((0.0625, 2.0**-14, 0.0625 - 2.0**-14))]  # fmt: skip
@@ -309,7 +309,7 @@ def test_segment_derivatives_obey_similarity() -> None:
 
 
 def test_derivatives_where_the_parameter_is_zero() -> None:
-    """A solid's bore and a core that is not there change nothing at first order; a joint's coupling does."""
+    """A zero bore and an absent core have no first-order effect; the coupling of a joint has one."""
     model = make([segment(0, 1, 0.1, 0.01, STEEL), segment(2, 3, 0.1, 0.02, STEEL)], [joint(1, 2, 1e7, 1e4)])
     parameters = [(0, 0, 4), (0, 0, 10), (1, 0, 4), (0, 0, 8)]
     found = exact.derivative_complex128(model, [5e3, 6e3], [(0, 0)], [(0, 0)], parameters)
@@ -338,7 +338,7 @@ def test_sensitivity_is_small_off_resonance_and_large_on_it() -> None:
     assert np.all(exact.sensitivity(model, w, ends(1), ends(1), 8, rng) > 0.1)
 
 
-def test_draws_repeat_and_keep_their_promises() -> None:
+def test_draws_are_reproducible_and_within_limits() -> None:
     first, second = ([draw.case(rng) for _ in range(150)] for rng in map(np.random.default_rng, (7, 7)))
     kinds = set()
     for one, other in zip(first, second, strict=True):

@@ -40,7 +40,7 @@ def test_exponential_and_finite_elements_agree(points: int, k_y: float) -> None:
 
 
 def test_short_overlap_is_a_point_joint() -> None:
-    """With a length of a picometre and the totals held nothing but the point joint is left."""
+    """With a length of a picometre and the same totals the overlap is a point joint."""
     tables, rows = model(1e-12, (3e8, 4e4, 10.0, 0.01, 0.02))
     pair = make(tables.segments, [joint(1, 2, 3e8, 4e4, 0.0, (10.0, 0.01, 0.0), 0.02)])
     for w in (1e2, 1e4, 1e5 - 30j):

@@ -1,4 +1,4 @@
-"""Damage that knows the formats: header fields, numbers, units, sizes, types, shapes, and bytes anywhere."""
+"""Damage specific to the formats: header fields, numbers, units, sizes, types, shapes, and bytes anywhere."""
 
 from __future__ import annotations
 

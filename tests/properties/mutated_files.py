@@ -1,4 +1,4 @@
-"""Damages files of every format and reads them: an answer or a FileFormatError, soon, and nothing else.
+"""Damages files of every format and reads them: each read ends soon, with a result or a FileFormatError.
 
     python tests/properties/mutated_files.py --count 100000 --seed 1
 
@@ -33,7 +33,7 @@ SECONDS_AT_MOST = 1.0
 
 @dataclass
 class Report:
-    """What became of the damaged files."""
+    """Outcomes of the damaged files."""
 
     seed: int
     count: int = 0
@@ -105,7 +105,7 @@ def _outcome(path: Path, options: dict[str, Any]) -> tuple[str, float]:
 
 
 def main() -> int:
-    """Damage and read files as the command line says; 1 where one was not answered as it should be."""
+    """Damage and read files by the command-line options; return 1 if any outcome was wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=int(os.environ.get("RECEPTANCE_TEST_SEED", "1")))

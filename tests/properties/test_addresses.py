@@ -38,7 +38,7 @@ def test_every_address_against_differences(address: str) -> None:
         if address.endswith("inner_diameter"):
             np.testing.assert_array_equal(slope, 0.0)
         elif not address.endswith("ytheta"):
-            # A coupling needs both its neighbours; the oracle checks it. Nothing here may be negative: one side only.
+            # A coupling needs both its neighbours; the oracle checks it. No value here may be negative: one side only.
             step = 1e-6 if address.endswith("loss_factor") else 1e-4
             up = assembly.replace({address: step}).receptance(F, response=points, excitation=points)
             size = np.abs(slope[..., 0]).max(axis=(1, 2), keepdims=True)
@@ -59,7 +59,7 @@ def test_random_addresses_against_differences(assembly: Assembly, f: np.ndarray,
         return
     h, slope = assembly.derivatives(f, [address])
     expected = difference(assembly, address, f)
-    # What the differences themselves can be wrong by: their step's third order where the lines are sharp.
+    # Error of the differences: third order in the step near sharp resonances.
     other = difference(assembly, address, f * (1 + 1e-6))
     doubt = np.abs(other - expected) * 1e-2
     assert np.all(np.abs(slope[:, 0] * value - expected) <= 1e-5 * np.abs(expected) + 1e-7 * np.abs(h) + doubt), address
@@ -81,7 +81,7 @@ def test_shared_segments_are_the_sum_of_the_segments(part: str, field: str) -> N
     np.testing.assert_allclose(by_modes[:, 0], by_modes[:, 1] + by_modes[:, 2], rtol=1e-12)
 
 
-def test_shared_core_is_that_of_the_segments_that_have_one() -> None:
+def test_shared_core_address_covers_segments_with_a_core() -> None:
     _, slope = rich().derivatives(F, ["holder.segment[*].core.density", "holder.segment[0].core.density"])
     np.testing.assert_array_equal(slope[:, 0], slope[:, 1])
     assert np.all(slope != 0.0)
@@ -98,9 +98,9 @@ def test_shared_core_is_that_of_the_segments_that_have_one() -> None:
 def test_lengths_with_places_inside_segments(part: str, position: float | str, address: str) -> None:
     """A place inside stays where it is, from the part's start, while a length changes: as `replace` has it."""
     assembly = rich()
-    seen = Coordinate(part, position)
-    _, slope = assembly.derivatives(F, [address], response=seen)
-    expected = difference(assembly, address, F, response=seen)
+    coordinate = Coordinate(part, position)
+    _, slope = assembly.derivatives(F, [address], response=coordinate)
+    expected = difference(assembly, address, F, response=coordinate)
     found = slope[:, 0] * assembly.get(address)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
 
@@ -112,7 +112,7 @@ def bar_with_a_place(x: float) -> list[np.ndarray]:
     return [Part(pieces).table(), np.zeros((0, 9)), np.array([[1.0, *mass.columns()]]), np.zeros((0, 8))]
 
 
-def test_derivative_by_a_place_is_that_of_the_pieces_beside_it() -> None:
+def test_derivative_by_position_is_that_of_adjacent_segments() -> None:
     """One piece grows as the other shrinks: for the mass on the node and for what is seen and hit there."""
     x, step, w = 0.0371, 1e-6, 2 * np.pi * F + 0j
     lengths = np.array([[0.0, 0.0, 2.0], [0.0, 1.0, 2.0]])
@@ -145,7 +145,7 @@ def test_joint_derivative_is_the_square_of_the_relative_motion() -> None:
     np.testing.assert_allclose(slope, -np.array([y * y, theta * theta, 2 * y * theta, 1j * w * y * y]).T, rtol=1e-8)
 
 
-def test_ground_and_mass_derivatives_are_squares_too() -> None:
+def test_ground_and_mass_derivatives_are_squares() -> None:
     bar = Part([Segment(length=0.08, outer_diameter=0.02, material=STEEL)], name="bar")
     support = GroundSpring(k_y=1e7, k_theta=1e4, part="bar", position=0.03, name="support")
     assembly = Assembly([bar], [support, PointMass(mass=0.01, inertia=1e-6, part="bar", position=0.03, name="lump")])

@@ -1,4 +1,4 @@
-"""What is written reads back: bit for bit, or to the digits that a text format holds."""
+"""Written files read back: bit for bit, or with the digits of a text format."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from receptance import FRF, Coordinate, ReceptanceWarning
-from receptance.frf import Unplaced
 from receptance.io import Coherence, TimeSeries, read, read_all, write
+from receptance.model.coordinates import Unplaced
 
 EXACT = (".npz", ".mat", ".h5", ".csv", ".csv.gz")
 DIGITS = 5.1e-13
@@ -122,7 +122,7 @@ def differences(one: Any, other: Any) -> list[str]:
         if isinstance(mine, np.ndarray):
             same = (mine.dtype, mine.shape, mine.tobytes()) == (theirs.dtype, theirs.shape, theirs.tobytes())
         else:
-            # Where nothing is said of the source, the reader says the file.
+            # Without a stated source the reader uses the file name.
             same = mine == theirs or (field.name == "source" and not mine)
         if not same:
             found.append(f"{field.name}: {mine!r} became {theirs!r}")
@@ -142,7 +142,7 @@ def again(thing: Any, ending: str, **options: Any) -> Any:
 @settings(max_examples=25)
 @given(thing=st.one_of(frfs(), time_series(), coherences()))
 @pytest.mark.filterwarnings("ignore::receptance.errors.ReceptanceWarning")
-def test_formats_that_hold_everything(thing: Any, ending: str) -> None:
+def test_formats_that_store_all_fields(thing: Any, ending: str) -> None:
     assert not differences(thing, again(thing, ending))
 
 
@@ -161,7 +161,7 @@ def test_several_in_one_file(things: list[Any], ending: str) -> None:
 @settings(max_examples=40)
 @given(frf=frfs(text_file=True))
 @pytest.mark.filterwarnings("ignore::receptance.errors.ReceptanceWarning")
-def test_universal_files_hold_frfs(frf: FRF, binary: bool) -> None:
+def test_frfs_in_universal_files(frf: FRF, binary: bool) -> None:
     """Binary: ordinates bit for bit. Text: 13 digits. Lines: to 1e-9 where even, else 8 digits or single precision."""
     steps = np.diff(frf.frequency_hz)
     if steps.size and np.min(steps / frf.frequency_hz[1:]) < 1e-6:
@@ -182,7 +182,7 @@ def test_universal_files_hold_frfs(frf: FRF, binary: bool) -> None:
 @pytest.mark.parametrize("binary", [False, True])
 @settings(max_examples=30)
 @given(series=time_series(text_file=True))
-def test_universal_files_hold_time_records(series: TimeSeries, binary: bool) -> None:
+def test_time_series_in_universal_files(series: TimeSeries, binary: bool) -> None:
     back = again(series, ".uff", binary=binary)
     assert not differences(series, back)[: 0 if not binary else None]
     assert np.allclose(back.values, series.values, rtol=DIGITS, atol=0.0)
@@ -192,7 +192,7 @@ def test_universal_files_hold_time_records(series: TimeSeries, binary: bool) -> 
 @settings(max_examples=30)
 @given(frequency_hz=lines(), data=st.data())
 @pytest.mark.filterwarnings("ignore::receptance.errors.ReceptanceWarning")
-def test_texts_of_one_frf(frequency_hz: np.ndarray, data: st.DataObject) -> None:
+def test_text_formats_of_one_frf(frequency_hz: np.ndarray, data: st.DataObject) -> None:
     numbers = draw_array(data.draw, frequency_hz.shape, finite) + 0j
     numbers.imag = draw_array(data.draw, frequency_hz.shape, finite)
     frf = FRF(frequency_hz=frequency_hz, values=numbers)
@@ -201,7 +201,7 @@ def test_texts_of_one_frf(frequency_hz: np.ndarray, data: st.DataObject) -> None
 
 
 @pytest.mark.parametrize("ending", EXACT)
-def test_what_was_said_of_a_drive_point_is_not_said_twice(ending: str, tmp_path: Path) -> None:
+def test_drive_point_notes_are_not_repeated(ending: str, tmp_path: Path) -> None:
     tip = Coordinate("tool", 0.0)
     f = np.linspace(500.0, 1500.0, 400)
     conjugate = (1.0 / (1000.0**2 - f**2 + 20j * f)).conj()

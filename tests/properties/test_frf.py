@@ -1,4 +1,4 @@
-"""What holds for any FRF: conversions there and back, selections, resampling on the lines, pickles."""
+"""Properties of any FRF: conversions and their inverses, selections, resampling on the lines, pickles."""
 
 import pickle
 import warnings
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from properties.strategies import parts
 from receptance import FRF, Assembly, Coordinate
-from receptance.frf.drive_points import judge
+from receptance.frf.plausibility import check_drive_point
 from receptance.units import FORMS
 
 forms = st.sampled_from(FORMS)
@@ -65,7 +65,7 @@ def assert_same(first, second, *, but=()):
 
 
 @given(frfs(), forms)
-def test_conversion_there_and_back(frf, form):
+def test_conversion_and_inverse(frf, form):
     alone_at_zero = frf.frequency_hz.size == 1 and frf.complex_frequency_hz[0] == 0.0
     assume(not alone_at_zero)
     back = frf.to(form).to(frf.form)
@@ -81,7 +81,7 @@ def test_conversion_by_way_of_another_form(frf, middle, last):
 
 
 @given(frfs(zero_line=False), forms)
-def test_conversion_moves_phase_and_magnitude_as_the_derivative_does(frf, form):
+def test_conversion_changes_phase_and_magnitude_as_differentiation(frf, form):
     power = FORMS.index(form) - FORMS.index(frf.form)
     s = 2j * np.pi * frf.frequency_hz + frf.decay_rate
     np.testing.assert_allclose(
@@ -156,13 +156,13 @@ def test_pickle_and_with(frf):
 
 
 @given(frfs())
-def test_shown_without_an_error(frf):
+def test_representations_raise_no_error(frf):
     assert repr(frf).startswith("FRF(")
     assert "</table>" in frf._repr_html_()
 
 
 @given(parts(lossy=True, most=2, name="bar"), st.sampled_from(["y", "theta"]), st.booleans())
-def test_no_alarm_on_any_simulated_drive_point(part, direction, far):
+def test_no_warning_for_simulated_drive_points(part, direction, far):
     """Lossy parts of any size; lines that resolve the first peaks. Warnings are errors here."""
     assembly = Assembly([part])
     upper = 50.0
@@ -176,4 +176,6 @@ def test_no_alarm_on_any_simulated_drive_point(part, direction, far):
         # With the values given anew the drive point is judged anew.
         assert frf.to(form).with_(values=frf.to(form).values).notes == ()
         values = frf.to(form).values.ravel()
-        assert judge(lines, -values, form).contradicted == bool(judge(lines, values, form).readings)
+        assert check_drive_point(lines, -values, form).contradicted == bool(
+            check_drive_point(lines, values, form).conventions
+        )

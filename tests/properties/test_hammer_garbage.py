@@ -1,4 +1,4 @@
-"""Whatever is recorded, hits are found or not and FRFs estimated or refused: nothing crashes, nothing is not finite."""
+"""Arbitrary records: FRFs are estimated or refused without a crash, and all results are finite."""
 
 import os
 import warnings
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import TimeRecords, estimate_frf, find_hits
+from receptance.measurement import HammerRecords, estimate_frf, find_hits
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "12"))
 
@@ -45,7 +45,7 @@ def draw(random):
     response = np.array([wave(random, n) for _ in range((count if shape else 1) * channels)])
     response = response.reshape(*shape, channels, n).swapaxes(-1, -2)
     rate = 10.0 ** random.uniform(0.0, 6.0)
-    records = TimeRecords(
+    records = HammerRecords(
         force=force,
         response=response,
         sample_rate_hz=rate,
@@ -76,7 +76,7 @@ def draw(random):
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_garbage_is_refused_in_words_or_estimated(part):
+def test_arbitrary_records_are_refused_or_estimated(part):
     random = np.random.default_rng((SEED, part))
     estimated, refused = 0, []
     for _ in range(100):

@@ -35,7 +35,7 @@ def assert_found(result, assembly, tolerance):
     assert result.converged, result.summary()
     for address, value in result.values.items():
         true = assembly.get(address)
-        # A line within rounding of an undamped antiresonance is wrong by 1e-5, alone; the standard error then says so.
+        # A line within rounding of an undamped antiresonance has an error of 1e-5, which the standard error includes.
         error = result.standard_errors[address]
         allowed = max(tolerance * true, 5.0 * error if np.isfinite(error) else 0.0)
         assert error <= 1e-4 * true or not np.isfinite(error)

@@ -1,4 +1,4 @@
-"""What changes nothing: cutting a segment, another order of lines or requests, another number of threads."""
+"""Invariance under splitting of a segment, order of lines and requests, and number of threads."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def rich() -> Assembly:
 
 
 @given(part=parts(), f=frequencies(), which=st.integers(0, 3), share=st.floats(1e-3, 0.999))
-def test_cutting_a_segment_anywhere_changes_nothing(part: Part, f: np.ndarray, which: int, share: float) -> None:
+def test_splitting_a_segment_leaves_receptance_unchanged(part: Part, f: np.ndarray, which: int, share: float) -> None:
     index = which % len(part.segments)
     whole = part.segments[index]
     left = share * whole.length
@@ -55,7 +55,7 @@ def test_cutting_a_segment_anywhere_changes_nothing(part: Part, f: np.ndarray, w
 
 
 @given(segment=segments(), f=frequencies(), n=st.integers(2, 200))
-def test_cutting_a_segment_into_many_changes_nothing(segment: Segment, f: np.ndarray, n: int) -> None:
+def test_splitting_a_segment_into_many_leaves_receptance_unchanged(segment: Segment, f: np.ndarray, n: int) -> None:
     whole = Part([segment]).receptance(f)
     found = Part([replace(segment, length=segment.length / n)] * n).receptance(f)
     nearby = np.abs(Part([segment]).receptance(f * (1 + 1e-9)) - whole).max(axis=(1, 2), keepdims=True)
@@ -64,7 +64,7 @@ def test_cutting_a_segment_into_many_changes_nothing(segment: Segment, f: np.nda
 
 
 @given(assembly=assemblies(), f=frequencies(), share=st.floats(0.01, 0.99))
-def test_looking_inside_changes_nothing_outside(assembly: Assembly, f: np.ndarray, share: float) -> None:
+def test_internal_coordinates_do_not_change_other_receptances(assembly: Assembly, f: np.ndarray, share: float) -> None:
     tool = assembly.elements["tool"]
     assert isinstance(tool, Part)
     points = both_ends(assembly)
@@ -77,21 +77,21 @@ def test_looking_inside_changes_nothing_outside(assembly: Assembly, f: np.ndarra
 
 
 @given(f=frequencies(), share=st.floats(0.0, 1.0))
-def test_a_place_inside_is_the_end_of_a_shorter_piece(f: np.ndarray, share: float) -> None:
+def test_internal_position_equals_end_of_shorter_part(f: np.ndarray, share: float) -> None:
     """Motion along a bar, seen by position, is that of the ends of a bar made of two pieces."""
     bar = Segment(length=0.12, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.01))
     x = 0.01 + 0.1 * share
     whole = Assembly([Part([bar], name="bar")])
     pieces = [Part([replace(bar, length=length)], name=name) for name, length in (("a", x), ("b", bar.length - x))]
-    seen = whole.receptance(f, response=Coordinate("bar", x, "theta"), excitation=Coordinate("bar", x))
+    inside = whole.receptance(f, response=Coordinate("bar", x, "theta"), excitation=Coordinate("bar", x))
     expected = Assembly(pieces).receptance(f, response=Coordinate("a", "end", "theta"), excitation=Coordinate("b", 0.0))
-    np.testing.assert_allclose(seen, expected, rtol=1e-9, atol=1e-12 * np.abs(whole.receptance(f)).max())
+    np.testing.assert_allclose(inside, expected, rtol=1e-9, atol=1e-12 * np.abs(whole.receptance(f)).max())
 
 
 @pytest.mark.parametrize(
     "parameters", [(), ("joint.k_y", "tool.segment[0].length", "holder.segment[*].youngs_modulus", "sensor.mass")]
 )
-def test_threads_do_not_change_a_bit(parameters: tuple[str, ...]) -> None:
+def test_results_are_bitwise_independent_of_threads(parameters: tuple[str, ...]) -> None:
     assembly = rich()
     points = [*both_ends(assembly), Coordinate("tool", 0.02), Coordinate("holder", 0.0, "theta")]
     assert len(LINES) > 2000
@@ -118,7 +118,7 @@ def test_the_environment_variable_sets_the_threads(monkeypatch: pytest.MonkeyPat
 
 @settings(max_examples=20)
 @given(assembly=assemblies(), seed=st.integers(0, 2**32 - 1))
-def test_a_line_does_not_depend_on_its_neighbours(assembly: Assembly, seed: int) -> None:
+def test_lines_are_independent_of_each_other(assembly: Assembly, seed: int) -> None:
     """A line in a batch is that line alone, within rounding: blocks of lines share only their code."""
     rng = np.random.default_rng(seed)
     f = np.sort(np.exp(rng.uniform(np.log(10.0), np.log(2e4), 37)))

@@ -77,7 +77,7 @@ def test_a_rigid_body_at_low_frequency(part: Part) -> None:
 
 
 @given(part=parts(most=2), mass=logarithmic(1e-3, 1.0), inertia=logarithmic(1e-7, 1e-3), share=st.floats(0.0, 1.0))
-def test_an_assembly_is_a_rigid_body_too(part: Part, mass: float, inertia: float, share: float) -> None:
+def test_assembly_at_low_frequency_is_a_rigid_body(part: Part, mass: float, inertia: float, share: float) -> None:
     own, centre, own_inertia = rigid_body(part)
     place = share * part.length
     assembly = Assembly(
@@ -92,10 +92,10 @@ def test_an_assembly_is_a_rigid_body_too(part: Part, mass: float, inertia: float
 
 
 @given(part=parts(most=2), springs=springs(damped=True), share=logarithmic(1e-6, 1e-4))
-def test_a_stiff_part_on_a_support_is_the_supports_compliance(
+def test_stiff_part_on_a_support_has_the_compliance_of_the_support(
     part: Part, springs: dict[str, float], share: float
 ) -> None:
-    """Far below the first mode, the loaded end moves as the inverse of the support's stiffness says."""
+    """Far below the first mode, the loaded end has the compliance of the support."""
     assembly = Assembly([Part(part.segments, name="body")], [GroundSpring(**springs, part="body", name="support")])
     f = share * first_mode(assembly)
     k = GroundSpring(**springs).stiffness([f])[0]
@@ -117,7 +117,7 @@ def test_a_moved_joint_is_a_rigid_offset(joint: dict[str, float], e: float, f: n
 
 
 @given(tool=parts(name="tool"), holder=parts(name="holder"), joint=springs(), e=st.floats(-0.03, 0.03), f=frequencies())
-def test_a_moved_joint_moves_the_tip_as_coupling_by_hand_says(
+def test_offset_joint_matches_explicit_coupling(
     tool: Part, holder: Part, joint: dict[str, float], e: float, f: np.ndarray
 ) -> None:
     """H = H11 - H12 (H22 + T^-1 K^-1 T^-T + H_holder)^-1 H21: the joint's compliance seen from e away."""

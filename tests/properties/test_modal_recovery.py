@@ -1,4 +1,4 @@
-"""Poles and residues of random systems come back from their FRFs without noise."""
+"""Poles and residues of random systems are recovered from their FRFs without noise."""
 
 from __future__ import annotations
 
@@ -49,23 +49,23 @@ def check(fit, system):
 
 @settings(max_examples=25)
 @given(systems())
-@pytest.mark.parametrize("told", ["count", "frequencies"])
-def test_poles_come_back(told, system):
+@pytest.mark.parametrize("given", ["count", "frequencies"])
+def test_poles_are_recovered(given, system):
     f, places, damping, constants, decay_rate, form = system
     frf = frf_of(f, places, damping, constants, decay_rate=decay_rate, form=form)
-    check(fit_modes(frf, places.size if told == "count" else list(places)), system)
+    check(fit_modes(frf, places.size if given == "count" else list(places)), system)
 
 
 @settings(max_examples=15)
 @given(systems(closest=1.0))
-def test_number_of_modes_comes_back(system):
+def test_number_of_modes_is_recovered(system):
     f, places, damping, constants, decay_rate, form = system
     check(fit_modes(frf_of(f, places, damping, constants, decay_rate=decay_rate, form=form)), system)
 
 
 @settings(max_examples=15)
 @given(systems(), st.floats(0.5, 3.0))
-def test_a_window_moves_no_pole(system, windows):
+def test_window_leaves_poles_unchanged(system, windows):
     """The FRF of the same structure under a stronger window: another set of numbers, the same poles."""
     f, places, damping, constants, _, form = system
     decay_rate = windows * np.pi * (f[1] - f[0])

@@ -24,7 +24,7 @@ def test_some_damaged_files() -> None:
     formats = {key.split(":")[0] for key in report.outcomes}
     assert formats == {"uff", "ufb", "csv", "npz", "mat", "h5", "cutpro", "dataphysics", "gz"}
     for name in formats:
-        # The damage is neither nothing nor everything.
+        # Some files stay readable and some do not.
         assert report.outcomes[f"{name}:read"] > 0, str(report)
         assert report.outcomes[f"{name}:refused"] > 0, str(report)
 

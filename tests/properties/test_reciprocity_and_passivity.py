@@ -1,4 +1,4 @@
-"""What every passive linear structure has: a symmetric receptance, and no power of its own."""
+"""Passive linear structures: the receptance is symmetric, and no power is generated."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_assembly_is_reciprocal_across_the_joint_and_inside(
 
 
 @given(assembly=assemblies(), f=frequencies())
-def test_one_call_is_each_pair_alone(assembly: Assembly, f: np.ndarray) -> None:
+def test_matrix_call_equals_calls_for_single_pairs(assembly: Assembly, f: np.ndarray) -> None:
     """Reciprocity by separate calls: the tip under a load at the holder's end, and the other way round."""
     tip, end = Coordinate(), Coordinate("holder", "end", "theta")
     there = assembly.receptance(f, response=tip, excitation=end)
@@ -54,7 +54,7 @@ def test_one_call_is_each_pair_alone(assembly: Assembly, f: np.ndarray) -> None:
 
 
 @given(assembly=assemblies(lossy=True), f=frequencies())
-def test_drive_points_lose_energy(assembly: Assembly, f: np.ndarray) -> None:
+def test_drive_points_dissipate_energy(assembly: Assembly, f: np.ndarray) -> None:
     points = both_ends(assembly)
     h = assembly.receptance(f, response=points, excitation=points)
     assert np.all(np.einsum("nii->ni", h).imag < 0)
@@ -66,7 +66,7 @@ def test_drive_points_lose_energy(assembly: Assembly, f: np.ndarray) -> None:
     seed=st.integers(0, 2**32 - 1),
     shares=st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)),
 )
-def test_no_load_takes_power_out(assembly: Assembly, f: np.ndarray, seed: int, shares: tuple[float, float]) -> None:
+def test_every_load_dissipates_power(assembly: Assembly, f: np.ndarray, seed: int, shares: tuple[float, float]) -> None:
     """-Im(f^H H f) is the power put in over w/2: it is not negative for any loads on any places."""
     points = spread(assembly, list(shares))
     h = assembly.receptance(f, response=points, excitation=points)

@@ -1,4 +1,4 @@
-"""Assemblies: what is refused, in which words; names, places, addresses."""
+"""Assemblies: invalid input and its messages; names, positions, addresses."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ PAIR = Assembly([TOOL, JOINT, HOLDER])
         ([Part([BAR], name="a.b")], ValueError, "the name 'a.b' must be one word"),
     ],
 )
-def test_chains_that_are_none(chain: Any, error: type[Exception], words: str) -> None:
+def test_invalid_chains(chain: Any, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         Assembly(chain)
 
@@ -80,7 +80,7 @@ def test_chains_that_are_none(chain: Any, error: type[Exception], words: str) ->
         ([GroundSpring(k_y=1.0, name="s"), PointMass(mass=1.0, name="s")], ValueError, "the name 's' is given to two"),
     ],
 )
-def test_attachments_that_have_no_place(attachments: Any, error: type[Exception], words: str) -> None:
+def test_invalid_attachment_positions(attachments: Any, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         Assembly([TOOL, JOINT, HOLDER], attachments)
 
@@ -92,11 +92,11 @@ def test_attachments_that_have_no_place(attachments: Any, error: type[Exception]
         (lambda: Coordinate("tool", 0.2), ValueError, "coordinate: position is 0.2 m"),
         (lambda: Coordinate("tool", 0.0, "x"), ValueError, "direction is 'x', expected 'y' or 'theta'"),  # type: ignore[arg-type]
         (lambda: "tip", TypeError, "coordinate.* 't.*expected .*Coordinate"),
-        (lambda: [], ValueError, "there is no coordinate"),
+        (lambda: [], ValueError, "the sequence of coordinates is empty"),
         (lambda: [Coordinate(), 3], TypeError, "coordinate 1 is 3"),
     ],
 )
-def test_coordinates_that_are_none(point: Any, error: type[Exception], words: str) -> None:
+def test_invalid_coordinates(point: Any, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         PAIR.receptance([100.0], response=point())
     with pytest.raises(error, match=words):
@@ -130,7 +130,7 @@ def test_frequencies_are_checked(lines: Any) -> None:
         ("joint.moved", "PointJoint has k_y"),
     ],
 )
-def test_addresses_that_are_none(address: str, words: str) -> None:
+def test_invalid_addresses(address: str, words: str) -> None:
     for call in (PAIR.get, lambda name: PAIR.replace({name: 1.0}), lambda name: PAIR.derivatives([1.0], [name]),
                  lambda name: PAIR.natural_frequency_derivatives(1e3, [name])):  # fmt: skip
         with pytest.raises(ValueError, match=words):
@@ -203,7 +203,7 @@ def test_one_part_is_an_assembly_and_positions_snap_to_steps() -> None:
     np.testing.assert_array_equal(step, alone.receptance(f, response=Coordinate("holder", 0.1 + 1e-13)))
 
 
-def test_shapes_and_units_of_what_comes_back() -> None:
+def test_shapes_and_units_of_results() -> None:
     f = np.linspace(10.0, 20.0, 7)
     one, two = Coordinate(), [Coordinate(), Coordinate("holder", "end")]
     assert PAIR.receptance(f).shape == (7,)
@@ -215,7 +215,7 @@ def test_shapes_and_units_of_what_comes_back() -> None:
     assert slope.shape == (7, 2, 2, 0)
     assert PAIR.derivatives(f, ["joint.k_y", "joint.k_y"])[1].shape == (7, 2)
     mass = Assembly(TOOL).receptance([1e-3]).real[0] * -((2 * np.pi * 1e-3) ** 2)
-    # a free uniform bar's end feels a quarter of its mass, a little more for its rotary inertia
+    # the effective mass at the end of a free uniform bar is a quarter of its mass, slightly more with rotary inertia
     assert 1 / mass == pytest.approx(TOOL.mass / 4, rel=0.05)
 
 
@@ -225,7 +225,7 @@ def test_a_singular_interface_names_the_joint() -> None:
     with pytest.raises(SingularInterfaceError, match="singular") as caught:
         assembly.receptance([100.0])
     assert isinstance(caught.value, ReceptanceError)
-    # The person knows it by its name, not by its row in a table.
+    # Users identify it by its name, not by its row in a table.
     assert "clamp" in str(caught.value)
     with pytest.raises(SingularInterfaceError, match="clamp"):
         assembly.natural_frequencies(1e3)

@@ -22,8 +22,6 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.identification.frequency_residuals import FrequencyResidual
-from receptance.identification.residuals import FRFResidual
 
 ROD = Part(
     [
@@ -52,14 +50,8 @@ def test_uniform_rod_on_a_spring() -> None:
     assert stiffness == pytest.approx(k, rel=1e-8)
 
 
-def test_a_rod_on_a_spring_is_fitted_in_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rod_on_a_spring_is_fitted() -> None:
     """Its receptance in closed form, (k sin + E A q cos) / (k cos - E A q sin) / (E A q) at q L, and its modes."""
-
-    def refused(*_: object) -> None:
-        raise AssertionError("the fit left the core")
-
-    monkeypatch.setattr(FRFResidual, "evaluate", refused)
-    monkeypatch.setattr(FrequencyResidual, "evaluate", refused)
     length, diameter, k = 0.2, 0.03, 1e8 * (1.0 + 0.02j)
     rod = Part([Segment(length=length, outer_diameter=diameter, material=STEEL)], name="rod")
     start = Assembly([rod], [GroundSpring(k_y=3e7, loss_factor=0.01, position="end", name="seat")], motion="axial")
@@ -69,7 +61,7 @@ def test_a_rod_on_a_spring_is_fitted_in_the_core(monkeypatch: pytest.MonkeyPatch
     sine, cosine = np.sin(q * length), np.cos(q * length)
     h = (k * sine + wave * cosine) / (k * cosine - wave * sine) / wave
     modes = start.replace({"seat.k_y": k.real}).natural_frequencies(2e4)
-    seen = [
+    data = [
         MeasuredFRF(assembly=start, frequency_hz=lines, receptance=h, standard_deviation=0.01),
         MeasuredFrequencies(assembly=start, frequency_hz=modes, standard_deviation_hz=1.0),
     ]
@@ -77,7 +69,7 @@ def test_a_rod_on_a_spring_is_fitted_in_the_core(monkeypatch: pytest.MonkeyPatch
         Unknown(address="seat.k_y", lower=1e7, upper=1e9),
         Unknown(address="seat.loss_factor", lower=1e-3, upper=0.3),
     ]
-    found = identify(seen, unknowns, starts=6, seed=3)
+    found = identify(data, unknowns, starts=6, seed=3)
     assert found.values["seat.k_y"] == pytest.approx(k.real, rel=1e-8)
     assert found.values["seat.loss_factor"] == pytest.approx(0.02, rel=1e-7)
 
@@ -90,7 +82,7 @@ def test_free_rod_is_that_of_the_part() -> None:
     np.testing.assert_allclose(together, ROD.axial_receptance(lines), rtol=1e-12)
 
 
-def test_derivatives_and_frequencies_move_as_they_say() -> None:
+def test_derivatives_and_frequencies_against_differences() -> None:
     lines = np.array([900.0, 4700.0, 15e3]) * (1.0 - 0.01j)
     addresses = ["taper.k_y", "taper.c_y", "stud.mass", "rod.segment[1].youngs_modulus", "rod.segment[0].length"]
     assembly = held()
@@ -104,7 +96,7 @@ def test_derivatives_and_frequencies_move_as_they_say() -> None:
         np.testing.assert_allclose(modes, of_modes[:, i], rtol=1e-5, atol=1e-7 * np.abs(of_modes[:, i]).max())
 
 
-def test_a_spread_spring_is_its_points() -> None:
+def test_spread_spring_equals_its_point_springs() -> None:
     """In bending as well: the whole is shared out, losses are not."""
     lines = np.linspace(100.0, 9e3, 20)
     whole = GroundSpring(k_y=3e8, k_theta=2e4, c_y=200.0, loss_factor=0.02, position=0.02, length=0.03, points=3)
@@ -134,7 +126,7 @@ def test_weights_share_a_spring_out() -> None:
         GroundSpring(k_y=1.0, length=0.1, weights=(0.0, 0.0))
 
 
-def test_what_an_assembly_is() -> None:
+def test_contents_of_an_axial_assembly() -> None:
     assembly = held()
     assert "axial" in repr(assembly)
     assert pickle.loads(pickle.dumps(assembly)) == assembly
@@ -145,13 +137,13 @@ def test_what_an_assembly_is() -> None:
 def test_mistakes() -> None:
     with pytest.raises(ValueError, match="motion is 'sideways', expected one of bending, axial"):
         Assembly([ROD], motion="sideways")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="nothing turns in axial motion"):
+    with pytest.raises(ValueError, match="expected 'y' in axial motion"):
         held().receptance([100.0], response=Coordinate(direction="theta"))
     with pytest.raises(ValueError, match=r"position is 0\.165 m"):
         Assembly([ROD], [GroundSpring(k_y=1.0, position=0.1, length=0.08, points=8)])
     with pytest.raises(ValueError, match="points is 0"):
         GroundSpring(k_y=1.0, points=0)
-    with pytest.raises(ValueError, match="begins at the part's end"):
+    with pytest.raises(ValueError, match="expected a position before the end"):
         GroundSpring(k_y=1.0, position="end", length=0.1)
     joint = SpreadJoint(
         length=0.04,
@@ -160,5 +152,5 @@ def test_mistakes() -> None:
         k_y=1e8,
         k_theta=1e4,
     )
-    with pytest.raises(ValueError, match="for bending only"):
+    with pytest.raises(ValueError, match="supports bending only"):
         Assembly([ROD, joint, ROD], motion="axial")

@@ -1,4 +1,4 @@
-"""The packaged ER32 campaign holds what the packaged tables hold, and gives what the study gives."""
+"""The packaged ER32 campaign has the values of the packaged tables and the results of the study."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> campaign.Campaign:
     return campaign.load(folder)
 
 
-def test_the_numbers_are_the_published_ones(read: campaign.Campaign) -> None:
+def test_values_equal_the_published_values(read: campaign.Campaign) -> None:
     published, resolution = er32.load(), er32.Resolution()
     expected = {}
     for mount in published.mounts:
@@ -73,7 +73,7 @@ def test_the_tolerances_are_those_of_the_study(read: campaign.Campaign) -> None:
         assert [list(moved.values()) for moved in own] == [[pytest.approx(1e-3 * chance.overhang_mm)]]
 
 
-def test_it_gives_what_the_study_gives(read: campaign.Campaign) -> None:
+def test_results_equal_those_of_the_study(read: campaign.Campaign) -> None:
     published = er32.load()
     only = replace(published, readings=tuple(r for r in published.readings if r.torque_nm == TORQUE))
     joints = er32.identify_joints(only, er32.Resolution(), starts=2, seed=0)
@@ -95,7 +95,7 @@ def test_it_gives_what_the_study_gives(read: campaign.Campaign) -> None:
     assert inside.mean() > 0.8
 
 
-def test_the_file_says_what_is_published_and_what_is_not() -> None:
+def test_file_marks_published_and_assumed_values() -> None:
     text = examples.EXAMPLES["er32"].campaign
     assert "NOT published is the holder's shape" in text
     assert "inferred, not published" in tomllib.loads(text)["description"]

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from campaign_text import TEXT, load
+from plain_residuals import truncated
 from receptance import FRF, campaign
-from receptance.campaign.diagnosis import campaign_model
+from receptance.campaign.run import campaign_model
 from receptance.diagnosis import CATALOGUE, Cause, Step, UndecidableError, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
-from receptance.identification.early_end import EarlyEnd
 from receptance.identification.laws import Law
 from receptance.identification.observations import altered
 from receptance.io import write
@@ -62,7 +62,7 @@ standard_deviation = "1 %"
 """
 
 
-def written(folder: Path, more: str = "", **changes: float) -> campaign.Campaign:
+def write_campaign(folder: Path, more: str = "", **changes: float) -> campaign.Campaign:
     """FRFs of three overhangs with 1 % of noise; the last one is held out, a fourth was not measured."""
     head = HEAD + OTHER
     plain = load(folder, f"{head}{UNKNOWNS}")
@@ -115,14 +115,14 @@ def _at_start(model: Model) -> Fit:
 def variants() -> list[Any]:
     """Every variant of every cause that acts on a small campaign; the first of each in every test run."""
     with tempfile.TemporaryDirectory() as folder:
-        read = written(Path(folder))
+        read = write_campaign(Path(folder))
         model, _ = campaign_model(read, read.to_identify)
         found = []
         for cause in CATALOGUE.values():
             try:
                 found_variants = cause.variants(model)[:8]
             except UndecidableError:
-                continue  # of what this campaign has not, a rigid body say
+                continue  # elements that this campaign does not have, such as a rigid body
             for number, variant in enumerate(found_variants):
                 marks = [pytest.mark.slow] if number else []
                 found.append(pytest.param((cause.id, variant.name), id=f"{cause.id}-{variant.name}", marks=marks))
@@ -132,46 +132,46 @@ def variants() -> list[Any]:
 
 @pytest.mark.parametrize("step", variants())
 def test_every_cause_can_be_written(tmp_path: Path, step: tuple[str, str]) -> None:
-    """`write_extended` reads what it is about to write, and refuses what is not the model that was diagnosed."""
-    read, verdict = as_if_found(written(tmp_path), step)
-    path = read.write_extended(verdict, tmp_path / "extended.toml")
+    """`write_extended` reads its text before writing, and refuses a model that differs from the diagnosed one."""
+    read, verdict = as_if_found(write_campaign(tmp_path), step)
+    path = campaign.write_extended(read, verdict, tmp_path / "extended.toml")
     again = campaign.load(path)
     assert set(again.measurements) == {"short", "long", "longest"}
     if CATALOGUE[step[0]].group == "measurement":
         assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
 
 
-def test_a_spread_joint_beside_places_on_the_holder(tmp_path: Path) -> None:
+def test_spread_joint_with_positions_on_the_holder(tmp_path: Path) -> None:
     """Responses and masses behind the contact are written where they are on the holder that has become shorter."""
-    read = written(tmp_path, 'response = { part = "holder", position = "100 mm" }')
+    read = write_campaign(tmp_path, 'response = { part = "holder", position = "100 mm" }')
     chain = 'chain = ["tool", "joint", "holder"]'
     text = read.file.read_text().replace(chain, f'{chain}\nattachments = ["screw"]')
     screw = '[attachments.screw]\nkind = "mass"\npart = "holder"\nposition = "60 mm"\nmass = "20 g"\n'
     kept = load(tmp_path, text.replace("[unknowns]", f"{screw}\n[unknowns]"))
     read, verdict = as_if_found(kept, ("joint_spread", "layer"))
-    again = campaign.load(read.write_extended(verdict, tmp_path / "extended.toml"))
+    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     assembly = again.assemblies["other"]
     assert [one.length for one in assembly.elements["holder"].segments] == pytest.approx([0.0399, 0.02, 0.04, 0.03])
     assert assembly.attachments["screw"].position == pytest.approx(0.0599)
-    seen = again.measurements["longest"].observation
-    assert (seen.response.part, seen.response.position) == ("holder", pytest.approx(0.0999))
+    measured_data = again.measurements["longest"].observation
+    assert (measured_data.response.part, measured_data.response.position) == ("holder", pytest.approx(0.0999))
 
 
 def cut_off(folder: Path) -> campaign.Campaign:
     """The same records on the lines of an analyser, cut off 71 ms after each hit."""
-    read = written(folder)
+    read = write_campaign(folder)
     lines = np.arange(24, 480) / 0.08
-    early = EarlyEnd(lines, 0.1)
     for name, assembly in read.assemblies.items():
-        seen = early.seen(assembly.replace(JOINT).receptance(early.lines_hz), 0.071)
-        write(folder / "data" / f"{name}.csv", FRF(frequency_hz=lines, values=seen))
+        true = assembly.replace(JOINT)
+        measured_data = truncated(lambda f, true=true: true.receptance(f)[:, None], lines, 0.071, 0.1)[:, 0]
+        write(folder / "data" / f"{name}.csv", FRF(frequency_hz=lines, values=measured_data))
     return campaign.load(folder / "campaign.toml")
 
 
-def test_records_that_end_too_early_say_when(tmp_path: Path) -> None:
+def test_truncated_records_report_their_end(tmp_path: Path) -> None:
     read = cut_off(tmp_path)
     read, verdict = as_if_found(read, ("coarse_resolution", "records end too early"))
-    again = campaign.load(read.write_extended(verdict, tmp_path / "extended.toml"))
+    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     ends = {one.observation.ends for one in again.measurements.values()}
     assert len(ends) == 1
     assert ends.pop() == pytest.approx(0.071, abs=2e-3)
@@ -179,63 +179,63 @@ def test_records_that_end_too_early_say_when(tmp_path: Path) -> None:
 
 
 def test_every_level_of_a_series_is_written_out(tmp_path: Path) -> None:
-    unknowns = written(tmp_path).file.read_text().partition("[unknowns]")[2]
+    unknowns = write_campaign(tmp_path).file.read_text().partition("[unknowns]")[2]
     for value in (40, 50, 60):
         (tmp_path / "data" / f"{value}.csv").write_bytes((tmp_path / "data" / "short.csv").read_bytes())
     read = load(tmp_path, HEAD + SERIES + unknowns.replace('"joint.k_y" = {', '"joint.k_y" = { free = true,'))
     read, verdict = as_if_found(read, ("tool_density", "all of the tool"))
-    again = campaign.load(read.write_extended(verdict, tmp_path / "e.toml"))
+    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "e.toml"))
     assert list(again.measurements) == ["at 40 N m", "at 50 N m", "at 60 N m"]
     assert list(again.held_out) == ["at 50 N m"]
     assert [one.along for one in again.unknowns if isinstance(one, Law)] == ["torque"]
     assert again.unknowns[-1].name == "tool_density.log_density"
 
 
-def test_a_coupling_term_follows_the_clampings_in_the_file_too(tmp_path: Path) -> None:
-    text = written(tmp_path).file.read_text().replace('"joint.k_y" = {', '"joint.k_y" = { individual = "5 %",')
+def test_coupling_term_follows_the_clampings_in_the_file(tmp_path: Path) -> None:
+    text = write_campaign(tmp_path).file.read_text().replace('"joint.k_y" = {', '"joint.k_y" = { individual = "5 %",')
     read, verdict = as_if_found(load(tmp_path, text), ("joint_cross_term", "stiffness"))
-    again = campaign.load(read.write_extended(verdict, tmp_path / "extended.toml"))
+    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     assert [dict(one.follows) for one in again.unknowns if isinstance(one, Law)] == [{"joint.k_ytheta": 0.5}]
 
 
 def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
-    sensed = written(tmp_path, 'sensor = "accelerometer"')
+    sensed = write_campaign(tmp_path, 'sensor = "accelerometer"')
     steps = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]
     read, verdict = as_if_found(sensed, *steps)
-    again = campaign.load(read.write_extended(verdict, tmp_path / "extended.toml"))
+    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     observed = again.measurements["longest"].observation.assembly
     assert set(observed.attachments) == {"accelerometer", "cause_sensor"}
     assert len(again.assemblies["other"].elements["tool"].segments) == 2
-    # The error of the diameter is one error, whatever pieces the blank was cut into.
+    # The error of the diameter is one error for all segments of the blank.
     (moved,) = [
         own for name, own in again.effects["other"].items() if name.endswith("outer_diameter") and "tool" in name
     ]
     assert set(moved) == {"tool.segment[0].outer_diameter", "tool.segment[1].outer_diameter"}
 
 
-def test_what_a_campaign_cannot_say_is_refused(tmp_path: Path) -> None:
-    """A cause of one's own may do anything; what comes out must be the model that was diagnosed, or nothing."""
+def test_causes_without_campaign_syntax_are_refused(tmp_path: Path) -> None:
+    """The file of a custom cause is the diagnosed model, or no file is written."""
 
     def change(p: Any, model: Model) -> Any:
         yield Variant("all", model.map(lambda one: altered(one, receptance=1.1 * one.receptance)))
 
     odd = Cause(id="odd", group="measurement", parameters=(), change=change, meaning="odd", remedy="none")
-    read = written(tmp_path)
+    read = write_campaign(tmp_path)
     read, verdict = as_if_found(read)
     model = odd.variants(verdict.explanation.fit.model)[0].model
     verdict.explanation = Explanation((Step(odd, "all"),), _at_start(model), 100.0, 100.0)
-    with pytest.raises(ValueError, match="a campaign cannot say"):
-        read.write_extended(verdict, tmp_path / "extended.toml")
+    with pytest.raises(ValueError, match="a campaign file cannot describe"):
+        campaign.write_extended(read, verdict, tmp_path / "extended.toml")
     assert not (tmp_path / "extended.toml").exists()
 
 
 def test_diagnose_write_identify_predict(tmp_path: Path) -> None:
     """The round trip: the same values, the same misfit, and held-out data nearer than before."""
-    read = written(tmp_path, **{"tool.segment[0].density": 1.06 * 14500.0})
+    read = write_campaign(tmp_path, **{"tool.segment[0].density": 1.06 * 14500.0})
     found = read.diagnose(["tool_density", "calibration_gain", "sensor_mass"])
     assert [one.id for one in found.causes] == ["tool_density"]
     (tmp_path / "elsewhere").mkdir()
-    path = read.write_extended(found, tmp_path / "elsewhere" / "extended.toml")
+    path = campaign.write_extended(read, found, tmp_path / "elsewhere" / "extended.toml")
     again = campaign.load(path)
     identified = again.identify()
     fit = found.explanation.fit
@@ -251,8 +251,8 @@ def test_diagnose_write_identify_predict(tmp_path: Path) -> None:
     assert {one.name for one in after.frequencies} == {one.name for one in before.frequencies}
 
 
-def test_without_an_extension_there_is_no_file(tmp_path: Path) -> None:
-    read, verdict = as_if_found(written(tmp_path))
+def test_without_an_extension_no_file_is_written(tmp_path: Path) -> None:
+    read, verdict = as_if_found(write_campaign(tmp_path))
     verdict.explanation = None
     with pytest.raises(ValueError, match="no extended model"):
-        read.extended_text(verdict, tmp_path)
+        campaign.extended_text(read, verdict, tmp_path)

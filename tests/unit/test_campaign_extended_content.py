@@ -1,4 +1,4 @@
-"""What campaigns say of the chain of measurement, of what several parameters share, and of what sat beside."""
+"""Campaign content: measuring chain, shared factors of parameters, and attachments during measurement."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ profiles = false
 def campaign_of(
     folder: Path, unknowns: str = "", more: str = "", head: str = "", *masses: PointMass, factor: complex = 1.0
 ) -> object:
-    """Simulate the FRFs of short, long and, held out, longest; the campaign then says more than what was simulated."""
+    """Simulate the FRFs of short, long and, held out, longest; the campaign adds statements to the simulated data."""
     plain = load(folder, f"{HEAD}{UNKNOWNS}")
     for name, assembly in plain.assemblies.items():
-        from receptance.campaign.builder import carrying
+        from receptance.campaign.builder import with_attached
 
-        true = carrying(assembly.replace(JOINT), *masses)
+        true = with_attached(assembly.replace(JOINT), *masses)
         write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=factor * true.receptance(LINES)))
     roles = {"short": "identify", "long": "identify", "longest": "hold out"}
     measured = "".join(FRFS.format(name=name, role=role, more=more) for name, role in roles.items())
@@ -97,7 +97,7 @@ reference = "75 mm"
     assert found.values["softer"] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_what_sat_on_it_while_it_was_measured_is_not_on_the_assembly(tmp_path: Path) -> None:
+def test_mass_during_measurement_is_not_part_of_the_assembly(tmp_path: Path) -> None:
     head = '\n[attachments.second]\nkind = "mass"\nmass = "0 g"\n'
     unknown = '"second.mass" = { lower = "0 g", upper = "20 g", scale = "linear" }\n'
     second = PointMass(mass=2e-3, name="second")
@@ -109,25 +109,25 @@ def test_what_sat_on_it_while_it_was_measured_is_not_on_the_assembly(tmp_path: P
     np.testing.assert_allclose(frf.receptance, frf.measured, rtol=1e-3)
 
 
-def test_another_quantity_than_the_file_says(tmp_path: Path) -> None:
+def test_quantity_overrides_that_of_the_file(tmp_path: Path) -> None:
     plain = campaign_of(tmp_path).measurements["short"].observation
     again = campaign_of(tmp_path, more="integrate = 1").measurements["short"].observation
     np.testing.assert_allclose(again.receptance, plain.receptance / (2j * np.pi * LINES), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("unknown", "said"),
+    ("unknown", "text"),
     [
         ('"observation.log_gian" = { lower = -1.0, upper = 1.0 }', 'did you mean "log_gain"'),
         ('"x" = { lower = -1, upper = 1, moves = { "tol.segment[*].density" = 1 } }', 'begins with "tol"'),
         ('"x" = { lower = -1, upper = 1, moves = { "tool.segment[7].density" = 1 } }', "is a parameter of no assembly"),
         ('"x" = { lower = "1 mm", upper = 1, moves = { "tool.segment[*].density" = 1 } }', 'is "1 mm", expected'),
         ('"x" = { lower = -1, upper = 1, free = true, moves = { "joint.k_y" = 1 } }', "is given with `moves`"),
-        ('"joint.k_ytheta" = { lower = "-1 N/rad", upper = "1 N/rad", relative = true }', "nothing that it `moves`"),
+        ('"joint.k_ytheta" = { lower = "-1 N/rad", upper = "1 N/rad", relative = true }', "is given without `moves`"),
         ('"observation.delay" = { lower = "-1 ms", upper = "1 ms", assemblies = ["shrt"] }', 'did you mean "short"'),
     ],
 )  # fmt: skip
-def test_mistakes_are_told(tmp_path: Path, unknown: str, said: str) -> None:
+def test_mistakes_are_reported(tmp_path: Path, unknown: str, text: str) -> None:
     with pytest.raises(CampaignError) as error:
         campaign_of(tmp_path, f"{unknown}\n")
-    assert said in str(error.value)
+    assert text in str(error.value)

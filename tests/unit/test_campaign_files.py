@@ -43,10 +43,10 @@ def load(folder: Path, measurement: str, kind: str = "frf") -> Campaign:
     return campaign.load(folder)
 
 
-def observed(folder: Path, measurement: str) -> MeasuredFRF:
-    seen = load(folder, measurement).measurements["m"].observation
-    assert isinstance(seen, MeasuredFRF)
-    return seen
+def make_observations(folder: Path, measurement: str) -> MeasuredFRF:
+    data = load(folder, measurement).measurements["m"].observation
+    assert isinstance(data, MeasuredFRF)
+    return data
 
 
 def mistake(folder: Path, measurement: str, kind: str = "frf") -> str:
@@ -61,21 +61,21 @@ def values(size: int = 1) -> np.ndarray:
 
 
 class TestFRF:
-    def test_the_file_says_everything(self, tmp_path: Path) -> None:
+    def test_all_fields_from_the_file(self, tmp_path: Path) -> None:
         write(tmp_path / "m.csv", FRF(frequency_hz=LINES, values=values(), log_variance=4e-4))
-        seen = observed(tmp_path, 'file = "m.csv"')
-        assert seen.receptance == pytest.approx(values(), rel=1e-12)
-        assert seen.standard_deviation == pytest.approx(np.full(LINES.size, 0.02))
-        assert (seen.response.part, seen.response.position, seen.response.direction) == ("tool", 0.0, "y")
+        data = make_observations(tmp_path, 'file = "m.csv"')
+        assert data.receptance == pytest.approx(values(), rel=1e-12)
+        assert data.standard_deviation == pytest.approx(np.full(LINES.size, 0.02))
+        assert (data.response.part, data.response.position, data.response.direction) == ("tool", 0.0, "y")
 
-    def test_the_campaign_says_what_the_file_does_not(self, tmp_path: Path) -> None:
+    def test_campaign_supplies_fields_missing_in_the_file(self, tmp_path: Path) -> None:
         rows = [f"{f!r},{v.real!r},{v.imag!r}" for f, v in zip(LINES.tolist(), values().tolist(), strict=True)]
         (tmp_path / "m.csv").write_text("\n".join(rows) + "\n")
         columns = 'columns = ["frequency [Hz]", "mobility real [mm/s/N]", "mobility imaginary [mm/s/N]"]'
-        seen = observed(tmp_path, f'file = "m.csv"\n{columns}\nstandard_deviation = "3 %"')
+        data = make_observations(tmp_path, f'file = "m.csv"\n{columns}\nstandard_deviation = "3 %"')
         expected = 1e-3 * values() / (2j * np.pi * LINES)
-        assert seen.receptance == pytest.approx(expected, rel=1e-12)
-        assert seen.standard_deviation == pytest.approx(np.full(LINES.size, 0.03))
+        assert data.receptance == pytest.approx(expected, rel=1e-12)
+        assert data.standard_deviation == pytest.approx(np.full(LINES.size, 0.03))
 
     def test_sign_place_and_sensor(self, tmp_path: Path) -> None:
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values()))
@@ -83,12 +83,12 @@ class TestFRF:
             'response = { part = "holder", position = "end", direction = "-y" }\nexcitation = { position = "10 mm" }'
         )
         read = load(tmp_path, f'file = "m.npz"\nsensor = "accelerometer"\n{places}')
-        seen = read.measurements["m"].observation
-        assert isinstance(seen, MeasuredFRF)
-        assert seen.receptance == pytest.approx(-values(), rel=1e-12)
-        assert (seen.response.part, seen.response.position) == ("holder", "end")
-        assert (seen.excitation.part, seen.excitation.position) == ("tool", 0.01)
-        mass = seen.assembly.attachments["accelerometer"]
+        data = read.measurements["m"].observation
+        assert isinstance(data, MeasuredFRF)
+        assert data.receptance == pytest.approx(-values(), rel=1e-12)
+        assert (data.response.part, data.response.position) == ("holder", "end")
+        assert (data.excitation.part, data.excitation.position) == ("tool", 0.01)
+        mass = data.assembly.attachments["accelerometer"]
         assert isinstance(mass, PointMass)
         assert (mass.mass, mass.part, mass.position) == (0.6e-3, "holder", "end")
         assert "accelerometer" not in read.assemblies["short"].attachments
@@ -96,35 +96,35 @@ class TestFRF:
             "accelerometer.mass": pytest.approx(0.02e-3)
         }
         both = 'response = { direction = "-y" }\nexcitation = { direction = "-y" }'
-        assert observed(tmp_path, f'file = "m.npz"\n{both}').receptance == pytest.approx(values(), rel=1e-12)
+        assert make_observations(tmp_path, f'file = "m.npz"\n{both}').receptance == pytest.approx(values(), rel=1e-12)
 
     def test_bands_floor_and_window(self, tmp_path: Path) -> None:
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values(), log_variance=4e-4))
-        seen = observed(
+        data = make_observations(
             tmp_path,
             'file = "m.npz"\nbands = [["500 Hz", "1 kHz"], ["3 kHz", "9 kHz"]]\nfloor = "1.5 %"\ndecay_rate = "20 1/s"',
         )
-        real = seen.frequency_hz.real
+        real = data.frequency_hz.real
         assert np.all(((real >= 500.0) & (real <= 1000.0)) | (real >= 3000.0))
-        assert seen.frequency_hz.imag == pytest.approx(np.full(real.size, -20.0 / (2.0 * np.pi)))
-        assert seen.standard_deviation == pytest.approx(np.full(real.size, 0.025))
+        assert data.frequency_hz.imag == pytest.approx(np.full(real.size, -20.0 / (2.0 * np.pi)))
+        assert data.standard_deviation == pytest.approx(np.full(real.size, 0.025))
 
     def test_variance_from_coherence_and_averages(self, tmp_path: Path) -> None:
         rng = np.random.default_rng(1)
         hits = values() * (1.0 + 0.05 * (rng.standard_normal((10, 300)) + 1j * rng.standard_normal((10, 300))))
         coherence = np.abs(hits.mean(axis=0)) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence))
-        with pytest.warns(ReceptanceWarning, match=r"measurements\.m: .*`averages = 10` say, and standard deviations"):
+        with pytest.warns(ReceptanceWarning, match=r"measurements\.m: .*`averages = 10` for example, and standard"):
             read = load(tmp_path, 'file = "m.npz"')
-        seen = read.measurements["m"].observation
-        assert isinstance(seen, MeasuredFRF)
-        assert seen.standard_deviation is None
-        with pytest.raises(CampaignError, match=r"no standard deviation.*not known how many .* `averages = 10` say"):
+        data = read.measurements["m"].observation
+        assert isinstance(data, MeasuredFRF)
+        assert data.standard_deviation is None
+        with pytest.raises(CampaignError, match=r"no standard deviation.*number of averaged .* `averages = 10` for"):
             read.diagnose(causes=["sensor_mass"])
-        with pytest.warns(ReceptanceWarning, match="because averages is 1: the coherence of a single record is 1"):
+        with pytest.warns(ReceptanceWarning, match="because averages is 1: the coherence of a single record is"):
             load(tmp_path, 'file = "m.npz"\naverages = 1')
-        assert observed(tmp_path, 'file = "m.npz"\nignore_coherence = true').standard_deviation is None
-        spread = observed(tmp_path, 'file = "m.npz"\naverages = 10').standard_deviation
+        assert make_observations(tmp_path, 'file = "m.npz"\nignore_coherence = true').standard_deviation is None
+        spread = make_observations(tmp_path, 'file = "m.npz"\naverages = 10').standard_deviation
         assert spread is not None
         assert spread == pytest.approx(np.full(300, 0.05 / np.sqrt(10.0)), rel=0.4)
 
@@ -135,12 +135,12 @@ class TestFRF:
         words = mistake(tmp_path, 'file = "m.npz"')
         assert "holds 2 responses and 2 excitations" in words
         assert "tip, nose" in words
-        seen = observed(tmp_path, 'file = "m.npz"\nentry = { response = "nose", excitation = 0 }')
-        assert seen.receptance == pytest.approx(3.0 * values(), rel=1e-12)
+        data = make_observations(tmp_path, 'file = "m.npz"\nentry = { response = "nose", excitation = 0 }')
+        assert data.receptance == pytest.approx(3.0 * values(), rel=1e-12)
         write(tmp_path / "n.uff", [FRF(frequency_hz=LINES, values=values() * k, label=f"{k}") for k in (1, 2)])
         assert "more than one FRF" in mistake(tmp_path, 'file = "n.uff"')
-        seen = observed(tmp_path, 'file = "n.uff"\nentry = { number = 1 }')
-        assert seen.receptance == pytest.approx(2.0 * values(), rel=1e-9)
+        data = make_observations(tmp_path, 'file = "n.uff"\nentry = { number = 1 }')
+        assert data.receptance == pytest.approx(2.0 * values(), rel=1e-9)
         assert "holds 2 FRFs, expected `entry.number`" in mistake(tmp_path, 'file = "n.uff"\nentry = { number = 2 }')
 
     @pytest.mark.parametrize(
@@ -156,12 +156,12 @@ class TestFRF:
             ('file = "m.npz"\nstandard_deviation = "2 mm"', "expected a standard deviation of the FRF in percent"),
             ('file = "m.npz"\nstandard_deviation = "0 %"', "expected more than zero"),
             ('file = "m.npz"\nfloor = "-1 %"', "measurements.m.floor"),
-            ('file = "m.npz"\naverages = 5', "says averages 10 and the campaign 5"),
+            ('file = "m.npz"\naverages = 5', "states averages 10 and the campaign 5"),
             ('file = "m.npz"\nresponse = { position = "61 mm" }', "expected at most the length 60 mm of part"),
             ('file = "m.npz"\nresponse = { part = "joint" }', 'is "joint", which is not a part of this file'),
             ('file = "m.npz"\nquantity = "admittance"', "measurements.m.quantity"),
             ('file = "m.npz"\nunit = "m/s^2"', "measurements.m.file"),
-            ('file = "m.npz"\ncoherence = "c.npz"', 'measurements.m.coherence: is "c.npz", which is not there'),
+            ('file = "m.npz"\ncoherence = "c.npz"', 'measurements.m.coherence: is "c.npz", which does not exist'),
             ('file = "m.npz"\nentry = { response = 1.5 }', "measurements.m.entry.response"),
             ('file = "empty.csv"', "the file is empty"),
             ('file = "plain.csv"', "plain.csv"),
@@ -173,11 +173,11 @@ class TestFRF:
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values(), averages=10))
         (tmp_path / "empty.csv").write_bytes(b"")
         (tmp_path / "plain.csv").write_text("1,2,3\n2,3,4\n")
-        said = mistake(tmp_path, measurement)
-        assert words in said
-        assert "line " in said
+        output = mistake(tmp_path, measurement)
+        assert words in output
+        assert "line " in output
 
-    def test_what_is_suspicious_is_noted_and_warned_of(self, tmp_path: Path) -> None:
+    def test_suspicious_data_give_notes_and_warnings(self, tmp_path: Path) -> None:
         """A drive point whose imaginary part has the wrong sign, as of a conjugated file."""
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values().conj()))
         with pytest.warns(match=r"measurements\.m: .*conjugate"):
@@ -204,7 +204,7 @@ class TestHammer:
         assert any("H1 of 3 hits" in note for note in read.notes)
         assert "H1 of 2 hits" in " ".join(load(tmp_path, f"{text}\ndrop_hits = [2]", "hammer records").notes)
 
-    def test_how_far_the_force_may_drop(self, tmp_path: Path, hammer: Path) -> None:
+    def test_limit_of_force_drop(self, tmp_path: Path, hammer: Path) -> None:
         shutil.copy(hammer / "short.npz", tmp_path)
         text = (
             'file = "short.npz"\nforce = "hammer"\nmotion = "tip"\ndecay_rate = "10 1/s"\n'
@@ -213,20 +213,18 @@ class TestHammer:
         highest = []
         for drop in (6.0, 20.0, 40.0):
             read = load(tmp_path, f"{text}{drop}", "hammer records")
-            seen = read.measurements["m"].observation
-            assert isinstance(seen, MeasuredFRF)
-            highest.append(seen.frequency_hz[-1].real)
+            data = read.measurements["m"].observation
+            assert isinstance(data, MeasuredFRF)
+            highest.append(data.frequency_hz[-1].real)
             if drop < 40.0:
                 notes = read.measurements["m"].notes
                 assert any(f"over {drop:g} dB down (force_drop_db)" in note for note in notes)
-                (told,) = [note for note in notes if "of the band from 100 to 9500 Hz" in note]
-                assert f"to {highest[-1]:g} Hz; the others are not usable" in told
+                (reported,) = [note for note in notes if "of the band from 100 to 9500 Hz" in note]
+                assert f"to {highest[-1]:g} Hz; the others are not usable" in reported
         assert highest[0] < 6e3 < highest[1] < 9e3 < highest[2]
         assert "force_drop_db: is 0" in mistake(tmp_path, f"{text}0", "hammer records")
 
-    def test_a_single_hit_beside_weighed_data_is_told_what_gives_it_a_weight(
-        self, tmp_path: Path, hammer: Path
-    ) -> None:
+    def test_error_for_unweighted_single_hit_names_the_keys(self, tmp_path: Path, hammer: Path) -> None:
         series = _series(hammer / "short.npz")
         one = TimeSeries(
             values=series.values[:10240], channels=["hammer", "tip"], units=["N", "m/s^2"], sample_rate_hz=25600.0
@@ -235,12 +233,12 @@ class TestHammer:
         write(tmp_path / "f.npz", FRF(frequency_hz=LINES, values=values(), log_variance=4e-4))
         text = 'file = "one.npz"\nforce = "hammer"\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]'
         other = '\n[measurements.f]\nkind = "frf"\nassembly = "short"\nfile = "f.npz"'
-        said = mistake(tmp_path, text + other, "hammer records")
-        assert "measurements.m: has no standard deviation but others have one" in said
-        assert 'at least two hits, whose scatter is the variance, or `floor = "2 %"`' in said
+        output = mistake(tmp_path, text + other, "hammer records")
+        assert "measurements.m: has no standard deviation, but other measurements have one" in output
+        assert 'at least two hits, whose scatter is the variance, or `floor = "2 %"`' in output
         load(tmp_path, text + '\nfloor = "2 %"' + other, "hammer records")
 
-    def test_how_large_a_second_contact_may_be(self, tmp_path: Path, hammer: Path) -> None:
+    def test_limit_of_second_contact(self, tmp_path: Path, hammer: Path) -> None:
         """The third hit has a second contact of 27 %; where that is not looked for it can still be dropped by hand."""
         shutil.copy(hammer / "medium.npz", tmp_path)
         text = 'file = "medium.npz"\nforce = "hammer"\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]\ndrop_hits = [3]'
@@ -266,7 +264,10 @@ class TestHammer:
             ),
             ('file = "s.csv"\nforce = "hammer"\nmotion = "tip"\ntrigger = "1 kN"', "no hit"),
             ('file = []\nforce = "hammer"\nmotion = "tip"', "is an empty list"),
-            ('file = ["s.csv", "t.csv"]\nforce = "hammer"\nmotion = "tip"', 'file[1]: is "t.csv", which is not there'),
+            (
+                'file = ["s.csv", "t.csv"]\nforce = "hammer"\nmotion = "tip"',
+                'file[1]: is "t.csv", which does not exist',
+            ),
             ('file = 3\nforce = "hammer"\nmotion = "tip"', "expected the name of a file, or a list of them"),
             ('file = "m.npz"\nforce = "hammer"\nmotion = "tip"', "no time series"),
         ],
@@ -291,13 +292,13 @@ def _series(file: Path) -> TimeSeries:
 
 
 class TestExamples:
-    def test_they_are_made_again_bit_by_bit(self, free_free: Path, tmp_path: Path) -> None:
+    def test_examples_are_reproduced_bitwise(self, free_free: Path, tmp_path: Path) -> None:
         examples.write("free-free", tmp_path)
         for file in free_free.iterdir():
             assert (tmp_path / file.name).read_bytes() == file.read_bytes()
 
     @pytest.mark.parametrize("name", ["free-free", "hammer"])
-    def test_they_are_labelled_as_simulated(self, name: str, request: pytest.FixtureRequest) -> None:
+    def test_examples_are_labelled_as_simulated(self, name: str, request: pytest.FixtureRequest) -> None:
         folder = request.getfixturevalue(name.replace("-", "_"))
         text = (folder / "campaign.toml").read_text()
         assert "SIMULATED" in tomllib.loads(text)["description"]
@@ -308,9 +309,7 @@ class TestExamples:
             assert any("simulated" in note for note in measured.notes)
 
     @pytest.mark.parametrize(("name", "joint"), [("free-free", FREE_FREE_JOINT), ("hammer", HAMMER_JOINT)])
-    def test_the_joint_behind_the_data_is_found(
-        self, name: str, joint: dict[str, float], request: pytest.FixtureRequest
-    ) -> None:
+    def test_true_joint_is_identified(self, name: str, joint: dict[str, float], request: pytest.FixtureRequest) -> None:
         read = campaign.load(request.getfixturevalue(name.replace("-", "_")))
         text = read.table.description
         found = read.identify()
@@ -324,11 +323,11 @@ class TestExamples:
             assert address.split(".")[1] in text, "the description states the joint"
         prediction = read.predict(found)
         held_out = next(frf for frf in prediction.frfs if frf.measured is not None)
-        assert (held_out.share_within(prediction.reach) or 0.0) > 0.9
+        assert (held_out.share_within(prediction.level) or 0.0) > 0.9
         assert len(held_out.peaks) == 2
         assert all(peak.within(prediction.reach) for peak in held_out.peaks)
 
-    def test_what_is_stated_of_the_joint_is_what_is_simulated(self) -> None:
+    def test_stated_joint_equals_the_simulated_joint(self) -> None:
         for name, joint in (("free-free", FREE_FREE_JOINT), ("hammer", HAMMER_JOINT)):
             text = examples.EXAMPLES[name].campaign
             described = tomllib.loads(text)["description"]
@@ -337,17 +336,17 @@ class TestExamples:
             )
             assert {f"{next(iter(joint)).split('.')[0]}.{key}": float(value) for key, value in stated.items()} == joint
 
-    def test_a_window_that_is_not_told_biases_the_damping(self, hammer: Path, tmp_path: Path) -> None:
+    def test_undeclared_window_biases_the_damping(self, hammer: Path, tmp_path: Path) -> None:
         """The windowed FRF taken for an ordinary one: the damping comes out too large by the window."""
         read = campaign.load(hammer)
         right = read.identify().values["collet.c_theta"]
         measurements = {}
         for name, measured in read.measurements.items():
-            seen = measured.observation
-            assert isinstance(seen, MeasuredFRF)
+            data = measured.observation
+            assert isinstance(data, MeasuredFRF)
             plain = MeasuredFRF(
-                assembly=seen.assembly, frequency_hz=seen.frequency_hz.real, receptance=seen.receptance,
-                response=seen.response, excitation=seen.excitation, standard_deviation=seen.standard_deviation,
+                assembly=data.assembly, frequency_hz=data.frequency_hz.real, receptance=data.receptance,
+                response=data.response, excitation=data.excitation, standard_deviation=data.standard_deviation,
                 label=name,
             )  # fmt: skip
             measurements[name] = dataclasses.replace(measured, observation=plain)
@@ -372,11 +371,11 @@ class TestExamples:
             campaign.load(folder)
 
 
-def test_one_file_under_two_names_is_said(tmp_path: Path) -> None:
+def test_one_file_with_two_names_is_noted(tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
     noise = 0.02 * (rng.standard_normal(300) + 1j * rng.standard_normal(300))
-    seen = campaign.load(write_copies(tmp_path, values() * np.exp(noise)))
-    assert any("again and m have the same numbers (300 of 300)" in text for text in seen.identify().advice)
+    data = campaign.load(write_copies(tmp_path, values() * np.exp(noise)))
+    assert any("again and m have the same numbers (300 of 300)" in text for text in data.identify().advice)
 
 
 def write_copies(folder: Path, receptance: np.ndarray) -> Path:

@@ -1,4 +1,4 @@
-"""Joints of each kind in campaign files: built, identified, predicted, and what is wrong with them."""
+"""Joints of each kind in campaign files: built, identified, predicted, and mistakes."""
 
 from __future__ import annotations
 
@@ -52,18 +52,18 @@ def text_of(joint: str, unknowns: str, *edits: tuple[str, str]) -> str:
     return text
 
 
-def loaded(folder: Path, text: str) -> campaign.Campaign:
+def load_campaign(folder: Path, text: str) -> campaign.Campaign:
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     return campaign.load(folder)
 
 
-def fitted_to(folder: Path, text: str, true: dict[str, float]) -> tuple[campaign.Campaign, dict[str, float]]:
+def fit_to(folder: Path, text: str, true: dict[str, float]) -> tuple[campaign.Campaign, dict[str, float]]:
     """Return a campaign whose frequencies are those of these values, and what it identifies."""
-    drawn = loaded(folder, text)
+    drawn = load_campaign(folder, text)
     for name, written in (("short", '"2500 Hz", "10000 Hz"'), ("long", '"1400 Hz", "6600 Hz"')):
         modes = drawn.measurements[name].observation.assembly.replace(true).natural_frequencies(40e3)[:2]
         text = text.replace(written, ", ".join(f'"{mode:.9f} Hz"' for mode in modes))
-    found = loaded(folder, text)
+    found = load_campaign(folder, text)
     fit = found.identify()
     return found, {name: value for name, value in fit.values.items() if name not in fit.errors}
 
@@ -72,7 +72,7 @@ def test_a_spread_joint(tmp_path: Path) -> None:
     unknowns = '"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n' + THETA
     true = {"joint.k_y": 5e8, "joint.k_theta": 3e4}
     text = text_of(SPREAD, unknowns, ("starts = 2", "starts = 1"))
-    read, values = fitted_to(tmp_path, text, true)
+    read, values = fit_to(tmp_path, text, true)
     joint = read.assemblies["short"].elements["joint"]
     assert isinstance(joint, SpreadJoint)
     assert (joint.length, joint.shank.outer_diameter, joint.sleeve.material.name) == (0.03, 0.012, "steel")
@@ -93,7 +93,7 @@ def test_a_spread_joint_s_sections_may_be_unknown_and_set(tmp_path: Path) -> Non
         'set = { "tool.segment[0].length" = "90 mm"',
         'set = { "joint.length" = "25 mm", "tool.segment[0].length" = "90 mm"',
     )
-    read, values = fitted_to(tmp_path, text_of(joint, unknowns, edit), {"joint.shank.youngs_modulus": 5.5e11})
+    read, values = fit_to(tmp_path, text_of(joint, unknowns, edit), {"joint.shank.youngs_modulus": 5.5e11})
     assert values["joint.shank.youngs_modulus"] == pytest.approx(5.5e11, rel=1e-4)
     assert read.assemblies["long"].get("joint.length") == 0.025
     assert read.assemblies["short"].elements["joint"].points == 5  # type: ignore[union-attr]
@@ -103,19 +103,19 @@ def test_a_collet(tmp_path: Path) -> None:
     unknowns = '"joint.inner.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n'
     unknowns += '"joint.outer.k_theta" = { lower = "1e4 N m/rad", upper = "1e7 N m/rad" }\n'
     true = {"joint.inner.k_y": 6e8, "joint.outer.k_theta": 2.5e5}
-    read, values = fitted_to(tmp_path, text_of(COLLET, unknowns), true)
+    read, values = fit_to(tmp_path, text_of(COLLET, unknowns), true)
     joint = read.assemblies["short"].elements["joint"]
     assert isinstance(joint, ColletJoint)
     assert (joint.mass, joint.inertia, joint.inner.k_theta, joint.outer.k_y) == (0.12, 1e-5, 2e5, 2e9)
     assert values == pytest.approx(true, rel=1e-4)
-    # What the file gives is where the fit starts.
+    # The value in the file is the start of the fit.
     starts = {unknown.address: unknown.start for unknown in read.unknowns}
     assert starts["joint.outer.k_theta"] == pytest.approx(3e5)
     assert read.effects["short"]["joints.joint.mass"] == {"joint.mass": pytest.approx(2e-3)}
     assert read.effects["short"]["joints.joint.outer.k_y"] == {"joint.outer.k_y": pytest.approx(1e8)}
 
 
-def test_an_unknown_also_holds_for_an_assembly_that_is_held_out(tmp_path: Path) -> None:
+def test_unknown_applies_to_held_out_assembly(tmp_path: Path) -> None:
     """No measurement to identify from has the second joint; what is held out is predicted with it."""
     edits = (
         ("[joints.joint]\n", '[joints.joint]\n\n[joints.second]\nk_y = "1e9 N/m"\nk_theta = "1e5 N m/rad"\n'),
@@ -128,7 +128,7 @@ def test_an_unknown_also_holds_for_an_assembly_that_is_held_out(tmp_path: Path) 
     )
     read = load(tmp_path, changed(*edits))
     found = read.identify()
-    assert any("no observation's assembly has second.k_theta; it matters for predictions" in n for n in found.notes)
+    assert any("no observation's assembly has second.k_theta; it affects predictions" in n for n in found.notes)
     predicted = read.predict(found)
     held_out = next(one for one in predicted.frequencies if one.name == "long")
     applied = found.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
@@ -141,7 +141,7 @@ def test_levels_of_measurements(tmp_path: Path) -> None:
     edits = (("[measurements.long]\n", '[measurements.long]\nlevel = "40 N"\n'), ('role = "hold out"\n', ""))
     text = text_of(MICROSLIP, THETA + SLIP, ("[measurements.short]\n", "[measurements.short]\nlevel = 0.5\n"), *edits)
     true = {"joint.k_theta": 6e4, "joint.slip_theta": 0.15}
-    read, values = fitted_to(tmp_path, text, true)
+    read, values = fit_to(tmp_path, text, true)
     assert isinstance(read.assemblies["short"].elements["joint"], MicroslipJoint)
     levels = {name: one.observation.assembly.get("joint.level") for name, one in read.measurements.items()}
     assert levels == {"short": 0.5, "long": 2.0}
@@ -149,15 +149,15 @@ def test_levels_of_measurements(tmp_path: Path) -> None:
 
 
 def test_a_stepped_sine(tmp_path: Path) -> None:
-    """FRFs at two forces identify slip; a third is predicted, and an assembly that nobody measured."""
-    seen = "".join(
+    """FRFs at two forces identify slip; a third is predicted, and an unmeasured assembly."""
+    data = "".join(
         f'[measurements.sine{i}]\nkind = "frf"\nassembly = "short"\nfile = "sine{i}.csv"\nforce = "{force} N"\n'
         f'standard_deviation = "1 %"\n{role}'
         for i, (force, role) in enumerate(((0.2, ""), (1.0, ""), (0.5, 'role = "hold out"\n')))
     )
     text = text_of(MICROSLIP, THETA + SLIP, ("[settings]", '[prediction]\nforce = "0.5 N"\n[settings]'))
     a, b = text.index("[measurements.short]"), text.index("[prediction]")
-    text = text[:a] + seen + text[b:]
+    text = text[:a] + data + text[b:]
     true = {"joint.k_theta": 6e4, "joint.slip_theta": 0.15}
     joint = MicroslipJoint(k_y=4e8, k_theta=6e4, slip_theta=0.15, reference_theta=20e-6, loss_factor=0.02, name="joint")
     lines = np.linspace(1000.0, 3500.0, 120)
@@ -170,7 +170,7 @@ def test_a_stepped_sine(tmp_path: Path) -> None:
         noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
         values = assembly.receptance(lines, force=force) * np.exp(noise)
         io.write(tmp_path / f"sine{i}.csv", FRF(frequency_hz=lines, values=values))
-    read = loaded(tmp_path, text)
+    read = load_campaign(tmp_path, text)
     assert read.measurements["sine1"].observation.force == pytest.approx(np.ones(lines.size))
     found = read.identify()
     assert found.rms == pytest.approx(1.0, abs=0.1)
@@ -218,10 +218,10 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
             THETA,
             "sleeve.inner_diameter",
             "sleeve.bore",
-            "joints.joint.sleeve.bore: is no known key",
+            "joints.joint.sleeve.bore: is not a known key",
         ),
         (STIFF, THETA, "joint.k_theta", "joint.shank.k_theta", '"joint.shank.k_theta": is a parameter of no assembly'),
-        (STIFF, THETA, "joint.k_theta", "joint.shnk.k_theta", '"joint.shnk.k_theta": is no address'),
+        (STIFF, THETA, "joint.k_theta", "joint.shnk.k_theta", '"joint.shnk.k_theta": is not an address'),
         (COLLET, THETA, "joint.k_theta", "joint.inner.k_theta", "joints.joint.inner: k_y and c_y are both zero"),
         (
             COLLET,
@@ -236,7 +236,7 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
             INNER,
             "outer = { k_y",
             "outer = { kk_y",
-            'joints.joint.outer.kk_y: is no known key; did you mean "k_y"?',
+            'joints.joint.outer.kk_y: is not a known key; did you mean "k_y"?',
         ),
         (MICROSLIP, THETA, "_theta = 0.2", "_theta = -0.2", "joints.joint.slip_theta: is -0.2, expected zero or more"),
         (
@@ -251,7 +251,7 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
             THETA,
             "_theta = 0.2",
             "_theta = 0.2\nlevel = 3.0",
-            "joints.joint: the level 3 takes a share of 0.6 from k_theta",
+            "joints.joint: the level 3 reduces k_theta by a share of 0.6",
         ),
         (
             MICROSLIP,
@@ -261,7 +261,7 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
             'measurements.short.level: is "5 mm", a length, expected a force',
         ),
         (MICROSLIP, THETA, SHORT, SHORT + "level = -1\n", "short.level: is -1, expected a number from 0 on"),
-        (MICROSLIP, THETA, SHORT, SHORT + "level = 9\n", "short.level: the level 9 takes a share of 1.8"),
+        (MICROSLIP, THETA, SHORT, SHORT + "level = 9\n", "short.level: the level 9 reduces k_theta by a share of 1.8"),
         (
             WITHOUT,
             THETA,
@@ -287,12 +287,14 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
 )
 def test_one_mistake(joint: str, unknowns: str, old: str, new: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(campaign.CampaignError) as caught:
-        loaded(tmp_path, text_of(joint, unknowns, (old, new)))
+        load_campaign(tmp_path, text_of(joint, unknowns, (old, new)))
     assert words in str(caught.value)
     assert all(problem.line is not None for problem in caught.value.problems)
 
 
-def test_a_joint_without_kind_is_one_at_a_point(tmp_path: Path) -> None:
+def test_joint_without_kind_is_a_point_joint(tmp_path: Path) -> None:
     unknowns = '"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n' + THETA
     for joint in ("[joints.joint]\n", '[joints.joint]\nkind = "point"\n'):
-        assert isinstance(loaded(tmp_path, text_of(joint, unknowns)).assemblies["short"].elements["joint"], PointJoint)
+        assert isinstance(
+            load_campaign(tmp_path, text_of(joint, unknowns)).assemblies["short"].elements["joint"], PointJoint
+        )

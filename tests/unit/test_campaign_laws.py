@@ -36,7 +36,7 @@ def test_the_json_has_errors_and_profiles(tmp_path, text):
         (', reference = "135 N m"', "no `power_of`"),
         (', power_of = "torque", reference = "0 N m"', "reference is 0"),
         (', free = true, individual = "5 %"', "one of the two"),
-        (", follows = {'joint.k_ytheta' = 0.5}", "no `power_of` and no `individual` part"),
+        (", follows = {'joint.k_ytheta' = 0.5}", "is given without `power_of` and `individual`"),
     ],
 )
 def test_mistakes_in_laws(tmp_path, extra, words):
@@ -56,7 +56,7 @@ def test_a_law_follows_a_condition(tmp_path):
         load(tmp_path, torque.replace('role = "hold out"', 'role = "identify"')).identify()
 
 
-def test_a_prior_pulls_as_much_as_it_knows(tmp_path, text):
+def test_prior_weight_follows_its_deviation(tmp_path, text):
     line = next(row for row in text.splitlines() if row.startswith('"joint.k_theta"'))
     prior = ', prior = { value = "9e4 N m/rad", spread = "0.01 %" } }'
     known = load(tmp_path, text.replace(line, line.rstrip(" }") + prior)).identify()
@@ -80,7 +80,7 @@ def test_spreads_of_priors(tmp_path, spread, expected):
     assert prior.standard_deviation == pytest.approx(expected)
 
 
-def test_a_prior_of_a_value_that_is_fitted_itself(tmp_path):
+def test_prior_of_a_fitted_value(tmp_path):
     extra = ', scale = "linear", prior = { value = "2e8 N/m", spread = "30 %" }'
     prior = next(one.prior for one in load(tmp_path, changed_unknown(extra)).unknowns if one.address == "joint.k_y")
     assert prior.standard_deviation == pytest.approx(6e7)
@@ -94,7 +94,7 @@ def test_a_prior_of_a_value_that_is_fitted_itself(tmp_path):
         ('{ value = "2e8 N/m", spread = "factor 0.5" }', "a number above one"),
         ('{ value = "2e8 N/m", spread = "0 %" }', "standard_deviation is 0"),
         ('{ value = "2e8 N/m" }', "spread"),
-        ('{ value = "2e8 N/m", spread = "factor 3" }, scale = "linear"', "only a logarithm has a factor"),
+        ('{ value = "2e8 N/m", spread = "factor 3" }, scale = "linear"', "a factor needs the scale"),
     ],
 )
 def test_mistakes_in_priors(tmp_path, prior, words):

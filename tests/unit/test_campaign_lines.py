@@ -64,7 +64,7 @@ def test_windows_line_ends() -> None:
     assert lines_of(ODD.replace("\n", "\r\n")) == lines_of(ODD)
 
 
-def test_what_is_missing_has_the_line_of_its_table() -> None:
+def test_missing_key_error_gives_the_line_of_its_table() -> None:
     found = lines_of(ODD)
     assert line_of(("p", "s", 1, "missing"), found) == 16
     assert line_of(("nothing",), found) is None
@@ -83,11 +83,11 @@ VALUES = st.recursive(
 )
 
 
-def spelt(value: Any) -> str:
+def spelling(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(k, ensure_ascii=False)} = {spelt(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{json.dumps(k, ensure_ascii=False)} = {spelling(v)}" for k, v in value.items()) + " }"
     if isinstance(value, list):
-        return "[\n  " + ",\n  ".join(map(spelt, value)) + "\n]"
+        return "[\n  " + ",\n  ".join(map(spelling, value)) + "\n]"
     return json.dumps(value, ensure_ascii=False)
 
 
@@ -99,7 +99,7 @@ def test_any_text(tables: dict[str, dict[str, Any]], data: st.DataObject) -> Non
         text += f"[{json.dumps(name, ensure_ascii=False)}] # table\n"
         for key, value in table.items():
             blank = data.draw(st.sampled_from(["", "\n", "# remark = [\n", "  "]))
-            text += f"{blank}{json.dumps(key, ensure_ascii=False)} = {spelt(value)}\n"
+            text += f"{blank}{json.dumps(key, ensure_ascii=False)} = {spelling(value)}\n"
     found = lines_of(text)
     assert set(found) == set(paths(tomllib.loads(text)))
     lines = text.splitlines() if "\x85" not in text else text.split("\n")

@@ -22,12 +22,12 @@ def mistakes(folder: Path, text: str) -> CampaignError:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('title = "A', 'titel = "A', 'titel: is no known key; did you mean "title"?'),
-        ("[sensors.accelerometer]", "[sensor.accelerometer]", 'sensor: is no known key; did you mean "sensors"?'),
+        ('title = "A', 'titel = "A', 'titel: is not a known key; did you mean "title"?'),
+        ("[sensors.accelerometer]", "[sensor.accelerometer]", 'sensor: is not a known key; did you mean "sensors"?'),
         (
             'length = "60 mm"',
             'lenght = "60 mm"',
-            'parts.tool.segments[0].lenght: is no known key; did you mean "length"?',
+            'parts.tool.segments[0].lenght: is not a known key; did you mean "length"?',
         ),
         ('length = "60 mm"', "", "parts.tool.segments[0].length: is missing"),
         (
@@ -45,13 +45,13 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         ('core = "carbide"', 'core = "carbid"', 'parts.holder.segments[0].core: is "carbid", which is not a material'),
         ('core = "carbide"', 'core = "carbid"', 'expected one of "carbide", "steel" (did you mean "carbide"?)'),
         ('{ mass = "0.02 g" }', '{ mass = "0.02 mm" }', "sensors.accelerometer.tolerance.mass: "),
-        ("[joints.joint]", "[joints.joint]\nk_x = 3", 'joints.joint.k_x: is no known key; did you mean "k_y"?'),
+        ("[joints.joint]", "[joints.joint]\nk_x = 3", 'joints.joint.k_x: is not a known key; did you mean "k_y"?'),
         (
             "[joints.joint]",
             '[joints.joint]\nkind = "layer"',
             'joints.joint: has the kind "layer", expected one of "point"',
         ),
-        ("[joints.joint]", "[joints.tool]", "joints.tool: is the name of one of the parts too"),
+        ("[joints.joint]", "[joints.tool]", "joints.tool: is also the name of one of the parts"),
         ("[joints.joint]", '[joints."a b"]', 'joints."a b": is "a b", expected one word'),
         (
             'conditions = { torque = "135 N m" }',
@@ -66,7 +66,7 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         ('"tool.segment[0].length" = "90 mm"', '"tool.segment[0].lenth" = "90 mm"', 'did you mean "length"?'),
         ('"tool.segment[0].length" = "90 mm"', '"joint.k_y" = "1e8 N/m"', "is set here and is among the unknowns"),
         ('"tool.segment[0].length" = "90 mm"', '"tool.segment[0].length" = "90 GPa"', "a modulus, expected a length"),
-        ('kind = "natural frequencies"\nassembly = "short"', 'assembly = "short"', "measurements.short: has no kind"),
+        ('kind = "natural frequencies"\nassembly = "short"', 'assembly = "short"', "measurements.short: has no `kind`"),
         ('kind = "natural frequencies"\nassembly = "short"', 'kind = "frq"\nassembly = "short"', 'has the kind "frq"'),
         ('assembly = "short"', 'assembly = "shrt"', 'measurements.short.assembly: is "shrt", which is not an assembly'),
         (
@@ -75,7 +75,7 @@ def mistakes(folder: Path, text: str) -> CampaignError:
             'measurements.short.sensor: is "acc", which is not a sensor',
         ),
         ('role = "hold out"', 'role = "holdout"', '(did you mean "hold out"?)'),
-        ('frequencies = ["2500 Hz", "10000 Hz"]', 'file = "f.csv"', 'file: is "f.csv", which is not there'),
+        ('frequencies = ["2500 Hz", "10000 Hz"]', 'file = "f.csv"', 'file: is "f.csv", which does not exist'),
         ('frequencies = ["2500 Hz", "10000 Hz"]', "", "measurements.short: has neither frequencies nor a file"),
         ('["2500 Hz", "10000 Hz"]', '["2500 Hz", "1000 Hz"]', "frequency_hz is not ascending"),
         ('["2500 Hz", "10000 Hz"]', '["2500 Hz", "10000 rad/s"]', "measurements.short.frequencies[1]: "),
@@ -88,12 +88,16 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         ('standard_deviation = "2 Hz"', 'standard_deviation = "0 Hz"', "expected more than zero"),
         ('standard_deviation = "2 Hz"', "modes = [2, 1]", "measurements.short.modes: "),
         ('standard_deviation = "2 Hz"', "modes = [1, 2, 3]", "there are 3 modes for 2 frequencies"),
-        ('"joint.k_y" = {', '"joint.k_z" = {', 'unknowns."joint.k_z": names no quantity "k_z"'),
+        ('"joint.k_y" = {', '"joint.k_z" = {', 'unknowns."joint.k_z": names an unknown quantity "k_z"'),
         ('"joint.k_y" = {', '"jiont.k_y" = {', 'begins with "jiont", which is not a part, joint, attachment or sensor'),
         ('"joint.k_y" = {', '"joint.mass" = {', 'unknowns."joint.mass"'),
         ('lower = "1e7 N/m"', 'lower = "1e11 N/m"', 'unknowns."joint.k_y": lower is 1e+11 and upper 1e+10'),
         ('lower = "1e7 N/m"', 'lower = "1e7 N/m", start = "1 N/m"', "start is 1, outside the bounds"),
-        ("[joints.joint]", '[joints.joint]\nk_y = "1e6 N/m"', 'unknowns."joint.k_y": has bounds without the 1e+06'),
+        (
+            "[joints.joint]",
+            '[joints.joint]\nk_y = "1e6 N/m"',
+            'unknowns."joint.k_y": has bounds that exclude the value 1e+06',
+        ),
         ('lower = "1e7 N/m"', 'lower = "1e7 Pa"', 'unknowns."joint.k_y".lower: is "1e7 Pa", a modulus'),
         (
             '"joint.k_y" = {',
@@ -142,8 +146,8 @@ def test_all_mistakes_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
     assert all(line.startswith("  line ") for line in rest)
 
 
-def test_a_mistake_is_not_said_twice(tmp_path: Path) -> None:
-    """What only follows from a mistake elsewhere is left out: a broken material is not an unknown material."""
+def test_each_mistake_is_reported_once(tmp_path: Path) -> None:
+    """Errors caused by another mistake are not reported: a broken material is not an unknown material."""
     error = mistakes(tmp_path, changed(('youngs_modulus = "580 GPa"', 'youngs_modulus = "580"')))
     assert [problem.path for problem in error.problems] == [("materials", "carbide", "youngs_modulus")]
     error = mistakes(tmp_path, changed(('lower = "1e7 N/m"', 'lower = "1e7"')))
@@ -152,12 +156,12 @@ def test_a_mistake_is_not_said_twice(tmp_path: Path) -> None:
     assert {problem.path for problem in error.problems} == {("part",), ("parts",)}
 
 
-def test_what_is_found_together_is_weighed_against_each_other(tmp_path: Path) -> None:
+def test_data_identified_together_need_comparable_weights(tmp_path: Path) -> None:
     extra = (
         '[measurements.more]\nkind = "natural frequencies"\nassembly = "short"\nfrequencies = ["2500 Hz"]\n[unknowns]'
     )
     error = mistakes(tmp_path, changed(("[unknowns]", extra)))
-    assert "measurements.more: has no standard deviation but others have one" in str(error)
+    assert "measurements.more: has no standard deviation, but other measurements have one" in str(error)
 
 
 def test_tolerances_of_an_assembly(tmp_path: Path) -> None:
@@ -166,7 +170,7 @@ def test_tolerances_of_an_assembly(tmp_path: Path) -> None:
         ('{ "tool.segment[0].length" = "3 N" }', "a force, expected a standard deviation"),
         ('{ "tool.segment[1].length" = "1 %" }', "is no parameter of this assembly"),
         ('{ "joint.k_y" = "1 %" }', "has a tolerance and is among the unknowns"),
-        ('{ "tool" = "1 %" }', "is no address"),
+        ('{ "tool" = "1 %" }', "is not an address"),
     ):
         error = mistakes(tmp_path, changed((base, f"tolerance = {written}")))
         assert words in str(error)
@@ -177,16 +181,16 @@ def test_tolerances_of_an_assembly(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (b"", "materials: is missing"),
-        (b"a = [\n", "this is not TOML"),
-        (b"a = 1\na = 2\n", "line 2: this is not TOML: Cannot overwrite a value"),
+        (b"a = [\n", "is not TOML"),
+        (b"a = 1\na = 2\n", "line 2: is not TOML: Cannot overwrite a value"),
         (b"a = \xff\n", "byte 4 is not UTF-8"),
-        (b"\x00\x01\x02", "this is not TOML"),
+        (b"\x00\x01\x02", "is not TOML"),
         (b"materials = 3\n", "materials: is 3, expected a table"),
         (b"[[materials]]\n", "materials: is a list of 1, expected a table"),
         (b"[materials]\ncarbide = 3\n", "materials.carbide: is 3, expected a table"),
     ],
 )
-def test_files_that_are_no_campaign(content: bytes, words: str, tmp_path: Path) -> None:
+def test_files_other_than_campaigns(content: bytes, words: str, tmp_path: Path) -> None:
     file = tmp_path / "odd.toml"
     file.write_bytes(content)
     with pytest.raises(CampaignError) as error:
@@ -194,7 +198,7 @@ def test_files_that_are_no_campaign(content: bytes, words: str, tmp_path: Path) 
     assert words in str(error.value)
 
 
-def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+def test_byte_order_mark_is_accepted(tmp_path: Path) -> None:
     file = tmp_path / "campaign.toml"
     file.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
     assert len(campaign.load(file).assemblies) == 3
@@ -257,7 +261,7 @@ _DEEP = 900 * "[" + 900 * "]"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "words"),
     [
         (
             'torque = "135 N m"',
@@ -271,24 +275,24 @@ _DEEP = 900 * "[" + 900 * "]"
         ),
         ('length = "60 mm"', 'length = "60 N m/dB"', 'is "60 N m/dB", with the unknown unit "dB"'),
         ("[unknowns]", "[[unknowns]]", "unknowns: is a list of 1, expected a table"),
-        ('torque = "135 N m"', f"torque = {_DEEP}", "tables and lists are in each other more than 20 deep"),
-        ("[unknowns]", f"[{'a.' * 900}a]\nx = 1\n[unknowns]", "tables and lists are in each other more than 20 deep"),
-        ("= 0.22", f"= {400 * '1'}", "materials.carbide.poisson_ratio: is a whole number beyond 64 bits"),
-        ('torque = "135 N m"', f"torque = {400 * '1'}", "conditions.torque: is a whole number beyond 64 bits"),
-        ("= 0.22", f"= {5000 * '1'}", "this cannot be read: Exceeds the limit"),
+        ('torque = "135 N m"', f"torque = {_DEEP}", "tables and lists are nested more than 20 deep"),
+        ("[unknowns]", f"[{'a.' * 900}a]\nx = 1\n[unknowns]", "tables and lists are nested more than 20 deep"),
+        ("= 0.22", f"= {400 * '1'}", "materials.carbide.poisson_ratio: is a whole number beyond the 64 bits"),
+        ('torque = "135 N m"', f"torque = {400 * '1'}", "conditions.torque: is a whole number beyond the 64 bits"),
+        ("= 0.22", f"= {5000 * '1'}", "the file cannot be read: Exceeds the limit"),
     ],
     ids=lambda text: text[:20],
 )
-def test_what_ended_as_an_error_of_the_program(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+def test_former_internal_errors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
 ) -> None:
     write(tmp_path, changed((old, new)))
     assert call(monkeypatch, "identify", str(tmp_path)) == 2
-    assert said in capsys.readouterr().err
+    assert words in capsys.readouterr().err
 
 
-def test_a_tolerance_of_zero_is_no_error(tmp_path: Path) -> None:
-    """What is known exactly may be said so; everything is as without that tolerance."""
+def test_zero_tolerance_is_accepted(tmp_path: Path) -> None:
+    """A zero tolerance is accepted and equals no tolerance."""
     settings = "\n[settings]\nstarts = 1\nprofiles = false\n"
     ends = []
     for old, new in (

@@ -1,4 +1,4 @@
-"""Campaign files with random damage: an answer in words, never a crash, and never a campaign that cannot be used."""
+"""Campaign files with random damage: a message without a crash, and no unusable campaign."""
 
 from __future__ import annotations
 
@@ -53,18 +53,18 @@ ODD: list[Any] = [
 ]
 
 
-def spelt(value: Any) -> str:
+def spelling(value: Any) -> str:
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {spelt(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{json.dumps(key)} = {spelling(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list):
-        return "[" + ", ".join(map(spelt, value)) + "]"
+        return "[" + ", ".join(map(spelling, value)) + "]"
     if isinstance(value, float) and not math.isfinite(value):
         return repr(value)  # "inf" and "nan", as TOML writes them
     return json.dumps(value)
 
 
 def dumped(data: dict[str, Any]) -> str:
-    return "".join(f"{json.dumps(key)} = {spelt(value)}\n" for key, value in data.items())
+    return "".join(f"{json.dumps(key)} = {spelling(value)}\n" for key, value in data.items())
 
 
 def containers(node: Any) -> list[Any]:
@@ -102,7 +102,7 @@ def damaged(data: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
 
 
 def answer(file: Path, use: bool) -> str:
-    """Return what is answered to a campaign file: the words of a mistake, or nothing where it can be used."""
+    """Return the error message for a campaign file; empty if it is valid."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
@@ -128,7 +128,7 @@ def test_damaged_campaigns(tmp_path: Path) -> None:
             answers.append(answer(file, use=case % 2 == 0))
         except Exception as error:
             raise AssertionError(f"seed {SEED}, case {case}: {error!r}\n{text}") from error
-    refused = [said for said in answers if said]
+    refused = [output for output in answers if output]
     print(f"seed {SEED}: {len(refused)} of {CASES} refused")
     assert CASES // 2 < len(refused) < CASES
-    assert all("expected" in said or "key" in said or "missing" in said or ": " in said for said in refused)
+    assert all("expected" in output or "key" in output or "missing" in output or ": " in output for output in refused)

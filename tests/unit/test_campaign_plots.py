@@ -1,4 +1,4 @@
-"""Figures of campaigns: they can be drawn whatever the fit found, without a warning."""
+"""Figures of campaigns: they are drawn for any result of the fit, without a warning."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_frfs_and_frequencies(tmp_path: Path) -> None:
     examples.write("free-free", tmp_path)
     read = campaign.load(tmp_path)
     found = read.identify()
-    assert titles(found.plot()) == ["short", "medium", "How well the parameters are determined, 95 %"]
+    assert titles(found.plot()) == ["short", "medium", "95 % intervals of the parameters"]
     assert titles(read.predict(found).plot()) == ["long: held out", "not_measured: predicted, not measured"]
 
 
@@ -44,7 +44,7 @@ def test_a_title_of_any_length(tmp_path: Path) -> None:
         ("", '"tool.segment[0].poisson_ratio" = { lower = -0.5, upper = 0.49, start = 0.0 }'),
     ],
 )
-def test_parameters_that_are_open_or_around_zero(joint: str, unknown: str, tmp_path: Path) -> None:
+def test_parameters_with_open_or_zero_crossing_intervals(joint: str, unknown: str, tmp_path: Path) -> None:
     text = changed(("[joints.joint]", f"[joints.joint]\n{joint}"), ("[unknowns]", f"[unknowns]\n{unknown}"), MORE)
     read = load(tmp_path, text)
     found = read.identify()

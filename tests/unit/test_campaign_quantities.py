@@ -1,4 +1,4 @@
-"""Quantities, tolerances and conditions as people write them."""
+"""Quantities, tolerances and conditions in campaign files."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import pytest
 
 from receptance import units
 from receptance._text import did_you_mean, one_of
-from receptance.campaign.addresses import kind_of, parse_position
-from receptance.campaign.quantities import Deviation, parse_condition, parse_deviation
+from receptance.campaign.quantities import Deviation, kind_of, parse_condition, parse_deviation, parse_position
 from receptance.units import QUANTITIES, Quantity, parse
 
 
@@ -85,13 +84,13 @@ def test_quantities(text: object, kind: Quantity, value: float) -> None:
         (["3 mm"], units.LENGTH, "is a list of 1, expected a length"),
     ],
 )
-def test_what_is_no_quantity_is_answered_in_words(text: object, kind: Quantity, words: str) -> None:
+def test_invalid_quantity_errors(text: object, kind: Quantity, words: str) -> None:
     with pytest.raises(ValueError, match="expected") as error:
         parse(text, kind)
     assert words in str(error.value)
 
 
-def test_every_example_of_a_kind_is_one() -> None:
+def test_examples_of_each_kind_are_valid() -> None:
     for kind in QUANTITIES:
         assert parse(kind.example if kind.unit else float(kind.example), kind) >= 0.0
 
@@ -126,7 +125,7 @@ def test_deviations(written: object, deviation: Deviation) -> None:
         {"value": "2 %", "nam": "x"},
     ],
 )
-def test_what_is_no_deviation_is_answered_in_words(written: object) -> None:
+def test_invalid_deviation_errors(written: object) -> None:
     with pytest.raises(ValueError, match="expected"):
         parse_deviation(written, units.LENGTH)
 
@@ -146,7 +145,7 @@ def test_conditions(written: str | float, value: float, unit: str) -> None:
 
 
 @pytest.mark.parametrize("written", ["135 Xm", "torque", "100 rpm", "20 degC", "1,5 mm"])
-def test_what_is_no_condition_is_answered_in_words(written: str) -> None:
+def test_invalid_condition_errors(written: str) -> None:
     with pytest.raises(ValueError, match="expected"):
         parse_condition(written)
 
@@ -154,9 +153,9 @@ def test_what_is_no_condition_is_answered_in_words(written: str) -> None:
 def test_addresses_and_places() -> None:
     assert kind_of("tool.segment[*].core.density") is units.DENSITY
     assert kind_of("accelerometer.mass") is units.MASS
-    with pytest.raises(ValueError, match=r'names no quantity "lenght" \(did you mean "length"\?\)'):
+    with pytest.raises(ValueError, match=r'names an unknown quantity "lenght" \(did you mean "length"\?\)'):
         kind_of("tool.segment[0].lenght")
-    with pytest.raises(ValueError, match="is no address"):
+    with pytest.raises(ValueError, match="is not an address"):
         kind_of("tool length")
     assert parse_position("end") == "end"
     assert parse_position("0 mm") == 0.0

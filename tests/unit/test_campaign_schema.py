@@ -1,4 +1,4 @@
-"""The JSON Schema: valid itself, true to what is read, and the documentation's tables made from it."""
+"""The JSON Schema: validity, agreement with the reader, and the tables of the documentation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def mistakes(data: Any) -> list[str]:
     return [error.json_path for error in validator.iter_errors(data)]
 
 
-def test_it_is_a_schema() -> None:
+def test_schema_is_valid() -> None:
     jsonschema.Draft202012Validator.check_schema(json_schema())
     assert json.loads(json.dumps(json_schema())) == json_schema()
     assert "null" not in json.dumps(json_schema())
@@ -35,7 +35,7 @@ def test_the_examples_are_valid(name: str) -> None:
     assert mistakes(data) == []
 
 
-def test_what_is_read_is_valid_and_what_is_wrong_is_not() -> None:
+def test_schema_accepts_readable_files_and_rejects_others() -> None:
     assert mistakes(tomllib.loads(TEXT)) == []
     for old, new in (
         ('length = "60 mm"', 'lenght = "60 mm"'),
@@ -53,7 +53,7 @@ def test_what_is_read_is_valid_and_what_is_wrong_is_not() -> None:
 
 
 def test_every_quantity_shows_an_example() -> None:
-    """A person who looks at the schema sees how each quantity is written."""
+    """The schema has an example of each quantity."""
     found = json.dumps(json_schema())
     for kind in QUANTITIES:
         if kind.unit and not kind.name.startswith("a time"):

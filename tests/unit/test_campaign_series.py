@@ -1,4 +1,4 @@
-"""Campaigns over levels: one table for all levels, parameters over them, and what lies between."""
+"""Campaigns over levels: one table for all levels, parameters over them, and interpolation."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def changed(folder: Path, tmp_path: Path, *pairs: tuple[str, str]) -> Path:
     return tmp_path
 
 
-def test_a_table_for_all_levels_is_one_for_each(folder: Path) -> None:
+def test_table_for_all_levels_equals_one_per_level(folder: Path) -> None:
     read = campaign.load(folder)
     assert list(read.measurements) == [f"axial {force} kN" for force in LEVELS]
     assert read.templates["axial 5 kN"] == "axial {level}"
@@ -107,7 +107,7 @@ def test_a_table_for_all_levels_is_one_for_each(folder: Path) -> None:
     )
 
 
-def test_parameters_over_levels_and_what_was_held_out(folder: Path) -> None:
+def test_parameters_over_levels_and_held_out_data(folder: Path) -> None:
     found = campaign.load(folder).identify()
     series = found.series["taper.k_y"]
     assert series.force.tolist() == [0.0, 2.0, 5.0, 10.0, 20.0, 22.0, 25.0]
@@ -129,7 +129,7 @@ def test_parameters_over_levels_and_what_was_held_out(folder: Path) -> None:
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["taper.k_y", "taper.c_y"]
 
 
-def test_the_command_prints_values_trends_and_what_is_left(folder: Path, tmp_path: Path) -> None:
+def test_command_prints_values_trends_and_residuals(folder: Path, tmp_path: Path) -> None:
     ran = CliRunner().invoke(app, ["identify", str(folder), "--json", str(tmp_path / "found.json")])
     assert ran.exit_code == 0, ran.output
     for text in ("taper over drawbar force", "axial {level}", "best law K0 + a F^n", "by group"):
@@ -147,29 +147,32 @@ def test_a_rigid_part_is_the_rigid_body(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pairs", "expected"),
     [
-        ((("over =", "ovr ="),), ['series.ovr: is no known key; did you mean "over"?']),
+        ((("over =", "ovr ="),), ['series.ovr: is not a known key; did you mean "over"?']),
         (
             (("[series]", "[serie]"),),
             ["has {level} in its name, but the file has no `series`", 'did you mean "series"?'],
         ),
-        ((('hold_out = ["15 kN"]', 'hold_out = ["16 kN"]'),), ['hold_out[0]: is "16 kN", which is none of the levels']),
-        ((('"2 kN", "5 kN"', '"2 kN", "2 kN"'),), ["series.levels[2]", "which is there already"]),
+        (
+            (('hold_out = ["15 kN"]', 'hold_out = ["16 kN"]'),),
+            ['hold_out[0]: is "16 kN", which is not one of the levels'],
+        ),
+        ((('"2 kN", "5 kN"', '"2 kN", "2 kN"'),), ["series.levels[2]", "for the second time"]),
         ((('"2 kN", "5 kN"', '"2 mm", "5 kN"'),), ['levels[1]: is "2 mm" after "0 kN"', "the same quantity"]),
         ((('motion = "axial"', 'motion = "sideways"'),), ['assemblies."axial {level}".motion', '"sideways"']),
         (
             (('"axial_{value}.csv"', '"radial_{value}.csv"'),),
-            ['is "radial_0.csv", which is not there', "radial_25.csv"],
+            ['is "radial_0.csv", which does not exist', "radial_25.csv"],
         ),
-        ((("free = true }", 'along = "drawbar force" }'),), ["is given, but it is not `free`"]),
+        ((("free = true }", 'along = "drawbar force" }'),), ["is given without `free`"]),
         ((("points = 12", "weights = [1, -1]"),), ["attachments.taper.weights[1]"]),
         ((('length = "100 mm"\npoints', 'length = "200 mm"\npoints'),), ['assemblies."axial {level}".attachments']),
         (
             (('standard_deviation = "1 %"', 'standard_deviation = "1 %"\nresponse = { direction = "+theta" }'),),
-            ["nothing turns in axial motion"],
+            ["axial motion has no rotation"],
         ),
     ],
 )
-def test_mistakes_are_told_once_with_their_place(
+def test_mistakes_are_reported_once_with_position(
     folder: Path, tmp_path: Path, pairs: tuple[tuple[str, str], ...], expected: list[str]
 ) -> None:
     with pytest.raises(campaign.CampaignError) as error:
@@ -184,26 +187,26 @@ def test_mistakes_are_told_once_with_their_place(
     assert all(problem.line for problem in error.value.problems)
 
 
-def test_few_levels_say_that_there_are_no_trends(folder: Path, tmp_path: Path) -> None:
+def test_no_trends_with_few_levels(folder: Path, tmp_path: Path) -> None:
     few = [(f', "{force} kN"', "") for force in (10, 15, 20, 22, 25)]
     found = campaign.load(changed(folder, tmp_path, *few, ('hold_out = ["15 kN"]', "hold_out = []"))).identify()
     assert not found.series
-    assert any("6 different levels or more" in note for note in found.notes)
+    assert any("at least 6 different levels" in note for note in found.notes)
 
 
-def test_a_level_beyond_those_measured_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_level_outside_the_measured_range_is_an_error(folder: Path, tmp_path: Path) -> None:
     read = campaign.load(changed(folder, tmp_path, ('hold_out = ["15 kN"]', 'hold_out = ["25 kN"]')))
     with pytest.raises(campaign.CampaignError, match="from 0 to 22000"):
         read.predict()
 
 
-def test_transfer_skips_the_levels_that_nothing_lies_beyond(folder: Path, tmp_path: Path) -> None:
+def test_transfer_skips_the_outermost_levels(folder: Path, tmp_path: Path) -> None:
     """Each level from its neighbours; the outermost two have a neighbour on one side only, and a note says so."""
     written = tmp_path / "t.json"
     done = CliRunner().invoke(app, ["transfer", str(folder), "--json", str(written)])
     assert done.exit_code == 0, done.output
     found = json.loads(written.read_text())
-    frfs = {one["label"] for split in found["splits"] for one in split["frfs"]}
+    frfs = {one["name"] for split in found["splits"] for one in split["frfs"]}
     assert frfs == {f"axial {force} kN" for force in LEVELS[1:-1]}
     reasons = [reason for split in found["splits"] for reason in split["not_predicted"]]
     assert len(reasons) == 2
@@ -212,7 +215,7 @@ def test_transfer_skips_the_levels_that_nothing_lies_beyond(folder: Path, tmp_pa
         assert reason in " ".join(done.output.split())
 
 
-def test_a_held_out_level_beyond_the_others_is_skipped(folder: Path, tmp_path: Path) -> None:
+def test_held_out_level_outside_the_range_is_skipped(folder: Path, tmp_path: Path) -> None:
     own = changed(folder, tmp_path, ('hold_out = ["15 kN"]', 'hold_out = ["15 kN", "25 kN"]'))
     done = CliRunner().invoke(app, ["predict", str(own), "--json", str(tmp_path / "p.json")])
     assert done.exit_code == 0, done.output

@@ -1,4 +1,4 @@
-"""Cuts in campaign files: what they refuse, lobes of measured and of predicted tips, and the command."""
+"""Cuts in campaign files: mistakes, lobes of measured and of predicted tips, and the command."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
         ('"600 MPa"', '"600 N"', 'cuts.slot.k_t: is "600 N", a force, expected a cutting coefficient'),
         ('"200 N/mm^2"', '"-1 MPa"', 'cuts.slot.k_n: is "-1 MPa", expected zero or more'),
         ('"rigid"', '"stiff"', 'cuts.slot.y: is "stiff", expected a table, "as x" or "rigid"'),
-        ('"tip.csv"', '"tipp.csv"', 'cuts.slot.x.file: is "tipp.csv", which is not there'),
+        ('"tip.csv"', '"tipp.csv"', 'cuts.slot.x.file: is "tipp.csv", which does not exist'),
         ('"2 %" }', '"2 %", bands = [["1 kHz", "500 Hz"]] }', "cuts.slot.x.bands: has a band from 1000 to 500 Hz"),
         ('"2 %" }', '"2 %", bands = [["5 kHz", "6 kHz"]] }', "a usable line, expected one within 200 to 2998 Hz"),
         ('file = "tip.csv", ', 'assembly = "long", ', 'cuts.slot.x.assembly: is "long", which is not an assembly'),
@@ -99,7 +99,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
         ('kind = "milling"', 'kind = "drilling"', 'cuts.slot: has the kind "drilling", expected one of'),
         ('"8000 rpm"', '"130 Hz"', 'stability.speeds[0]: is "130 Hz", a frequency, expected a spindle speed'),
         ('"8000 rpm"', '"80000 rpm"', "stability.speeds: goes from 80000 to 26000 rpm, expected the lower speed first"),
-        ("draws = 40", "draws = 40\nprobability = 0.99", "stability.draws: is 40, too few to show a"),
+        ("draws = 40", "draws = 40\nprobability = 0.99", "stability.draws: is 40, too few for a"),
         ('"250 rpm"', '"0.1 rpm"', "stability.step: is 0.1 rpm, which makes more than 20000 speeds"),
         ("[cuts.slot]", TURNED + "[cuts.slot]", "cuts.b: angle_deg is 90"),
     ],
@@ -112,7 +112,7 @@ def test_mistakes(tmp_path: Path, old: str, new: str, words: str) -> None:
     assert words in str(error.value)
 
 
-def test_several_mistakes_at_once_and_what_is_missing_without_cuts(tmp_path: Path) -> None:
+def test_several_mistakes_and_missing_cuts(tmp_path: Path) -> None:
     write_tip(tmp_path)
     with pytest.raises(CampaignError) as error:
         load(tmp_path, MEASURED.replace("teeth = 2", "teeth = 0").replace('"600 MPa"', '"0 MPa"'))
@@ -122,7 +122,7 @@ def test_several_mistakes_at_once_and_what_is_missing_without_cuts(tmp_path: Pat
 
 
 def test_a_measured_tip_alone(tmp_path: Path) -> None:
-    """With a file nothing else is needed, and the limit is that of `stability_lobes`."""
+    """A file is sufficient, and the limit is that of `stability_lobes`."""
     write_tip(tmp_path)
     found = load(tmp_path, MEASURED).stability()
     (one,) = found.values()
@@ -138,7 +138,7 @@ def test_a_measured_tip_alone(tmp_path: Path) -> None:
     assert exact.probability is None
     assert [note.split(":")[0] for note in exact.notes] == [
         "measured, tip.csv",
-        "nothing is known of the errors of tip and coefficients, so there is no band",
+        "there is no band, because errors of tip and coefficients are not known",
     ]
 
 
@@ -163,7 +163,7 @@ def drifting(lines: np.ndarray, noise: float) -> np.ndarray:
     return -((2.0 * np.pi * lines) ** 2) * TIP.receptance(lines)[:, 0, 0] + noise * (scatter[0] + 1j * scatter[1])
 
 
-def test_noise_of_an_accelerometer_at_low_frequencies_is_told_and_bands_leave_it_out(tmp_path: Path) -> None:
+def test_accelerometer_noise_at_low_frequencies_is_noted_and_excluded(tmp_path: Path) -> None:
     lines = np.arange(5.0, 3000.0, 2.5)
     rows = [f"{f:g},{a.real:.9e},{a.imag:.9e}" for f, a in zip(lines, drifting(lines, 0.05), strict=True)]
     head = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N]"
@@ -171,9 +171,9 @@ def test_noise_of_an_accelerometer_at_low_frequencies_is_told_and_bands_leave_it
     slow = MEASURED.replace('"8000 rpm"', '"1000 rpm"')
     (wrong,) = load(tmp_path, slow).stability().values()
     assert wrong.chatter_hz[np.argmin(wrong.depth)] < 50.0
-    (said,) = [note for note in wrong.notes if "1/f^2" in note]
-    assert said.startswith("measured, tip.csv: from 5 to ")
-    advised = said.partition("leave them out, ")[2]
+    (output,) = [note for note in wrong.notes if "1/f^2" in note]
+    assert output.startswith("measured, tip.csv: from 5 to ")
+    advised = output.partition("leave them out, ")[2]
     assert advised.startswith("bands = [[")
     (right,) = load(tmp_path, slow.replace('"2 %" }', f'"2 %", {advised} }}')).stability().values()
     assert not [note for note in right.notes if "1/f^2" in note]
@@ -195,10 +195,10 @@ def test_tips_without_lines_are_mistakes(tmp_path: Path) -> None:
         load(tmp_path, apart).stability()
 
 
-def test_bands_belong_to_what_was_measured(tmp_path: Path) -> None:
+def test_bands_apply_to_measured_lines(tmp_path: Path) -> None:
     tip = 'x = { assembly = "longest" }'
     text = changed(*DAMPED) + PREDICTED.replace(tip, tip.replace(" }", ', bands = [["1 kHz", "2 kHz"]] }'), 1)
-    with pytest.raises(CampaignError, match=r"cuts\.rough\.x\.bands: belongs to a file or a measurement"):
+    with pytest.raises(CampaignError, match=r"cuts\.rough\.x\.bands: is given for a predicted tip"):
         load(tmp_path, text)
 
 
@@ -229,7 +229,7 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     drawn, forecasts = {}, {}
     for name in ("long", "longest"):
         forecast = forecast_of(read, identified, read.place_of(name), read.effects[name], name, [])
-        linear = forecast.modes((1,), 2e3)[1].total
+        linear = forecast.modes((1,))[1].total
         forecasts[name] = forecast
         drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
         assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)
@@ -248,12 +248,12 @@ def test_semi_discretisation(tmp_path: Path) -> None:
     (one,) = load(tmp_path, text).stability().values()
     mean = load(tmp_path, text.replace("semi-discretisation", "mean force")).stability()["slot"]
     assert one.draws is not None
-    # Of the same order where the mean force says so at all, and not the same.
+    # Of the same order if the mean force predicts a limit, but not equal.
     finite = np.isfinite(one.depth) & np.isfinite(mean.depth)
     ratio = one.depth[finite] / mean.depth[finite]
     assert ((ratio > 0.3) & (ratio < 2.0)).all()
     assert np.abs(ratio - 1.0).max() > 0.01
-    with pytest.raises(CampaignError, match="turning, which is not interrupted"):
+    with pytest.raises(CampaignError, match="is turning, but"):
         load(tmp_path, text + '[cuts.t]\nkind = "turning"\nk = "1 GPa"\nx = { file = "tip.csv" }\n')
 
 
@@ -262,9 +262,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     write_tip(tmp_path)
     Path("c.toml").write_text(MEASURED)
     assert call(monkeypatch, "stability", "c.toml", "--json", "s.json", "--plot", "s.png") == 0
-    said = capsys.readouterr().out
-    assert "slot: 2 teeth, slot; x: measured, tip.csv, y: rigid" in said
-    assert "Recommended speeds" in said
+    output = capsys.readouterr().out
+    assert "slot: 2 teeth, slot; x: measured, tip.csv, y: rigid" in output
+    assert "Recommended speeds" in output
     assert Path("s.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 40
     assert call(monkeypatch, "stability", "c.toml", "--cut", "slit") == 2

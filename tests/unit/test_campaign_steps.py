@@ -50,7 +50,7 @@ def free_free(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def loaded(free_free):
+def load_campaign(free_free):
     return campaign.load(free_free)
 
 
@@ -61,7 +61,7 @@ def call(monkeypatch, *arguments):
     return end.value.code
 
 
-def test_candidates_are_what_the_file_says(tmp_path):
+def test_candidates_follow_the_file(tmp_path):
     read = load(tmp_path, TEXT + CANDIDATES)
     again, tip, nose = read.candidates.values()
     assert again.modes == (1, 2)
@@ -81,19 +81,19 @@ def test_candidates_are_what_the_file_says(tmp_path):
     assert "sensors.accelerometer.mass" in names[1] - names[2]
 
 
-def test_targets_are_unknowns_and_assemblies(loaded):
-    identified = loaded.identify()
-    found = loaded.next_measurement(identified, targets=["not_measured", "joint.k_y"])
+def test_targets_are_unknowns_and_assemblies(load_campaign):
+    identified = load_campaign.identify()
+    found = load_campaign.next_measurement(identified, targets=["not_measured", "joint.k_y"])
     assert found.targets == ("not_measured: mode 1 [Hz]", "not_measured: mode 2 [Hz]", "joint.k_y")
-    # What is to be predicted is best measured; its overhang error is that of the candidate's clamping.
+    # The best candidate is the target itself; its overhang error is that of the candidate's clamping.
     assert found.best.label == "another overhang"
     assert found.best.expected["not_measured: mode 1 [Hz]"].shrink < 0.2
-    with pytest.raises(CampaignError, match=r'the target "joint\.k_z" is not identified and no assembly'):
-        loaded.next_measurement(identified, targets=["joint.k_z"])
+    with pytest.raises(CampaignError, match=r'"joint\.k_z" is neither an identified parameter nor an assembly'):
+        load_campaign.next_measurement(identified, targets=["joint.k_z"])
 
 
-def test_a_joint_line_by_line(loaded):
-    found = loaded.invert()
+def test_a_joint_line_by_line(load_campaign):
+    found = load_campaign.invert()
     (one,) = found.values()
     assert one.terms == ("k_y", "k_theta")
     assert one.labels == ("short", "medium")
@@ -102,7 +102,7 @@ def test_a_joint_line_by_line(loaded):
     assert np.any(one.model_deviation[:, 0, 0] > 0.0)
     assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["joints"]["joint"]["measured"]
     with pytest.raises(CampaignError, match='no joint "taper" with unknown stiffnesses was measured'):
-        loaded.invert("taper")
+        load_campaign.invert("taper")
 
 
 def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path):
@@ -114,13 +114,13 @@ def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path
     found = campaign.load(tmp_path).invert()
     assert set(found) == {"joint @ short", "joint @ medium"}
     assert all(one.terms == ("k_theta",) for one in found.values())
-    assert any("joint.k_y is held at its start" in note for note in found.notes)
+    assert any("joint.k_y is fixed at its start" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "output"),
     [
-        ('kind = "natural frequencies"\nassembly', "assembly", "candidates.again: has no kind"),
+        ('kind = "natural frequencies"\nassembly', "assembly", "candidates.again: has no `kind`"),
         (
             'assembly = "short"\nmodes',
             'assembly = "shrt"\nmodes',
@@ -133,20 +133,20 @@ def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path
         ('floor = "0.3 %"', 'floor = "0.3 mm"', "floor: is"),
         ("cost = 2.0", "cost = 0.0", "cost: is 0"),
         ('part = "holder", position = "10 mm"', 'part = "holdr"', 'response.part: is "holdr"'),
-        ('lower = "100 Hz"', 'lower = "10 kHz"', "goes from 10000 to 6000 Hz, expected `lower` below `upper`"),
+        ('lower = "100 Hz"', 'lower = "10 kHz"', "has lines from 10000 to 6000 Hz, expected `lower` below `upper`"),
         ('lower = "100 Hz"\nstep = "10 Hz"', 'step = "1 mHz"', "give a larger `step`"),
     ],
 )
-def test_mistakes_in_candidates(tmp_path, old, new, said):
+def test_mistakes_in_candidates(tmp_path, old, new, output):
     assert CANDIDATES.count(old) == 1, old
     with pytest.raises(CampaignError) as caught:
         load(tmp_path, TEXT + CANDIDATES.replace(old, new))
-    assert said in str(caught.value)
+    assert output in str(caught.value)
 
 
-def test_nothing_to_choose_from_and_no_frf(tmp_path):
+def test_no_candidates_and_no_frf(tmp_path):
     read = load(tmp_path, TEXT)
-    with pytest.raises(CampaignError, match="nothing to choose from, expected `candidates`"):
+    with pytest.raises(CampaignError, match="no candidates to rank, expected `candidates`"):
         read.next_measurement()
     with pytest.raises(CampaignError, match="no point joint with unknown stiffnesses was measured with an FRF"):
         read.invert()
@@ -155,10 +155,10 @@ def test_nothing_to_choose_from_and_no_frf(tmp_path):
 def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
     plot, written = tmp_path / "next.png", tmp_path / "next.json"
     assert call(monkeypatch, "next", free_free, "--plot", plot, "--json", written) == 0
-    said = capsys.readouterr().out
-    assert "1   short, at the nose" in said
-    assert "with another overhang" in said
-    assert max(map(len, said.splitlines())) <= 132
+    output = capsys.readouterr().out
+    assert "1   short, at the nose" in output
+    assert "with another overhang" in output
+    assert max(map(len, output.splitlines())) <= 132
     assert plot.read_bytes().startswith(b"\x89PNG")
     found = json.loads(written.read_text())
     assert found["ranking"][0]["candidate"] == "short, at the nose"
@@ -169,9 +169,9 @@ def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
 def test_invert_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
     plot, written = tmp_path / "joint.svg", tmp_path / "joint.json"
     assert call(monkeypatch, "invert", free_free, "--plot", plot, "--json", written) == 0
-    said = capsys.readouterr().out
-    assert "joint.k_theta" in said
-    assert "of 1451" in said
+    output = capsys.readouterr().out
+    assert "joint.k_theta" in output
+    assert "of 1451" in output
     assert b"<svg" in plot.read_bytes()
     assert set(json.loads(written.read_text())["joints"]["joint"]["terms"]) == {"k_y", "k_theta"}
     assert call(monkeypatch, "invert", free_free, "--joint", "taper") == 2

@@ -1,4 +1,4 @@
-"""Tolerances of a campaign: which errors there are, their part in results, and the coverage of intervals."""
+"""Tolerances of a campaign: their list, their share in results, and the coverage of intervals."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def with_frequencies(campaign: Campaign, draws: dict[str, float], noise: np.rand
     for name, measured in campaign.measurements.items():
         true = shifted(campaign, measured.assembly, draws).natural_frequencies(20e3)[:2]
         read = true if noise is None else true + 2.0 * noise.standard_normal(2)
-        seen = MeasuredFrequencies(
+        record = MeasuredFrequencies(
             assembly=campaign.assemblies[measured.assembly], frequency_hz=read, standard_deviation_hz=2.0, label=name
         )
-        measurements[name] = replace(measured, observation=seen)
+        measurements[name] = replace(measured, observation=record)
     return replace(campaign, measurements=measurements)
 
 
@@ -52,7 +52,7 @@ def errors_of(campaign: Campaign) -> list[str]:
     return sorted({name for effects in campaign.effects.values() for name in effects})
 
 
-def test_which_errors_there_are(campaign: Campaign) -> None:
+def test_list_of_tolerance_errors(campaign: Campaign) -> None:
     """A blank's diameter and a material are one error everywhere; an overhang that an assembly sets is its own."""
     assert errors_of(campaign) == [
         'assemblies.long.set."tool.segment[0].length"',
@@ -74,7 +74,7 @@ def test_which_errors_there_are(campaign: Campaign) -> None:
     }
 
 
-def test_what_has_the_same_name_is_one_error(tmp_path: Path) -> None:
+def test_tolerances_of_one_name_are_one_error(tmp_path: Path) -> None:
     named = '{ length = { value = "0.05 mm", name = "gauge" }, outer_diameter = "0.05 %" }'
     text = changed(
         ('{ length = "0.05 mm", outer_diameter = "0.05 %" }', named),
@@ -98,7 +98,7 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
     for error in errors_of(campaign):
         ends = []
         for sign in (1.0, -1.0):
-            # The blank errs and the model does not know: the fit goes the other way from the model erring.
+            # The error is in the blank, not in the model: the fit changes in the opposite direction.
             wrong = with_frequencies(campaign, {error: sign * step}, None)
             found = wrong.identify()
             values = np.log10([found.values[address] for address in JOINT])
@@ -110,7 +110,7 @@ def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
             ends.append((values, modes["long"]))
         moved = (ends[0][0] - ends[1][0]) / (2.0 * step)
         if error in exact.errors:
-            # Two frequencies determine two stiffnesses whatever the errors are, so the posterior of these is the prior.
+            # Two frequencies determine two stiffnesses for any errors, so the posterior of these is the prior.
             stated = exact.scatter().errors[error][: len(JOINT)]
             assert stated == pytest.approx(-moved, rel=2e-3, abs=1e-7)
         else:
@@ -135,14 +135,14 @@ def test_standard_errors_with_and_without_tolerances(campaign: Campaign) -> None
 def test_the_error_of_data_is_that_of_a_fit_with_exact_dimensions(campaign: Campaign) -> None:
     measured = with_frequencies(campaign, {}, None)
     found = measured.identify()
-    seen = [one.observation for one in measured.to_identify.values()]
-    exact = identify(seen, campaign.unknowns, starts=1)
+    record = [one.observation for one in measured.to_identify.values()]
+    exact = identify(record, campaign.unknowns, starts=1)
     for address in JOINT:
         assert found.data_errors[address] == pytest.approx(exact.standard_errors[address], rel=1e-3)
         assert found.interval(address, exact=True) == pytest.approx(exact.interval(address), rel=1e-4)
 
 
-def test_shares_of_the_variance_are_its_whole_where_errors_are_independent(campaign: Campaign) -> None:
+def test_variance_shares_of_independent_errors_sum_to_one(campaign: Campaign) -> None:
     scatter = with_frequencies(campaign, {}, None).identify().scatter()
     for index in range(len(JOINT)):
         shares = [float(own[index]) for own in scatter.shares.values()]
@@ -150,7 +150,7 @@ def test_shares_of_the_variance_are_its_whole_where_errors_are_independent(campa
         assert sum(shares) + noise == pytest.approx(1.0, rel=0.01)
 
 
-def test_without_tolerances_only_the_data_scatter(tmp_path: Path) -> None:
+def test_without_tolerances_data_are_the_only_error(tmp_path: Path) -> None:
     bare = "\n".join(line for line in TEXT.splitlines() if not line.startswith("tolerance"))
     found = load(tmp_path, bare).identify()
     assert found.errors == ()
@@ -158,7 +158,7 @@ def test_without_tolerances_only_the_data_scatter(tmp_path: Path) -> None:
     assert not any("toleranc" in note for note in found.notes)
 
 
-def test_tolerances_want_standard_deviations(tmp_path: Path) -> None:
+def test_tolerances_need_standard_deviations(tmp_path: Path) -> None:
     text = changed(('"10000 Hz"]\nstandard_deviation = "2 Hz"', '"10000 Hz"]'))
     for run in (Campaign.identify, Campaign.transfer):
         with pytest.raises(CampaignError, match=r"measurements\.short: has no standard deviation"):
@@ -168,18 +168,18 @@ def test_tolerances_want_standard_deviations(tmp_path: Path) -> None:
         load(tmp_path, text).identify()
 
 
-def test_data_that_contradict_the_model_do_not_overrule_tolerances(campaign: Campaign) -> None:
+def test_inconsistent_data_do_not_override_tolerances(campaign: Campaign) -> None:
     """Readings stated fifty times too exact: the fit finds their scatter, and errors stay within their tolerances."""
     rng = np.random.default_rng(SEED)
     measured = {}
     for name in campaign.assemblies:
         true = campaign.assemblies[name].replace(JOINT).natural_frequencies(40e3)[:4]
         one = campaign.measurements["short"]
-        seen = MeasuredFrequencies(
+        record = MeasuredFrequencies(
             assembly=campaign.assemblies[name], frequency_hz=true * (1.0 + 0.01 * rng.standard_normal(4)),
             standard_deviation_hz=2e-4 * true, label=name,
         )  # fmt: skip
-        measured[name] = replace(one, name=name, assembly=name, observation=seen, effects=campaign.effects[name])
+        measured[name] = replace(one, name=name, assembly=name, observation=record, effects=campaign.effects[name])
     found = replace(campaign, measurements=measured).identify()
     assert 15.0 < found.noise_factor < 90.0
     assert found.rms == pytest.approx(found.noise_factor, rel=0.5)
@@ -191,7 +191,7 @@ def test_data_that_contradict_the_model_do_not_overrule_tolerances(campaign: Cam
 
 
 @pytest.mark.parametrize("mode", ["propagate", "fit"])
-def test_the_removed_setting_says_what_to_delete(tmp_path: Path, mode: str) -> None:
+def test_removed_setting_error_names_the_line_to_delete(tmp_path: Path, mode: str) -> None:
     text = TEXT + f'\n[settings]\ntolerances = "{mode}"\n'
     line = text.splitlines().index(f'tolerances = "{mode}"') + 1
     with pytest.raises(CampaignError, match=f"line {line}, settings.tolerances: was removed.*delete this line"):
@@ -240,11 +240,11 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     for name, one in campaign.measurements.items():
         true = campaign.assemblies[one.assembly].replace(JOINT).replace(DAMPED)
         noise = 0.002 * (rng.standard_normal(LINES.size) + 1j * rng.standard_normal(LINES.size))
-        seen = MeasuredFRF(
+        record = MeasuredFRF(
             assembly=campaign.assemblies[one.assembly].replace(DAMPED), frequency_hz=LINES,
             receptance=true.receptance(LINES) * np.exp(noise), standard_deviation=0.002, label=name,
         )  # fmt: skip
-        found[name] = replace(one, observation=seen)
+        found[name] = replace(one, observation=record)
     measured = replace(campaign, measurements=found)
     identified = measured.identify()
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
@@ -252,7 +252,7 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     forecast = forecast_of(campaign, identified, place, campaign.effects["long"], "long", [])
     drawn = [one for one in forecast.drawn(3000, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])
-    away = logs.real.std(axis=0) < 0.03  # linear there
+    away = logs.real.std(axis=0) < 0.03  # in the linear range
     assert away.mean() > 0.5
     phase = np.angle(np.exp(1j * (logs.imag - np.angle(stated.receptance))))
     for part, scatter in ((logs.real, stated.scatter), (phase, stated.phase_scatter)):
@@ -270,8 +270,8 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
             assert np.median(off) < 2.0, error
 
 
-def test_what_was_not_identified_is_said(tmp_path: Path) -> None:
-    """A parameter that no measurement is there for keeps its start, and that is said."""
+def test_unidentified_parameters_are_reported(tmp_path: Path) -> None:
+    """A parameter without a measurement keeps its start, with a note."""
     other = '[joints.joint]\n[joints.other]\nk_y = "1e8 N/m"\nk_theta = "1e5 N m/rad"'
     unknown = '"other.k_y" = { lower = "1e7 N/m", upper = "1e9 N/m" }'
     text = changed(
@@ -281,4 +281,4 @@ def test_what_was_not_identified_is_said(tmp_path: Path) -> None:
     )
     found = load(tmp_path, text).predict()
     assert "other.k_y is not identified" in " ".join(found.notes)
-    assert "stays at its start" in " ".join(found.notes)
+    assert "at start values" in " ".join(found.notes)

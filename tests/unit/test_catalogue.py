@@ -18,7 +18,7 @@ from receptance.campaign import CampaignError
 from receptance.campaign.frequencies import read_frequencies
 from receptance.campaign.prediction import forecast_of
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
-from receptance.catalogue.building import Described
+from receptance.catalogue.building import ToolAssembly
 from receptance.cli import main
 from receptance.io import read_frf
 from receptance.spindle import read_spindle, write_spindle
@@ -46,8 +46,8 @@ def identified(machine: Any) -> Any:
         ("80,12,40", "-80,12,40", 'line 3, overhang: is "-80 mm", expected more than zero'),
         ("80,12,40", "long,12,40", 'is "long mm", expected a length'),
         ("80,12,40", "80,12,90", 'line 3, "flute length": is 90 mm, expected at most the overhang, 80 mm'),
-        ("12,40,80,4", "12,40,,4", 'line 3, "effective diameter": is empty, and the tool has flutes'),
-        ("12,40,80,4", "12,40,180,4", 'is "180", expected a percentage over 0 and up to 100'),
+        ("12,40,80,4", "12,40,,4", 'line 3, "effective diameter": is empty, but the tool has flutes'),
+        ("12,40,80,4", "12,40,180,4", 'is "180", expected a percentage above 0 and up to 100'),
         ("12,40,80,4", "12,40,80,0", 'line 3, teeth: is "0", expected a whole number from 1 to 1000'),
         ("12,40,80,4,80", "12,40,80,4", "line 3: has 8 cells, expected 9"),
         ("overhang [mm]", "overhang", 'has no unit, expected one such as "overhang [mm]"'),
@@ -72,7 +72,7 @@ def test_several_mistakes_come_together(tmp_path: Path) -> None:
         Catalogue(load(tmp_path, tools=text))
     with pytest.raises(CampaignError, match=r'line 2, shrink\[0\]\.material: is "stel"'):
         Catalogue(load(tmp_path, holders=HOLDERS.replace("12,steel", "12,stel")))
-    with pytest.raises(CampaignError, match='is "taper", the name of something else'):
+    with pytest.raises(CampaignError, match='is "taper", which is also a part or a joint'):
         Catalogue(load(tmp_path, holders=HOLDERS.replace("shrink", "taper")))
     for text in ("", " \n"):
         with pytest.raises(
@@ -82,7 +82,7 @@ def test_several_mistakes_come_together(tmp_path: Path) -> None:
     with pytest.raises(CampaignError) as error:
         Catalogue(load(tmp_path, tools=HOLDERS))
     assert 'there is no column "name", "overhang", "diameter", expected a first line such as ' in str(error.value)
-    assert 'and it is "holder,length [mm],' in str(error.value)
+    assert 'but it is "holder,length [mm],' in str(error.value)
 
     with pytest.raises(CampaignError, match="none of the 2 columns is one of these: ") as error:
         Catalogue(load(tmp_path, tools="S3CRET,S3CRET\n"))
@@ -96,7 +96,7 @@ def test_several_mistakes_come_together(tmp_path: Path) -> None:
 
 
 def test_a_table_as_a_spreadsheet_writes_it(tmp_path: Path) -> None:
-    """Semicolons, decimal commas and a byte order mark say the same."""
+    """Semicolons, decimal commas and a byte order mark give the same table."""
     plain = tmp_path / "plain.csv"
     plain.write_text(TOOLS.replace(",60,", ",60.5,"))
     other = tmp_path / "other.csv"
@@ -114,16 +114,16 @@ def test_a_table_as_a_spreadsheet_writes_it(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_is_no_table(tmp_path: Path) -> None:
-    """Nobody writes into it; opening it would wait for that."""
+    """It has no writer; opening it would block."""
     os.mkfifo(tmp_path / "pipe.csv")
     for read in (read_tools, read_holders, read_frequencies, read_spindle):
         with pytest.raises(OSError, match="it is a pipe or a device, expected a file"):
             read(tmp_path / "pipe.csv")
 
 
-def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
+def test_assemblies_follow_the_rows(machine: Any) -> None:
     one, two, three = Catalogue(machine)
-    assert isinstance(one, Described)
+    assert isinstance(one, ToolAssembly)
     assert list(one.place.assembly.elements) == ["tool", "collet", "er32", "taper", "spindle"]
     tool = one.place.assembly.elements["tool"]
     assert isinstance(tool, Part)
@@ -131,7 +131,7 @@ def test_assemblies_are_what_the_rows_say(machine: Any) -> None:
     assert [s.length for s in tool.segments] == [pytest.approx(0.03), pytest.approx(0.03)]
     assert list(two.place.assembly.elements)[2] == "shrink"
     assert len(three.place.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
-    # Errors: its own dimensions, and the material's, which the fit knows under the same name.
+    # Errors: its own dimensions, and the material's, which has the same name in the fit.
     assert one.effects["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
     assert one.effects["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
     assert "materials.carbide.youngs_modulus" in set(one.effects) & set(machine.effects["short"])
@@ -202,7 +202,7 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     fit = exact.identify()
     one = next(predict_catalogue(Catalogue(exact, spindle=noisy), fit))
     np.testing.assert_allclose(one.receptance, whole.receptance, rtol=1e-3)
-    # Tables that err like this one: the modes scatter as the intervals say, the fit's own part left out.
+    # Tables that err like this one: the modes scatter by the intervals, without the contribution of the fit.
     residuals = [f"nose.residual_{name}" for name in ("y", "theta", "ytheta")]
     slope = one.assembly.derivatives(lines, residuals)[1]
     variance = np.einsum("ni,nij,nj->n", slope, covariance, slope.conj()).real
@@ -223,7 +223,7 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     assert (one.deviation > alone.deviation).all()
 
 
-def test_drift_in_the_table_of_a_spindle_is_told(machine: Any, tmp_path: Path) -> None:
+def test_drift_in_a_spindle_table_is_noted(machine: Any, tmp_path: Path) -> None:
     lines = np.arange(50.0, 4000.0, 5.0)
     nose = _as_table(machine.built.assemblies["short"], lines)
     read = load(
@@ -236,10 +236,10 @@ def test_drift_in_the_table_of_a_spindle_is_told(machine: Any, tmp_path: Path) -
     noise = abs(nose.matrix[0, 0, 0]) * (300.0 / lines) ** 2 * np.exp(2j * np.pi * random.random(lines.size))
     matrix = nose.matrix + noise[:, None, None] * np.diag([1.0, 0.0])
     drifting = MeasuredPart(frequency_hz=lines, matrix=matrix, name="nose")
-    for spindle, told in ((nose, False), (drifting, True)):
+    for spindle, expected in ((nose, False), (drifting, True)):
         one = next(predict_catalogue(Catalogue(read, spindle=spindle), fit))
         notes = [note for note in one.notes if "1/f^2" in note]
-        assert bool(notes) == told
+        assert bool(notes) == expected
     assert notes[0].startswith("nose: from ")
     assert 'under [prediction] lower = "' in notes[0]
 
@@ -258,14 +258,14 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
     np.testing.assert_array_equal(one.receptance, other.receptance)
     np.testing.assert_array_equal(one.modes_deviation, other.modes_deviation)
     (tmp_path / "nose.npz").write_bytes(b"PK nothing")
-    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz: this is not a whole NPZ file"):
+    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz: this is not a complete NPZ file"):
         Catalogue(read)
     (tmp_path / "nose.npz").unlink()
     with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz"):
         Catalogue(read)
 
 
-def test_errors_that_go_together() -> None:
+def test_correlated_errors() -> None:
     covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
     errors = errors_of("spindle", ["a.b", "a.c"], covariance)
     rows = np.array([[moved.get("a.b", 0.0), moved.get("a.c", 0.0)] for moved in errors.values()])
@@ -289,9 +289,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     Path("frfs").mkdir()
     arguments = ["--out", "m.csv", "--json", "c.json", "--plot", "o.png", "--figures", "figures", "--frfs", "frfs"]
     assert call(monkeypatch, "catalogue", ".", *arguments) == 0
-    said = capsys.readouterr().out
-    assert "The most flexible mode of each tool" in said
-    assert "3 tools in" in said
+    output = capsys.readouterr().out
+    assert "The most flexible mode of each tool" in output
+    assert "3 tools in" in output
     rows = list(csv.DictReader(Path("m.csv").read_text().splitlines()))
     assert {row["name"] for row in rows} == {"T1", "T2", "T3"}
     first = rows[0]
@@ -325,8 +325,8 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
 
 
-def test_every_tool_has_files_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    """Names that no file can have, that differ by what is replaced or by case, and one that begins a formula."""
+def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """Invalid file names, names that differ only in replaced characters or case, and one that begins a formula."""
     names = [
         "a/b",
         "a\\b",
@@ -347,7 +347,7 @@ def test_every_tool_has_files_of_its_own(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.chdir(tmp_path)
     Path("frfs").mkdir()
     assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--frfs", "frfs") == 0
-    assert "names of files that are not those of their tools: a/b as a_b-3, " in capsys.readouterr().out
+    assert "tools whose files have another name: a/b as a_b-3, " in capsys.readouterr().out
     written = sorted(path.name.casefold() for path in Path("frfs").iterdir())
     assert len(set(written)) == len(names)
     assert {read_frf(path).label for path in Path("frfs").iterdir()} == set(names)
@@ -364,7 +364,7 @@ def test_every_tool_has_files_of_its_own(tmp_path: Path, monkeypatch: pytest.Mon
     assert {row["name"] for row in csv.DictReader(Path("d.csv").read_text().splitlines())} == {"'=1+2", "_1+2"}
 
 
-def test_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     """A tool that has no model in the middle of the catalogue leaves no file, and the old one as it was."""
     load(tmp_path, text=TEXT.replace('k_y = "6e8 N/m"', 'k_y = "6e8 N/m"\nk_ytheta = "2.9e7 N/rad"'))
     monkeypatch.chdir(tmp_path)

@@ -14,14 +14,14 @@ from receptance import _checks
     ("lines", "words"),
     [
         ([], "frequency_hz is empty, expected at least one line"),
-        ([0.0, 1.0], r"frequency_hz\[0\] is 0 Hz, expected more than zero .*leave that line out"),
+        ([0.0, 1.0], r"frequency_hz\[0\] is 0 Hz, expected more than zero .*omit that line"),
         ([1.0, 2.0, -3.0], r"frequency_hz\[2\] is -3 Hz"),
         ([1.0, np.nan], r"frequency_hz\[1\] is nan, expected a finite number of Hz"),
         ([np.inf], r"frequency_hz\[0\] is inf"),
         ([1.0, complex(2.0, np.nan)], r"frequency_hz\[1\] is .*nan"),
         ([complex(0.0, -1.0)], r"frequency_hz\[0\] is"),
         ([1.0, 3.0, 2.0], "not ascending: line 2 is 2 Hz after 3 Hz; sort the lines"),
-        ([1.0, 2.0, 2.0], "line 2 is 2 Hz after 2 Hz; .*leave out repeated ones"),
+        ([1.0, 2.0, 2.0], "line 2 is 2 Hz after 2 Hz; .*omit repeated ones"),
         ([[1.0, 2.0]], r"frequency_hz has shape \(1, 2\), expected one dimension"),
         (np.zeros((0, 3)), r"shape \(0, 3\)"),
     ],
@@ -34,7 +34,7 @@ def test_unusable_lines_are_named(lines: object, words: str) -> None:
 @pytest.mark.parametrize(
     "lines", ["100", ["1", "2"], None, [None], [True, False], object(), np.array(["2020"], dtype="M8[s]")]
 )
-def test_lines_that_are_no_numbers(lines: object) -> None:
+def test_lines_of_invalid_type(lines: object) -> None:
     with pytest.raises(TypeError, match="frequency_hz has dtype"):
         _checks.frequencies(lines)  # type: ignore[arg-type]
 
@@ -63,7 +63,7 @@ def test_lines_go_to_the_core_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("kind", ["<f8", ">f8", "<c16", ">c16"])
-def test_lines_that_lie_otherwise_in_memory_are_copied(kind: str) -> None:
+def test_non_contiguous_lines_are_copied(kind: str) -> None:
     lines = np.arange(1, 10).astype(kind)
     apart = np.repeat(lines, 2)[::2]
     room = np.zeros(lines.nbytes + 1, np.uint8)
@@ -85,7 +85,7 @@ def test_thread_counts(threads: int, expected: int) -> None:
 
 
 @pytest.mark.parametrize("threads", [-1, 1.0, 2.5, True, "many", [1]])
-def test_thread_counts_that_are_none(threads: object) -> None:
+def test_invalid_thread_counts(threads: object) -> None:
     with pytest.raises(ValueError, match=r"threads is .* expected a whole number"):
         _checks.thread_count(threads)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""The command line: its files, its exit codes, its words for mistakes, and what it does when it is interrupted."""
+"""The command line: files, exit codes, messages for mistakes, and interruption."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def left() -> set[str]:
 
 
 def test_demo_in_an_empty_folder(tmp_path: Path) -> None:
-    """As a person runs it: another process, plain text in a pipe, the figure in the current folder and named."""
+    """As a user runs it: a separate process, plain text in a pipe, the figure in the current folder and named."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-m", "receptance.cli", "demo", "--json", "results.json"],
         capture_output=True,
@@ -104,26 +104,26 @@ def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
         (["study", "er32", "--overhang-error", "nan"], "overhang_mm is nan"),
         (["study", "er32", "--json", "missing/a.json"], "cannot write missing/a.json: there is no folder missing"),
         (["study", "er32", "--json", "."], "cannot write .: it is a folder"),
-        (["study", "er32", "--plot", "a.txt"], "cannot write a.txt: its ending must name a format of pictures"),
+        (["study", "er32", "--plot", "a.txt"], "cannot write a.txt: expected an ending with a format of figures"),
         (["study", "er32", "--plot", "a.png", "--json", "a.png"], "--json and --plot both name a.png"),
         (["study", "bt50", "--step", "3"], "--step"),
         (["demo", "--plot", "missing/a.png"], "there is no folder missing"),
     ],
 )
-def test_a_mistake_is_answered_in_words(
+def test_mistake_prints_message_without_traceback(
     arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     began = time.perf_counter()
     assert call(monkeypatch, *arguments) == 2
-    said = capsys.readouterr()
-    assert words in said.err
-    assert "Traceback" not in said.err
-    assert said.out == ""
+    output = capsys.readouterr()
+    assert words in output.err
+    assert "Traceback" not in output.err
+    assert output.out == ""
     assert left() == set()
     assert time.perf_counter() - began < 2.0, "a mistake is answered before the work, not after it"
 
 
-def test_an_error_of_the_program_is_told_apart(
+def test_internal_error_has_a_separate_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(*_: object, **__: object) -> None:
@@ -131,9 +131,9 @@ def test_an_error_of_the_program_is_told_apart(
 
     monkeypatch.setattr("receptance.studies.er32.run", fail)
     assert call(monkeypatch, "study", "er32", "--draws", "1", "--json", "er32.json") == 1
-    said = capsys.readouterr().err
-    assert "an error of the program" in said
-    assert "ZeroDivisionError" in said
+    output = capsys.readouterr().err
+    assert "an error of the program" in output
+    assert "ZeroDivisionError" in output
     assert left() == set()
 
 
@@ -169,7 +169,7 @@ def test_interrupted_in_the_middle_of_writing(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_interrupted_at_work(tmp_path: Path) -> None:
+def test_interruption_during_computation(tmp_path: Path) -> None:
     started = subprocess.Popen(
         [sys.executable, "-m", "receptance.cli", "study", "er32", "--draws", "100000", "--json", "er32.json"],
         cwd=tmp_path,
@@ -187,7 +187,7 @@ def test_interrupted_at_work(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
-def test_a_reader_who_has_seen_enough(tmp_path: Path) -> None:
+def test_closed_output_pipe(tmp_path: Path) -> None:
     started = subprocess.Popen(
         [sys.executable, "-m", "receptance.cli", "study", "er32", "--draws", "1", "--json", "er32.json"],
         cwd=tmp_path,
@@ -205,13 +205,13 @@ def test_a_reader_who_has_seen_enough(tmp_path: Path) -> None:
 
 def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     call(monkeypatch)
-    said = capsys.readouterr()
-    assert "demo" in said.out + said.err
+    output = capsys.readouterr()
+    assert "demo" in output.out + output.err
     assert call(monkeypatch, "study", "er32", "--help") == 0
     assert "--json" in capsys.readouterr().out
 
 
-def test_the_module_is_what_the_script_runs() -> None:
+def test_script_runs_the_module() -> None:
     assert command_line.main is main
 
 
@@ -254,6 +254,6 @@ def test_progress_in_a_pipe_goes_on_through_a_long_step(
         return 7
 
     assert running.with_progress(work) == 7
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) >= 2
-    assert all(re.fullmatch(r"[01] s: step 1 of 2", line) for line in said)
+    output = capsys.readouterr().err.splitlines()
+    assert len(output) >= 2
+    assert all(re.fullmatch(r"[01] s: step 1 of 2", line) for line in output)

@@ -1,4 +1,4 @@
-"""The commands of campaigns, as a person runs them in an empty folder: results, mistakes, exit codes, files."""
+"""The commands of campaigns in an empty folder: results, mistakes, exit codes, files."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def left() -> set[str]:
     return {path.name for path in Path().iterdir()}
 
 
-def test_an_example_from_nothing_to_a_prediction(tmp_path: Path) -> None:
-    """As a person does it: other processes, plain text in a pipe, nothing on the error output."""
+def test_example_from_creation_to_prediction(tmp_path: Path) -> None:
+    """As a user runs it: separate processes, plain text in a pipe, empty error output."""
     for arguments in (
         ["example", "er32"],
         ["identify", "er32"],
@@ -57,7 +57,7 @@ def test_an_example_from_nothing_to_a_prediction(tmp_path: Path) -> None:
     assert found["identified"]["seed"] == 0
 
 
-def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_identify_writes_everything_needed_to_repeat_it(monkeypatch: pytest.MonkeyPatch) -> None:
     write(Path())
     assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", "i.svg") == 0
     assert b"<svg" in Path("i.svg").read_bytes()
@@ -74,7 +74,7 @@ def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch
     ]
     assert found["seed"] == 0
     assert {"receptance", "python", "numpy", "scipy", "instruction_set"} <= found["versions"].keys()
-    assert any("their tolerances are priors" in note for note in found["notes"])
+    assert any("with their tolerances as priors" in note for note in found["notes"])
     assert found["settings"]["objective"] == "log"
 
 
@@ -90,12 +90,12 @@ def test_identify_writes_all_that_makes_it_again(monkeypatch: pytest.MonkeyPatch
 def test_json_to_standard_output(
     arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Standard output holds the JSON and nothing else, as it is written to a file; the text is on standard error."""
+    """Standard output holds only the JSON, as in a file; the text is on standard error."""
     write(Path(), TEXT + "\n[settings]\nprofiles = false\n")
     assert call(monkeypatch, *arguments, "--json", "-", "--plot", "p.png") == 0
-    said = capsys.readouterr()
-    found = json.loads(said.out)
-    assert "Figure: p.png" in said.err
+    output = capsys.readouterr()
+    found = json.loads(output.out)
+    assert "Figure: p.png" in output.err
     assert left() == {"campaign.toml", "p.png"}
     assert call(monkeypatch, *arguments, "--json", "f.json") == 0
     assert found == json.loads(Path("f.json").read_text())
@@ -110,33 +110,33 @@ def test_every_command_with_results_has_json_and_plot(
     steps = ("identify", "predict", "transfer", "diagnose", "invert", "next", "sweep", "stability", "catalogue", "demo")
     for step in steps:
         assert call(monkeypatch, step, "--help") == 0
-        said = capsys.readouterr().out
-        assert "--json" in said, step
-        assert "--plot" in said, step
+        output = capsys.readouterr().out
+        assert "--json" in output, step
+        assert "--plot" in output, step
 
 
 HOSTILE = r"5 $ \\alpha \\frac{ $ \u001b]0;owned\u0007\u001b[2J\u009b1m\u202e"
 """As TOML says it: a formula that matplotlib cannot parse, and sequences that a terminal obeys."""
 
 
-def test_a_title_is_only_a_title(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """In a figure no formula, in a terminal no command; the JSON file has it as it is."""
+def test_title_is_not_interpreted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A title is neither a formula in figures nor a command in terminals; the JSON file has it unchanged."""
     text = changed(("A blank in a holder", HOSTILE)).replace("measurements.short]", 'measurements."s$x^$\\u001b[2J"]')
     write(Path(), text + "\n[settings]\nstarts = 2\n")
     for plot in ("i.svg", "i.png", "i.pdf"):
         assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", plot) == 0
-        said = capsys.readouterr()
-        assert "5 $ \\alpha \\frac{ $ \\x1b]0;owned" in said.out
-        assert "\\x1b[2J\\x9b1m\\u202e: identified" in said.out
-        assert not set("\x1b\x07\x9b\u202e") & set(said.out + said.err)
+        output = capsys.readouterr()
+        assert "5 $ \\alpha \\frac{ $ \\x1b]0;owned" in output.out
+        assert "\\x1b[2J\\x9b1m\\u202e: identified" in output.out
+        assert not set("\x1b\x07\x9b\u202e") & set(output.out + output.err)
     assert json.loads(Path("i.json").read_text())["campaign"].endswith("\u202e")
     assert not set(b"\x1b\x07") & set(Path("i.svg").read_bytes())
     assert call(monkeypatch, "predict", "campaign.toml", "--plot", "p.svg") == 0
     write(Path(), text.replace("580 GPa", "580 \\u001b[2J"))
     assert call(monkeypatch, "identify", "campaign.toml") == 2
-    said = capsys.readouterr()
-    assert "\\x1b[2J" in said.err
-    assert "\x1b" not in said.out + said.err
+    output = capsys.readouterr()
+    assert "\\x1b[2J" in output.err
+    assert "\x1b" not in output.out + output.err
 
 
 def test_results_are_not_lost_with_a_figure(
@@ -155,7 +155,7 @@ def test_results_are_not_lost_with_a_figure(
     assert "joint.k_y" in json.loads(Path("i.json").read_text())["parameters"]
 
 
-def test_nothing_is_left_in_the_temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temporary_folder_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulated examples, compressed files and readers in processes of their own use it, and clear it."""
     used = tmp_path / "temporary"
     used.mkdir()
@@ -171,30 +171,30 @@ def test_nothing_is_left_in_the_temporary_folder(tmp_path: Path, monkeypatch: py
     assert not list(used.iterdir())
 
 
-def test_an_interval_that_says_nothing_is_called_that(
+def test_uninformative_interval_is_labelled(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Readings that are uncertain by as much as they are determine nothing, and no prediction is "within" that."""
+    """Readings with 100 % uncertainty leave the parameters undetermined, and no prediction counts as "within"."""
     write(Path(), changed(('standard_deviation = "2 Hz"', 'standard_deviation = "9 kHz"')))
     assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json") == 0
-    said = capsys.readouterr().out
-    assert "not determined" in said
-    assert not re.search(r"e[+-]\d{3}", said)
+    output = capsys.readouterr().out
+    assert "not determined" in output
+    assert not re.search(r"e[+-]\d{3}", output)
     parameters = json.loads(Path("i.json").read_text())["parameters"]
     assert [one["determined"] for one in parameters.values()] == [False, False]
     assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json", "--plot", "p.png") == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "says nothing" in said
-    assert "0 of 0 within the 95 % intervals; 2 intervals are too wide to be useful" in said
-    assert not re.search(r"e[+-]\d{3}", said)
+    output = " ".join(capsys.readouterr().out.split())
+    assert "uninformative" in output
+    assert "0 of 0 within the 95 % intervals; 2 intervals are too wide to be useful" in output
+    assert not re.search(r"e[+-]\d{3}", output)
     (long,) = (one for one in json.loads(Path("p.json").read_text())["natural_frequencies"] if one["name"] == "long")
     assert long["within"] == [None, None]
-    assert long["interval_says_nothing"] == [True, True]
+    assert long["interval_uninformative"] == [True, True]
     write(Path())
     assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json") == 0
     (long,) = (one for one in json.loads(Path("p.json").read_text())["natural_frequencies"] if one["name"] == "long")
     assert None not in long["within"]
-    assert long["interval_says_nothing"] == [False, False]
+    assert long["interval_uninformative"] == [False, False]
 
 
 def test_profiles_are_a_second_figure(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -208,16 +208,16 @@ def test_profiles_are_a_second_figure(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert "j-profiles.png" not in left()
 
 
-def test_what_was_not_measured_is_predicted(
+def test_unmeasured_assemblies_are_predicted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without anything held out the assemblies without measurements are predicted."""
     text = TEXT.replace('role = "hold out"\n', "")
     write(Path(), text)
     assert call(monkeypatch, "predict", ".", "--json", "p.json", "--plot", "p.png") == 0
-    said = capsys.readouterr().out
-    assert "Assemblies that were not measured" in said
-    assert "Held out" not in said
+    output = capsys.readouterr().out
+    assert "Assemblies that were not measured" in output
+    assert "Held out" not in output
     found = json.loads(Path("p.json").read_text())
     assert [one["name"] for one in found["frfs"]] == ["longest"]
     assert found["rms_percent"] is None
@@ -226,7 +226,7 @@ def test_what_was_not_measured_is_predicted(
     assert frf["frequency_hz"][-1] == pytest.approx(10000.0)
 
 
-def test_a_campaign_without_unknowns_is_predicted_from_what_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_campaign_without_unknowns_is_predicted_from_given_values(monkeypatch: pytest.MonkeyPatch) -> None:
     joint = '[joints.joint]\nk_y = "4e8 N/m"\nk_theta = "6e4 N m/rad"'
     text = changed(("[joints.joint]", joint)).partition("[unknowns]")[0]
     write(Path(), text)
@@ -245,21 +245,21 @@ def test_a_campaign_without_unknowns_is_predicted_from_what_is_given(monkeypatch
         (None, ["identify", "campaign.toml", "--jsn", "a"], "--jsn"),
         (None, ["identify", ".", "--json", "campaign.toml"], "--json names campaign.toml, which is the campaign"),
         (None, ["identify", "campaign.toml", "--json", "no/a.json"], "there is no folder no"),
-        (None, ["predict", "campaign.toml", "--plot", "a.txt"], "its ending must name a format of pictures"),
+        (None, ["predict", "campaign.toml", "--plot", "a.txt"], "expected an ending with a format of figures"),
         (None, ["predict", "campaign.toml", "--at-most", "-1"], "--at-most"),
         (('length = "60 mm"', 'length = "60 mn"'), ["identify", "."], "parts.tool.segments[0].length"),
-        (("[unknowns]", "[unknown]"), ["predict", "."], 'unknown: is no known key; did you mean "unknowns"?'),
+        (("[unknowns]", "[unknown]"), ["predict", "."], 'unknown: is not a known key; did you mean "unknowns"?'),
         (('role = "hold out"', 'role = "holdout"'), ["predict", "."], 'did you mean "hold out"?'),
         (('"10000 Hz"]', '"10000 Hz"]\nmodes = [1]'), ["identify", "."], "there are 1 modes for 2 frequencies"),
         (('["2500 Hz", "10000 Hz"]', '["2500 Hz"]'), ["identify", "."], "2 unknowns but only 1 observed"),
-        (('standard_deviation = "2 Hz"', 'role = "hold out"'), ["identify", "."], "nothing to identify from"),
-        (None, ["example", "er33"], "there is no example 'er33'; the examples are er32"),
+        (('standard_deviation = "2 Hz"', 'role = "hold out"'), ["identify", "."], "no measurement for identification"),
+        (None, ["example", "er33"], "there is no example 'er33', expected one of er32"),
         (None, ["example", "er32", "campaign.toml"], "cannot write to campaign.toml: it is a file"),
-        (None, ["example", "er32", "."], "there is already campaign.toml; choose another folder"),
-        (None, ["example"], "name an example: er32"),
+        (None, ["example", "er32", "."], "campaign.toml exists already; choose another folder"),
+        (None, ["example"], "no example given, expected one of er32"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_answered_in_words(
+def test_mistake_prints_message_without_traceback(
     edit: tuple[str, str] | None,
     arguments: list[str],
     words: str,
@@ -268,14 +268,14 @@ def test_a_mistake_is_answered_in_words(
 ) -> None:
     write(Path(), TEXT if edit is None else changed(edit))
     assert call(monkeypatch, *arguments) == 2
-    said = capsys.readouterr()
-    assert words in said.err
-    assert "Traceback" not in said.err
-    assert said.out == ""
+    output = capsys.readouterr()
+    assert words in output.err
+    assert "Traceback" not in output.err
+    assert output.out == ""
     assert left() == {"campaign.toml"}
 
 
-def test_nothing_to_predict(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_assembly_to_predict(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [line for line in TEXT.replace("assemblies.longest", "assemblies.again").splitlines() if "role" not in line]
     again = [
         "[measurements.again]",
@@ -288,14 +288,14 @@ def test_nothing_to_predict(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
     assert call(monkeypatch, "predict", ".") == 2
     assert "there is nothing to predict" in capsys.readouterr().err
     assert call(monkeypatch, "predict", ".", "--at-most", "1") == 2
-    assert "holds out no measurement" in capsys.readouterr().err
+    assert "--at-most needs held-out measurements" in capsys.readouterr().err
 
 
-def test_the_answer_is_no(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_confirmation_declined(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Exit code 3 where a verdict was asked to fail on, after everything is written."""
     assert call(monkeypatch, "example", "er32") == 0
     assert call(monkeypatch, "predict", "er32", "--at-most", "3") == 0
-    assert "At most 3 %: yes, the worst is 2.07 %" in capsys.readouterr().out
+    assert "At most 3 %: yes, the largest error is 2.07 %" in capsys.readouterr().out
     assert call(monkeypatch, "predict", "er32", "--at-most", "1", "--json", "p.json") == 3
     assert "At most 1 %: no" in capsys.readouterr().out
     assert Path("p.json").is_file()
@@ -321,7 +321,7 @@ def test_examples_are_listed_and_not_written_over(
     assert call(monkeypatch, "example", "er32", "some/where", "--overwrite") == 0
 
 
-def test_an_example_that_cannot_be_written_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_example_leaves_no_files(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(_: int) -> None:
         raise KeyboardInterrupt
 
@@ -338,7 +338,7 @@ def test_schema(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_interrupted_at_work(tmp_path: Path) -> None:
+def test_interruption_during_computation(tmp_path: Path) -> None:
     write(tmp_path, TEXT + "[settings]\nstarts = 100000\n")
     started = subprocess.Popen(
         [sys.executable, "-m", "receptance.cli", "identify", "campaign.toml", "--json", "i.json"],
@@ -369,7 +369,7 @@ def test_every_assembly_from_the_others(monkeypatch: pytest.MonkeyPatch, capsys:
     monkeypatch.setattr(campaign, "load", lambda *_, **__: one_tool)
     assert call(monkeypatch, "transfer", "er32", "--json", "t.json", "--plot", "t.png") == 0
     text = capsys.readouterr().out
-    # Nine errors for four readings hide a part of what the inferred holder lacks.
+    # Nine errors for four readings absorb a part of the error of the inferred holder.
     assert "6 of 7 in their 95 % intervals" in " ".join(text.split())
     found = json.loads(Path("t.json").read_text())
     assert [split["held_out"] for split in found["splits"]] == [["d9_medium"], ["d9_short"], ["d9_long"]]
@@ -378,7 +378,7 @@ def test_every_assembly_from_the_others(monkeypatch: pytest.MonkeyPatch, capsys:
     assert Path("t.png").read_bytes().startswith(PNG)
 
 
-def test_a_transfer_that_cannot_be(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_transfer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(monkeypatch, "example", "er32") == 0
     assert call(monkeypatch, "transfer", "er32", "--splits", "some") == 2
     assert "--splits is 'some', expected leave-one-out or one-for-all" in capsys.readouterr().err
@@ -389,7 +389,7 @@ def test_a_transfer_that_cannot_be(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     read = campaign.load("er32")
     first = next(iter(read.measurements))
     alone = replace(read, measurements={first: read.measurements[first]})
-    with pytest.raises(campaign.CampaignError, match="two or more"):
+    with pytest.raises(campaign.CampaignError, match="expected at least two"):
         alone.transfer()
-    with pytest.raises(campaign.CampaignError, match="nothing to identify"):
+    with pytest.raises(campaign.CampaignError, match="there are no unknowns"):
         replace(read, unknowns=()).transfer()

@@ -84,14 +84,14 @@ def test_several_and_coherence(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("missing.uff b.npz", "missing.uff"),
         ("a.uff a.uff", "IN and OUT are both a.uff; give two files"),
-        ("a.uff b.xyz", "b.xyz: the ending says no format"),
+        ("a.uff b.xyz", "b.xyz: unknown extension"),
         ("a.uff b.csv", "holds one measurement, there are 2"),
         ("a.uff b.csv --number 3", "--number is 3, but there are 2"),
         ("a.uff b.csv --as speed", "quantity is 'speed'"),
-        ("a.uff b.csv --unit m/s/N", "in the file it is said to be a receptance"),
+        ("a.uff b.csv --unit m/s/N", "in the file it is declared as a receptance"),
         ("a.uff b.csv --unit N --unit m", "--unit is 'N', expected one unit, or CHANNEL=UNIT"),
         ("a.uff b.csv --variable x", "--variable is 'x', expected ROLE=NAME"),
-        ("a.uff b.csv --variable x=y --variable x=z", "--variable names 'x' twice"),
+        ("a.uff b.csv --variable x=y --variable x=z", "--variable is given twice for 'x'"),
         ("a.uff b.csv --from csv", "a.uff"),
         ("a.uff b.csv --from wav", "format is 'wav'"),
         ("t.npz b.csv --as mobility", "--as is 'mobility', but TimeSeries"),
@@ -107,12 +107,12 @@ def test_mistakes(arguments: str, message: str) -> None:
 
 
 def test_exit_codes() -> None:
-    """As a person runs it."""
+    """As a separate process."""
     Path("a.csv").write_text("frequency [Hz],real,imag\n1,2,3\n")
     command = [sys.executable, "-W", "error", "-m", "receptance.cli", "convert", "a.csv", "b.npz"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("receptance: a.csv, line 1: column 'real' says no unit")
+    assert done.stderr.startswith("receptance: a.csv, line 1: column 'real' has no unit")
     assert not Path("b.npz").exists()
     done = subprocess.run([*command, "--unit", "m/N"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,4 +1,4 @@
-"""The command `diagnose`, as a person runs it: a short answer, a report, JSON, and the extended campaign."""
+"""The command `diagnose`, in a separate folder: a short summary, a report, JSON, and the extended campaign."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def simulated(factor: float, *, derivatives: int = 0, said: Form = "receptance") -> None:
-    """Three overhangs with one per cent of noise, and a gain that nobody knows of, or another quantity than said."""
+def simulated(factor: float, *, derivatives: int = 0, output: Form = "receptance") -> None:
+    """Three overhangs with one per cent of noise, and an undeclared gain, or another quantity than stated."""
     rng = np.random.default_rng(8)
     folder = Path("rods")
     folder.mkdir()
@@ -56,21 +56,21 @@ def simulated(factor: float, *, derivatives: int = 0, said: Form = "receptance")
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
         values = factor * assembly.replace(JOINT).receptance(LINES) * np.exp(noise)
         values = values * (2j * np.pi * LINES) ** derivatives
-        io.write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=values, form=said))
+        io.write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=values, form=output))
     roles = {"short": "identify", "long": "identify", "longest": "hold out"}
     write(folder, HEAD + "".join(MEASURED.format(name=name, role=role) for name, role in roles.items()) + UNKNOWNS)
 
 
-def test_it_names_a_gain_and_writes_the_extended_campaign(
+def test_gain_is_named_and_extended_campaign_written(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     simulated(1.06)
     asked = ("--cause", "calibration_gain", "--cause", "sensor_mass", "--cause", "time_delay")
     files = ("--json", "v.json", "--report", "v.html", "--extended", "extended.toml", "--plot", "v.png")
     assert call(monkeypatch, "diagnose", "rods", *asked, *files) == 0
-    said = capsys.readouterr().out
-    assert "calibration_gain" in said
-    assert "Extended campaign: extended.toml" in said
+    output = capsys.readouterr().out
+    assert "calibration_gain" in output
+    assert "Extended campaign: extended.toml" in output
     found = json.loads(Path("v.json").read_text())
     assert found["verdict"] == "named"
     assert Path("v.html").read_text().startswith("<!DOCTYPE html>")
@@ -97,7 +97,7 @@ x = { assembly = "short" }
 
 
 @pytest.mark.parametrize(
-    ("said", "derivatives", "data", "line"),
+    ("output", "derivatives", "data", "line"),
     [
         ("mobility", 2, "accelerance", "integrate = 1"),
         ("accelerance", 0, "receptance", "integrate = -2"),
@@ -105,23 +105,23 @@ x = { assembly = "short" }
     ],
 )
 def test_another_quantity_is_named_with_the_line_to_write(
-    said: Form,
+    output: Form,
     derivatives: int,
     data: str,
     line: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """What the files say, what the data are, and a line after which the model is adequate."""
-    simulated(1.0, derivatives=derivatives, said=said)
+    """Stated and true quantity, and the line that makes the model adequate."""
+    simulated(1.0, derivatives=derivatives, output=output)
     arguments = ["diagnose", "rods", "--cause", "wrong_quantity", "--cause", "calibration_gain", "--json", "found.json"]
     assert call(monkeypatch, *arguments) == 0
     out = capsys.readouterr().out
-    assert f"the files say {said}, and the data are {data} " in " ".join(out.split())
+    assert f"the files say {output}, and the data are {data} " in " ".join(out.split())
     assert f"`{line}`" in out
     (cause,) = json.loads(Path("found.json").read_text())["causes"]
     assert cause["id"] == "wrong_quantity"
-    assert cause["meaning"] == f"the files say {said}, and the data are {data}"
+    assert cause["meaning"] == f"the files say {output}, and the data are {data}"
     assert f"`{line}`" in cause["remedy"]
     file = Path("rods", "campaign.toml")
     file.write_text(file.read_text().replace('kind = "frf"', f'kind = "frf"\n{line}'))
@@ -159,7 +159,7 @@ main()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")
-def test_ctrl_c_gives_an_answer_that_is_not_final() -> None:
+def test_interruption_gives_a_preliminary_verdict() -> None:
     simulated(1.06)
     arguments = ["diagnose", "rods", "--json", "v.json", "--report", "v.html", "--extended", "extended.toml"]
     command = [sys.executable, "-c", INTERRUPTED, *arguments]
@@ -176,7 +176,7 @@ def test_ctrl_c_gives_an_answer_that_is_not_final() -> None:
     assert "verdict so far, not final" in out
     assert "interrupted in step" in out
     assert "extended.toml was not written: the diagnosis was interrupted" in out
-    assert err.rstrip().endswith("receptance: interrupted, the answer is not final")
+    assert err.rstrip().endswith("receptance: interrupted, the result is preliminary")
     found = json.loads(Path("v.json").read_text())
     assert found["final"] is False
     assert found["candidates"]
@@ -184,7 +184,7 @@ def test_ctrl_c_gives_an_answer_that_is_not_final() -> None:
     assert not Path("extended.toml").exists()
 
 
-def test_nothing_to_extend_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_message_without_an_extension(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     simulated(1.0)
     assert call(monkeypatch, "diagnose", "rods", "--cause", "calibration_gain", "--extended", "e.toml") == 0
     assert (
@@ -194,7 +194,7 @@ def test_nothing_to_extend_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pyte
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "output"),
     [
         (("--report", "x.pdf"), "expected an ending .html"),
         (("--extended", "x.json"), "expected an ending .toml"),
@@ -203,11 +203,11 @@ def test_nothing_to_extend_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     ],
 )
 def test_mistakes(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], said: str
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], output: str
 ) -> None:
     simulated(1.0)
     assert call(monkeypatch, "diagnose", "rods", *options) == 2
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
 
 
 @pytest.mark.slow

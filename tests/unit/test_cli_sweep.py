@@ -1,4 +1,4 @@
-"""The command `sweep`, as a person runs it in an empty folder."""
+"""The command `sweep` in an empty folder."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_best_of_a_grid_of_the_unknowns(
     assert [one["misfit"] for one in best] == sorted(one["misfit"] for one in best)
     assert set(best[0]["values"]) == {"joint.k_y", "joint.k_theta"}
     assert Path("s.png").read_bytes().startswith(b"\x89PNG")
-    # Gone on with, it has nothing left to do and says the same.
+    # Resumed, it has no work left and prints the same.
     assert call(monkeypatch, "sweep", campaign, "--points", "4", "--store", "s.zarr", "--json", "again.json") == 0
     assert json.loads(Path("again.json").read_text())["best"] == best
 
@@ -61,7 +61,7 @@ def test_draws_of_named_ranges(campaign: str, monkeypatch: pytest.MonkeyPatch) -
     assert all(0.059 <= one["values"]["tool.segment[0].length"] <= 0.061 for one in document["best"])
 
 
-def test_unknowns_that_are_not_varied_are_identified(
+def test_unvaried_unknowns_are_identified(
     campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The best of a few values of k_theta is the identified one, because k_y is at its identified value."""
@@ -79,19 +79,19 @@ def test_unknowns_that_are_not_varied_are_identified(
     assert found["held"] == pytest.approx({"joint.k_y": k_y})
     assert found["expected_misfit"] == 2.0
     assert found["agrees"] is True
-    said = capsys.readouterr().out
-    assert f"Not varied: joint.k_y = {k_y:.5g} N/m, identified." in said
-    assert "The best candidate agrees with the data" in said
-    # No number of steps helps where the other stiffness is wrong, and the answer says so.
+    text = capsys.readouterr().out
+    assert f"Not varied: joint.k_y = {k_y:.5g} N/m, identified." in text
+    assert "The best candidate agrees with the data" in text
+    # No number of steps helps if the other stiffness is wrong, as the note states.
     wrong = ("--at", f"joint.k_y = {2.0 * k_y!r} N/m")
     assert call(monkeypatch, "sweep", campaign, "--vary", vary, "--points", "50", *wrong, "--json", "w.json") == 0
     found = json.loads(Path("w.json").read_text())
     assert found["held"] == {"joint.k_y": 2.0 * k_y}
     assert found["agrees"] is False
-    assert "No candidate agrees with the data: the least misfit is" in capsys.readouterr().out
-    # A step that misses the narrow optimum is told from a model that is wrong.
+    assert "No candidate agrees with the data: the smallest misfit is" in capsys.readouterr().out
+    # A step that misses the narrow optimum is distinguished from a wrong model.
     assert call(monkeypatch, "sweep", campaign, "--vary", vary, "--points", "2") == 0
-    assert "The fit of the unknowns does, with" in capsys.readouterr().out
+    assert "The fit of the unknowns agrees, with" in capsys.readouterr().out
 
 
 def test_agreement_needs_standard_deviations(
@@ -99,7 +99,7 @@ def test_agreement_needs_standard_deviations(
 ) -> None:
     write(tmp_path, TEXT.replace('standard_deviation = "2 Hz"\n', ""))
     assert call(monkeypatch, "sweep", str(tmp_path), "--points", "3") == 0
-    assert "Whether a candidate agrees with the data cannot be said" in " ".join(capsys.readouterr().out.split())
+    assert "Agreement with the data cannot be tested" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(
@@ -108,22 +108,22 @@ def test_agreement_needs_standard_deviations(
         (["--vary", "joint.k_y"], "expected 'ADDRESS = LOW to HIGH'"),
         (["--vary", "joint.k_y = 1e7 N to 1e8 N"], 'the lower end is "1e7 N", a force'),
         (["--vary", "joint.k_y = 1e8 N/m to 1e7 N/m"], "expected the lower end first"),
-        (["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m"] * 2, "--vary joint.k_y is there twice"),
+        (["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m"] * 2, "--vary joint.k_y is given twice"),
         (["--points", "5", "--sample", "10"], "expected one of them"),
         (["--at", "joint.k_y"], "expected 'ADDRESS = VALUE'"),
         (["--at", "joint.k_y = 1e7 N"], '--at joint.k_y: the value is "1e7 N", a force'),
-        (["--at", "drawbar.k_y = 1e7 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
+        (["--at", "drawbar.k_y = 1e7 N/m"], 'no measured assembly has the parameter "drawbar.k_y"'),
         (
             ["--vary", "joint.k_y = 1e7 N/m to 1e8 N/m", "--at", "joint.k_y = 2e7 N/m"],
-            "is varied and has a value with --at",
+            "is varied and has a fixed value by --at",
         ),
-        (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], "no assembly has the parameter 'drawbar.k_y'"),
+        (["--vary", "drawbar.k_y = 1e7 N/m to 1e8 N/m"], 'no measured assembly has the parameter "drawbar.k_y"'),
         (["--points", "4000"], "use --sample"),
         (["--store", "none/s.zarr"], "there is no folder none"),
-        (["--store", "."], "holds no sweep; expected a store that a sweep has written, or a name"),
+        (["--store", "."], "holds no sweep; expected a store written by a sweep"),
     ],
 )
-def test_mistakes_are_answered_in_words(
+def test_mistakes_give_messages(
     campaign: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -146,12 +146,12 @@ def test_an_interruption_names_the_store(
     with monkeypatch.context() as until:
         until.setattr("receptance.sweep.SweepProgress.__str__", interrupted)
         assert call(monkeypatch, *arguments) == 130
-    assert "the store tried.zarr keeps what is done; the same command goes on" in capsys.readouterr().err
+    assert "the store tried.zarr contains the results so far; the same command resumes" in capsys.readouterr().err
     assert call(monkeypatch, *arguments) == 0
     assert "40 candidates" in capsys.readouterr().out
 
 
-def test_a_damaged_store_is_mended_and_told(
+def test_damaged_store_is_repaired_and_noted(
     campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ("sweep", campaign, "--sample", "40", "--store", "tried.zarr")
@@ -180,9 +180,9 @@ def test_a_full_disk_names_the_chunk_and_the_store(
     with monkeypatch.context() as until:
         until.setattr("os.replace", full)
         assert call(monkeypatch, *arguments) == 2
-    said = capsys.readouterr().err
-    assert "tried.zarr/misfit/c/0: No space left on device" in said
-    assert "the store tried.zarr keeps what is done; the same command goes on" in said
+    text = capsys.readouterr().err
+    assert "tried.zarr/misfit/c/0: No space left on device" in text
+    assert "the store tried.zarr contains the results so far; the same command resumes" in text
     assert not list(Path("tried.zarr").rglob("*.part"))
     assert call(monkeypatch, *arguments) == 0
     assert "40 candidates" in capsys.readouterr().out

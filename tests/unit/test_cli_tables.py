@@ -1,4 +1,4 @@
-"""Printed tables: no command cuts a number, however narrow the terminal, and a pipe is as wide as COLUMNS says."""
+"""Printed tables: no command cuts a number, however narrow the terminal, and a pipe has the width of COLUMNS."""
 
 from __future__ import annotations
 
@@ -131,11 +131,11 @@ def test_no_number_is_cut(
         arguments = (arguments[0], str(folder), *arguments[2:])
     monkeypatch.setenv("COLUMNS", str(_WIDE))
     assert call(monkeypatch, *arguments) == code, capsys.readouterr().err
-    said = capsys.readouterr()
+    output = capsys.readouterr()
     if code:
-        assert said.err.startswith("receptance: ")
+        assert output.err.startswith("receptance: ")
         return
-    wide = _numbers(said.out)
+    wide = _numbers(output.out)
     assert wide
     for columns in ("40", "80", "100", "120", None):
         if columns is None:

@@ -1,4 +1,4 @@
-"""A collet: two springs in series with its mass between, as a person writes it."""
+"""A collet: two springs in series with its mass between: public class."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_values_are_read_and_replaced() -> None:
     assert ColletJoint(inner=replace(INNER, name="a"), outer=OUTER).inner.name == ""
 
 
-def test_what_is_wrong_is_named() -> None:
+def test_errors_name_the_mistake() -> None:
     with pytest.raises(TypeError, match=r"ColletJoint 'joint': inner is 3, expected a PointJoint"):
         make(inner=3)
     with pytest.raises(ValueError, match=r"ColletJoint 'joint': mass is -1, expected zero or more kg"):
@@ -137,12 +137,12 @@ def test_what_is_wrong_is_named() -> None:
     loose = make(outer=PointJoint(k_y=1e8, k_theta=1e5, k_ytheta=np.sqrt(1e13)))
     with pytest.raises(SingularInterfaceError, match=r"joint 'joint\.outer'"):
         loose.natural_frequencies(5e3)
-    with pytest.raises(ValueError, match="are one PointJoint, or a ColletJoint"):
+    with pytest.raises(ValueError, match="into one PointJoint or a ColletJoint"):
         Assembly([TOOL, INNER, OUTER, HOLDER])
 
 
-def test_one_assembly_without_mass_cannot_tell_its_springs() -> None:
-    """Only their series is seen, so the data bound each from below and no more; it is said so."""
+def test_springs_are_undetermined_from_one_massless_assembly() -> None:
+    """Only their series is observable, so the data bound each from below only, as the note states."""
     inner, outer = PointJoint(k_y=1e10, k_theta=3e5), PointJoint(k_y=1e10, k_theta=2e5)
     light = make(inner=inner, outer=outer, mass=0.0, inertia=0.0)
     modes = light.natural_frequencies(10e3)[:2]
@@ -158,8 +158,8 @@ def test_one_assembly_without_mass_cannot_tell_its_springs() -> None:
     assert found.advice
 
 
-def test_a_collet_s_stiffnesses_are_identified_where_its_mass_speaks() -> None:
-    """Up to where the collet itself moves between its springs, its mass tells them apart."""
+def test_collet_stiffnesses_are_identified_with_mass_effect() -> None:
+    """Up to the mode of the collet between its springs, its mass separates them."""
     true = make(
         inner=PointJoint(k_y=4e8, k_theta=1e5, loss_factor=0.05),
         outer=PointJoint(k_y=8e8, k_theta=2e5, loss_factor=0.05),

@@ -1,4 +1,4 @@
-"""A spindle whose principal directions lie across x and y: turned, it is two planes that know nothing of each other."""
+"""A spindle whose principal directions are at an angle to x and y: turned, it is two independent planes."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ SPINDLES = [make_spindle(front) for front in (4e8, 2e8)]
 PLACES = [Coordinate("blank", 0.0), Coordinate("blank", 0.07)]
 
 
-def turned(principal: list[np.ndarray]) -> np.ndarray:
+def rotate(principal: list[np.ndarray]) -> np.ndarray:
     """Return what is seen in x and y, `(2, 2, n, ...)`, of what is apart in the principal directions."""
     return np.einsum("ap,p...,bp->ab...", TURN, np.array(principal), TURN)
 
 
 def truth() -> np.ndarray:
-    parts = turned([seen_at_the_plane(one, FEW) for one in SPINDLES])
+    parts = rotate([seen_at_the_plane(one, FEW) for one in SPINDLES])
     return np.moveaxis(parts, 2, 0).transpose(0, 1, 3, 2, 4).reshape(FEW.size, 4, 4)
 
 
-def measured(sd: float, rng: np.random.Generator | None = None, cross: str = "xy") -> dict[str, list[MeasuredFRF]]:
+def measure(sd: float, rng: np.random.Generator | None = None, cross: str = "xy") -> dict[str, list[MeasuredFRF]]:
     blank = make_blank()
-    h = turned([with_spindle(blank, one).receptance(FEW, response=PLACES, excitation=PLACES) for one in SPINDLES])
+    h = rotate([with_spindle(blank, one).receptance(FEW, response=PLACES, excitation=PLACES) for one in SPINDLES])
     found: dict[str, list[MeasuredFRF]] = {}
     for axes in ("xx", "yy", cross):
         for i, response in enumerate(PLACES):
@@ -51,8 +51,8 @@ def measured(sd: float, rng: np.random.Generator | None = None, cross: str = "xy
 
 
 @pytest.mark.parametrize("cross", ["xy", "yx"])
-def test_without_noise_both_planes_come_back(cross: str) -> None:
-    found = identify_crossed_spindle(measured(1e-9, cross=cross))
+def test_both_planes_are_recovered_without_noise(cross: str) -> None:
+    found = identify_crossed_spindle(measure(1e-9, cross=cross))
     assert found.usable.all()
     root = np.sqrt(np.abs(np.einsum("nii->ni", truth())))
     assert np.max(np.abs(found.matrix - truth()) / (root[:, :, None] * root[:, None, :])) < 1e-8
@@ -60,10 +60,10 @@ def test_without_noise_both_planes_come_back(cross: str) -> None:
     assert "usable" in repr(found)
 
 
-def test_a_tip_in_it_is_that_of_the_machine() -> None:
+def test_tip_receptance_equals_that_of_the_machine() -> None:
     tool = make_blank(0.15, 0.02)
-    lines, tip, deviation = identify_crossed_spindle(measured(1e-9)).tip(tool)
-    true = turned([with_spindle(tool, one).receptance(FEW) for one in SPINDLES])
+    lines, tip, deviation = identify_crossed_spindle(measure(1e-9)).tip(tool)
+    true = rotate([with_spindle(tool, one).receptance(FEW) for one in SPINDLES])
     np.testing.assert_allclose(tip, np.moveaxis(true, 2, 0), rtol=1e-6, atol=1e-9 * np.abs(true).max())
     assert lines.size == FEW.size
     assert np.all(deviation <= 1e-5 * np.abs(tip).max(axis=(1, 2))[:, None, None])
@@ -72,10 +72,10 @@ def test_a_tip_in_it_is_that_of_the_machine() -> None:
 def test_the_stated_deviation_is_that_of_the_noise() -> None:
     rng = np.random.default_rng(6)
     tool = make_blank(0.15, 0.02)
-    true = np.moveaxis(turned([with_spindle(tool, one).receptance(FEW) for one in SPINDLES]), 2, 0)
+    true = np.moveaxis(rotate([with_spindle(tool, one).receptance(FEW) for one in SPINDLES]), 2, 0)
     inside = []
     for _ in range(8):
-        found = identify_crossed_spindle(measured(0.002, rng))
+        found = identify_crossed_spindle(measure(0.002, rng))
         rows = found.usable
         z = (found.matrix - truth())[rows].real / found.standard_deviation[rows]
         inside.append(np.mean(np.abs(z) < 1.96))
@@ -84,15 +84,15 @@ def test_the_stated_deviation_is_that_of_the_noise() -> None:
     assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
 
 
-def test_what_is_missing_is_said() -> None:
-    whole = measured(1e-3)
+def test_missing_data_are_reported() -> None:
+    whole = measure(1e-3)
     with pytest.raises(ValueError, match="there are 0 responses of xy, expected at least 4"):
         identify_crossed_spindle({axis: whole[axis] for axis in ("xx", "yy")})
     with pytest.raises(ValueError, match="there are 2 responses of yy, expected at least 3"):
         identify_crossed_spindle({**whole, "yy": whole["yy"][:2]})
-    with pytest.raises(ValueError, match="has the directions 'xz', expected xx, yy, xy, yx"):
+    with pytest.raises(ValueError, match="has the direction 'xz', expected one of xx, yy, xy, yx"):
         identify_crossed_spindle({**whole, "xz": whole["xy"]})
-    with pytest.raises(ValueError, match="of xx cannot tell its terms apart"):
+    with pytest.raises(ValueError, match="of xx do not determine"):
         identify_crossed_spindle({**whole, "xx": [whole["xx"][0]] * 3})
     other = make_blank(0.12)
     strange = [
@@ -106,5 +106,5 @@ def test_what_is_missing_is_said() -> None:
         )
         for one in whole["yy"]
     ]
-    with pytest.raises(ValueError, match="the responses are of several blanks"):
+    with pytest.raises(ValueError, match="expected one blank"):
         identify_crossed_spindle({**whole, "yy": strange})

@@ -79,7 +79,7 @@ def test_the_modes_make_up_the_receptance() -> None:
     rest = g - (terms + mirrored).sum(axis=1)
     assert modes.missed == 0
     assert np.abs(rest).max() < 0.02 * np.abs(g).max()
-    # What is left has no peak: a parabola says it.
+    # The remainder has no peak: a parabola describes it.
     scaled = f / f[-1]
     fit = np.polynomial.polynomial.Polynomial.fit(scaled, rest.real, 6)
     assert np.abs(rest.real - fit(scaled)).max() < 2e-5 * np.abs(g).max()
@@ -104,7 +104,7 @@ def test_derivatives_against_differences(place: Coordinate | None) -> None:
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
 
 
-def test_random_machines_miss_no_visible_pole() -> None:
+def test_all_visible_poles_of_random_machines_are_found() -> None:
     """Against a rational function through the receptance (AAA), moderate damping."""
     interpolate = pytest.importorskip("scipy.interpolate")
     if not hasattr(interpolate, "AAA"):
@@ -128,9 +128,9 @@ def test_random_machines_miss_no_visible_pole() -> None:
         own = base.replace({name: base.get(name) * factor for name, factor in zip(names, factors, strict=True)})
         rational = interpolate.AAA(f, own.receptance(f), rtol=1e-12, max_terms=60)
         poles, residues = rational.poles(), rational.residues()
-        seen = (poles.real > 0.0) & (poles.imag > 0.0) & (np.abs(poles) < 5500.0) & (np.abs(residues) > 1e-9)
+        visible = (poles.real > 0.0) & (poles.imag > 0.0) & (np.abs(poles) < 5500.0) & (np.abs(residues) > 1e-9)
         found = damped_modes(own, 6000.0)
-        for pole, residue in zip(poles[seen], residues[seen], strict=True):
+        for pole, residue in zip(poles[visible], residues[visible], strict=True):
             nearest = int(np.argmin(np.abs(found.poles_hz - pole)))
             assert abs(found.poles_hz[nearest] - pole) < 1e-6 * abs(pole)
             assert abs(found.residue[nearest] / (2.0 * np.pi) - residue) < 1e-4 * abs(residue)
@@ -177,7 +177,7 @@ def spring(rng: np.random.Generator, diameter: float) -> tuple[list[float], list
 
 
 def test_strong_dashpots_against_a_quadratic_eigenproblem() -> None:
-    """Against finite elements, which know neither waves nor determinants: as many poles, and the same ones."""
+    """Against finite elements, without waves or determinants: as many poles, and the same ones."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     limit = 5e3
@@ -201,7 +201,7 @@ def test_strong_dashpots_against_a_quadratic_eigenproblem() -> None:
 
 @pytest.mark.parametrize("points", [None, 3])
 def test_spread_joints_without_damping(points: int | None) -> None:
-    """The count of complex poles and the count of undamped modes agree; with dashpots nothing is missed either."""
+    """The count of complex poles and the count of undamped modes agree; with dashpots all are found as well."""
     tool = Part([Segment(length=0.06, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.09, outer_diameter=0.04, material=STEEL)], name="holder")
     shank = Section(outer_diameter=0.012, material=CARBIDE)
@@ -223,7 +223,7 @@ def test_spread_joints_without_damping(points: int | None) -> None:
     assert pole == pytest.approx(1.0, abs=1e-2)
 
 
-def test_what_it_refuses_and_what_it_leaves_out() -> None:
+def test_errors_and_excluded_poles() -> None:
     with pytest.raises(ValueError, match="upper_hz is -1"):
         damped_modes(machine(), -1.0)
     with pytest.raises(ValueError, match=r"no parameter 'joint\.k_z'"):

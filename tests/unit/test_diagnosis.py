@@ -1,4 +1,4 @@
-"""Diagnosis: causes, verdicts and what is said where data cannot decide, on the package's own simulator."""
+"""Diagnosis: causes, verdicts and undecidable cases, on the package's own simulator."""
 
 from __future__ import annotations
 
@@ -48,22 +48,22 @@ JOINT = [
 TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
 
 
-def assembled(overhang: float, *masses: PointMass) -> Assembly:
+def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
     return Assembly([tool, joint, holder], masses)
 
 
-def observed(
+def make_observations(
     *masses: PointMass, factor: np.ndarray | float = 1.0, overhangs: tuple[float, ...] = (0.05, 0.07, 0.09)
 ) -> list[MeasuredFRF]:
     rng = np.random.default_rng(11)
     return [
         MeasuredFRF(
-            assembly=assembled(x),
+            assembly=make_assembly(x),
             frequency_hz=LINES,
-            receptance=assembled(x, *masses).receptance(LINES)
+            receptance=make_assembly(x, *masses).receptance(LINES)
             * factor
             * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
             standard_deviation=0.01,
@@ -73,30 +73,30 @@ def observed(
     ]
 
 
-def test_nothing_hidden_is_adequate() -> None:
-    verdict = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=FEW)
+def test_correct_model_is_adequate() -> None:
+    verdict = diagnose(make_observations(), JOINT, tolerances=TOLERANCES, causes=FEW)
     assert verdict.verdict == "adequate"
     assert verdict.causes == ()
     assert verdict.extended is None
 
 
-def alike(share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return standard normal numbers of which as many neighbours are alike as it says."""
+def correlated_noise(share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return standard normal numbers with the given number of correlated neighbours."""
     total = np.cumsum(np.pad(rng.normal(size=share.size + int(share.max())), (1, 0)))
     first = np.arange(share.size)
     return np.asarray((total[first + share] - total[first]) / np.sqrt(share))
 
 
-def test_lines_that_are_correlated_unequally_are_adequate() -> None:
+def test_unequally_correlated_lines_are_adequate() -> None:
     # A third of the lines err as one of 24 neighbours, the others alone: 2 sum(1 / c) is expected of chi-square.
     rng = np.random.default_rng(3)
     correlated = np.where(np.arange(LINES.size) < 100, 24, 1)
     data = []
     for x in (0.05, 0.07, 0.09):
-        noise = 0.01 * (alike(correlated, rng) + 1j * alike(correlated, rng))
-        values = assembled(x).receptance(LINES) * np.exp(noise)
+        noise = 0.01 * (correlated_noise(correlated, rng) + 1j * correlated_noise(correlated, rng))
+        values = make_assembly(x).receptance(LINES) * np.exp(noise)
         frf = FRF(frequency_hz=LINES, values=values, log_variance=1e-4, correlated_lines=correlated)
-        data.append(MeasuredFRF.from_frf(assembled(x), frf, label=f"{x}"))
+        data.append(MeasuredFRF.from_frf(make_assembly(x), frf, label=f"{x}"))
     assert [one.independent_lines for one in data] == pytest.approx([200.0 + 100.0 / 24.0] * 3)
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=FEW, most=1)
     assert verdict.verdict == "adequate"
@@ -107,67 +107,67 @@ def test_lines_that_are_correlated_unequally_are_adequate() -> None:
     assert worst.misfit < 6.0, worst
 
 
-def test_too_few_numbers_judge_nothing() -> None:
-    true = assembled(0.07)
+def test_no_verdict_from_too_few_numbers() -> None:
+    true = make_assembly(0.07)
     found = true.natural_frequencies(60e3)
     for count, answer in ((2, "undecided"), (4, "adequate")):
-        seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
-        verdict = diagnose(seen, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], most=1)
+        data = MeasuredFrequencies(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
+        verdict = diagnose(data, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], most=1)
         assert verdict.verdict == answer
-    seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
-    verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    data = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
+    verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.adequacy.misfit < 1e-3
     assert "1 degree of freedom is left, expected at least 3" in verdict.summary(1000)
     assert "The model cannot be judged" in verdict.summary(1000)
     assert verdict.next_measurement is not None
-    # What one degree of freedom is enough to refute is refuted, but no cause is named for it.
-    seen = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
-    verdict = diagnose(seen, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    # One degree of freedom can refute the model, but no cause is named.
+    data = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
+    verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
 
 
 def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
-    verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW)
+    verdict = diagnose(make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW)
     assert [one.id for one in verdict.causes] == ["calibration_gain"]
     assert verdict.verdict == "named"
     value, low, high = verdict.causes[0].parameters["calibration_gain.log_gain"]
     assert low < np.log(1.05) < high
     assert value == pytest.approx(np.log(1.05), abs=2e-3)
-    found, _ = verdict.predict_natural_frequencies(assembled(0.06), 6000.0)
-    np.testing.assert_allclose(found, assembled(0.06).natural_frequencies(6000.0), rtol=2e-3)
+    found, _ = verdict.predict_natural_frequencies(make_assembly(0.06), 6000.0)
+    np.testing.assert_allclose(found, make_assembly(0.06).natural_frequencies(6000.0), rtol=2e-3)
     assert json.loads(json.dumps(verdict.to_dict(), allow_nan=False))["verdict"] == "named"
     assert "calibration_gain" in verdict.summary(1000)
 
 
-def test_causes_of_the_chain_are_of_the_frfs_alone_beside_natural_frequencies() -> None:
+def test_causes_of_the_chain_apply_to_frfs_only() -> None:
     frequencies = [
         MeasuredFrequencies(
-            assembly=assembled(x),
-            frequency_hz=assembled(x).natural_frequencies(6000.0),
+            assembly=make_assembly(x),
+            frequency_hz=make_assembly(x).natural_frequencies(6000.0),
             standard_deviation_hz=2.0,
             label=f"{x}",
         )
         for x in (0.06, 0.08)
     ]
     chain = ["calibration_gain", "time_delay", "exponential_window", "hammer_offset", "wrong_quantity", "sensor_mass"]
-    for seen in (observed(factor=1.05, overhangs=(0.07,)), observed(factor=1.05)):
-        verdict = diagnose([*seen, *frequencies], JOINT, tolerances=TOLERANCES, causes=chain, most=1)
+    for data in (make_observations(factor=1.05, overhangs=(0.07,)), make_observations(factor=1.05)):
+        verdict = diagnose([*data, *frequencies], JOINT, tolerances=TOLERANCES, causes=chain, most=1)
         assert [one.id for one in verdict.causes] == ["calibration_gain"]
         (_, low, high), *_ = verdict.causes[0].parameters.values()
         assert low < np.log(1.05) < high
         assert any("by the FRFs alone" in note for note in verdict.notes)
 
 
-def test_hits_beside_the_tip_are_found_beside_hits_at_the_nose() -> None:
+def test_hit_offsets_are_found_at_tip_and_nose() -> None:
     """An offset belongs to the place where it was hit; with another FRF it is still looked for."""
     rng = np.random.default_rng(2)
     nose = Coordinate("holder", 0.0)
 
-    def seen(overhang: float, place: Coordinate, hit: Coordinate) -> MeasuredFRF:
+    def measured_at(overhang: float, place: Coordinate, hit: Coordinate) -> MeasuredFRF:
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-        values = assembled(overhang).receptance(LINES, response=place, excitation=hit) * np.exp(noise)
+        values = make_assembly(overhang).receptance(LINES, response=place, excitation=hit) * np.exp(noise)
         return MeasuredFRF(
-            assembly=assembled(overhang),
+            assembly=make_assembly(overhang),
             frequency_hz=LINES,
             receptance=values,
             response=place,
@@ -178,7 +178,7 @@ def test_hits_beside_the_tip_are_found_beside_hits_at_the_nose() -> None:
         )
 
     tip, beside = Coordinate("tool", 0.0), Coordinate("tool", 4e-4)
-    observations = [seen(x, tip, beside) for x in (0.05, 0.07)] + [seen(0.05, nose, nose)]
+    observations = [measured_at(x, tip, beside) for x in (0.05, 0.07)] + [measured_at(0.05, nose, nose)]
     causes = ["hammer_offset", "sensor_mass", "fluted_part"]
     verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=causes, most=1)
     assert verdict.verdict == "named"
@@ -187,7 +187,7 @@ def test_hits_beside_the_tip_are_found_beside_hits_at_the_nose() -> None:
     assert low < 4e-4 < high
 
 
-def test_one_configuration_convicts_no_part() -> None:
+def test_no_cause_is_named_from_one_configuration() -> None:
     # The same blank has another modulus than any tolerance would allow, and only one overhang was measured.
     stiffer = [
         MeasuredFRF(
@@ -200,7 +200,7 @@ def test_one_configuration_convicts_no_part() -> None:
             standard_deviation=0.01,
             label="only one",
         )
-        for one in observed(overhangs=(0.08,))
+        for one in make_observations(overhangs=(0.08,))
     ]
     verdict = diagnose(stiffer, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
     assert verdict.verdict != "named"
@@ -208,56 +208,62 @@ def test_one_configuration_convicts_no_part() -> None:
 
 
 @pytest.mark.parametrize("listed", [False, True])
-def test_one_mode_convicts_no_part(listed: bool) -> None:
+def test_no_cause_is_named_from_one_mode(listed: bool) -> None:
     """Of each overhang only the first mode was measured: lines around it, or its frequency alone."""
     rng = np.random.default_rng(6)
-    seen: list[MeasuredFRF | MeasuredFrequencies] = []
+    data: list[MeasuredFRF | MeasuredFrequencies] = []
     for x in (0.05, 0.06, 0.07, 0.08, 0.09):
-        true = assembled(x).replace({"tool.segment[0].density": 1.1 * CARBIDE.density})
+        true = make_assembly(x).replace({"tool.segment[0].density": 1.1 * CARBIDE.density})
         first, second = true.natural_frequencies(12000.0)[:2]
         if listed:
             own = first * (1.0 + 3e-4 * rng.normal())
             spread = 3e-4 * own
-            seen.append(MeasuredFrequencies(assembly=assembled(x), frequency_hz=[own], standard_deviation_hz=spread))
+            data.append(
+                MeasuredFrequencies(assembly=make_assembly(x), frequency_hz=[own], standard_deviation_hz=spread)
+            )
             continue
         lines = np.linspace(0.6 * first, min(1.4 * first, 0.9 * second), 120)
         noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
         values = true.receptance(lines) * np.exp(noise)
-        seen.append(
-            MeasuredFRF(assembly=assembled(x), frequency_hz=lines, receptance=values, standard_deviation=0.0105)
+        data.append(
+            MeasuredFRF(assembly=make_assembly(x), frequency_hz=lines, receptance=values, standard_deviation=0.0105)
         )
-    seen = [altered(one, label=f"{i}") for i, one in enumerate(seen)]
-    verdict = diagnose(seen, JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
+    data = [altered(one, label=f"{i}") for i, one in enumerate(data)]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
     assert verdict.verdict != "named"
     assert any("one mode" in note for note in verdict.notes)
     if verdict.verdict != "adequate":
         assert "second mode" in str(verdict.next_measurement)
-    several = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
+    several = diagnose(make_observations(), JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
     assert not any("one mode" in note for note in several.notes)
 
 
-def test_what_data_cannot_decide_says_what_is_missing() -> None:
-    model = Model(tuple(observed()), tuple(JOINT))
+def test_undecidable_verdict_names_missing_measurements() -> None:
+    model = Model(tuple(make_observations()), tuple(JOINT))
     with pytest.raises(UndecidableError, match="force"):
         CATALOGUE["joint_amplitude"].variants(model)
-    verdict = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=["joint_amplitude", "sensor_mass"], most=1)
+    verdict = diagnose(
+        make_observations(), JOINT, tolerances=TOLERANCES, causes=["joint_amplitude", "sensor_mass"], most=1
+    )
     assert "force" in verdict.undecidable["joint_amplitude"]
 
 
-def test_implausible_sizes_are_vetoed_aloud() -> None:
-    verdict = diagnose(observed(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], most=1)
+def test_implausible_sizes_are_vetoed_and_reported() -> None:
+    verdict = diagnose(
+        make_observations(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], most=1
+    )
     assert verdict.verdict == "unexplained"
     assert any("vetoed" in note for note in verdict.notes)
     # In plain words, in all that is written: what it does, its size, and what would be plausible.
     assert [one.id for one in verdict.vetoed] == ["sensor_mass"]
-    said = f"sensor_mass takes the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
+    output = f"sensor_mass takes the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
     size = f"mass {1e3 * verdict.vetoed[0].parameters['sensor_mass.mass'][0]:.3g} g, where 0 g to 30 g is plausible"
-    assert f"vetoed: {said}" in verdict.summary(1000)
+    assert f"vetoed: {output}" in verdict.summary(1000)
     assert size in verdict.summary(1000)
-    (told,) = verdict.to_dict()["vetoed"]
-    assert told["vetoed"] == size
+    (reported,) = verdict.to_dict()["vetoed"]
+    assert reported["vetoed"] == size
     page = html.unescape(diagnosis_html(verdict))
-    assert said in page
+    assert output in page
     assert size in page
 
 
@@ -271,11 +277,11 @@ MATERIALS = ("tool_material", "tool_modulus", "tool_density", "fluted_part")
 
 
 def of_material(stated: Material, true: Material) -> list[MeasuredFRF]:
-    """Tools of one material in models that say another one; 1 % of noise, seed 5."""
+    """Tools of one material in models of another one; 1 % of noise, seed 5."""
     rng = np.random.default_rng(5)
 
     def with_tool(overhang: float, material: Material) -> Assembly:
-        plain = assembled(overhang)
+        plain = make_assembly(overhang)
         tool = Part([Segment(length=overhang, outer_diameter=0.012, material=material)], name="tool")
         return Assembly([tool, plain.elements["joint"], plain.elements["holder"]])
 
@@ -309,8 +315,8 @@ def test_another_material_is_named(stated: Material, true: Material, name: str) 
     assert {"tool_modulus", "tool_density"} <= set(cause.look_alikes)
 
 
-def test_a_material_beside_something_unknown_is_not_hidden() -> None:
-    """A carbide tool modelled as steel, with data that nothing explains: what comes nearest is said in words."""
+def test_material_is_reported_with_an_unknown_cause() -> None:
+    """A carbide tool modelled as steel, with data that no cause explains: the nearest one is described."""
     rng = np.random.default_rng(6)
     wavy = [
         altered(one, receptance=one.receptance * np.exp(0.05 * np.sin(LINES / 40.0 + rng.uniform(0.0, 6.0))))
@@ -325,7 +331,7 @@ def test_a_material_beside_something_unknown_is_not_hidden() -> None:
     assert "where -13.9 % to +16.2 % is plausible" in only.summary(1000)
 
 
-def test_what_no_material_has_is_vetoed_and_a_heavier_grade_is_no_other_material() -> None:
+def test_impossible_material_is_vetoed_and_heavier_grade_is_accepted() -> None:
     heavier = replace(CARBIDE, density=1.06 * CARBIDE.density)
     verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["tool_density"])
@@ -336,15 +342,17 @@ def test_what_no_material_has_is_vetoed_and_a_heavier_grade_is_no_other_material
 
 
 def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
-    verdict = diagnose(observed(), JOINT, tolerances=TOLERANCES, causes=["tool_material", "sensor_mass"], most=1)
+    verdict = diagnose(
+        make_observations(), JOINT, tolerances=TOLERANCES, causes=["tool_material", "sensor_mass"], most=1
+    )
     assert verdict.verdict == "adequate"
     assert [one.id for one in verdict.candidates] == ["sensor_mass"]
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_the_same_seed_gives_the_same_answer(threads: int) -> None:
-    first = diagnose(observed(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=1)
-    again = diagnose(observed(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
+    first = diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=1)
+    again = diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
     assert first.to_dict() == again.to_dict()
 
 
@@ -360,9 +368,11 @@ def stopping(what: str, times: int = 1) -> tuple[list[str], Callable[[str], None
     return lines, progress
 
 
-def test_progress_counts_steps_and_names_what_leads() -> None:
+def test_progress_counts_steps_and_names_the_leading_cause() -> None:
     lines: list[str] = []
-    diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, held_out=True, progress=lines.append)
+    diagnose(
+        make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, held_out=True, progress=lines.append
+    )
     steps = [
         re.match(r"step (\d+) of about (\d+)(, about [\d.]+ (s|min|h) left)?(, leading so far: \w+)?", x) for x in lines
     ]
@@ -381,10 +391,12 @@ def test_progress_counts_steps_and_names_what_leads() -> None:
     ("what", "times", "tried"),
     [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("no cause: ", 3, 3)],
 )
-def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what: str, times: int, tried: int) -> None:
+def test_interruption_returns_a_preliminary_result(what: str, times: int, tried: int) -> None:
     """In the base fit, while starts are compared, while fits end, beside the alternatives."""
     lines, progress = stopping(what, times)
-    verdict = diagnose(observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress)
+    verdict = diagnose(
+        make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress
+    )
     assert not verdict.final
     assert verdict.verdict in ("undecided", "suspected", "ambiguous")
     assert len({one.id for one in verdict.candidates}) >= tried
@@ -399,13 +411,19 @@ def test_an_interruption_gives_what_is_known_and_says_that_it_is_not_final(what:
     assert written["final"] is False
     assert written["settings"]["interrupted"]["step"] == len(lines)
     assert "not final" in diagnosis_html(verdict)
-    assert diagnose(observed(), JOINT, causes=["sensor_mass"], most=1).final
+    assert diagnose(make_observations(), JOINT, causes=["sensor_mass"], most=1).final
 
 
 def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
     _, progress = stopping("held out: 0.09")
     verdict = diagnose(
-        observed(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, held_out=True, progress=progress
+        make_observations(factor=1.05),
+        JOINT,
+        tolerances=TOLERANCES,
+        causes=FEW,
+        most=1,
+        held_out=True,
+        progress=progress,
     )
     assert (verdict.final, verdict.verdict, [one.id for one in verdict.causes]) == (
         False,
@@ -416,16 +434,18 @@ def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
     assert any("all causes were tried" in note for note in verdict.notes)
 
 
-def test_bad_input_is_told() -> None:
+def test_invalid_input_is_an_error() -> None:
     with pytest.raises(ValueError, match="no cause 'gremlins'"):
-        diagnose(observed(), JOINT, causes=["gremlins"])
-    bare = MeasuredFRF(assembly=assembled(0.05), frequency_hz=LINES, receptance=assembled(0.05).receptance(LINES))
+        diagnose(make_observations(), JOINT, causes=["gremlins"])
+    bare = MeasuredFRF(
+        assembly=make_assembly(0.05), frequency_hz=LINES, receptance=make_assembly(0.05).receptance(LINES)
+    )
     with pytest.raises(ValueError, match="no standard deviation"):
         diagnose([bare], JOINT)
 
 
 def test_derivatives_of_gain_delay_window_moves_and_multiples() -> None:
-    observations = observed(overhangs=(0.05, 0.07))
+    observations = make_observations(overhangs=(0.05, 0.07))
     unknowns = [
         Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=5e8),
         Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=8e4, multiple=0.5, also={"joint.c_theta": 1e-5}),
@@ -464,8 +484,8 @@ ELSEWHERE = {
 
 
 @pytest.mark.parametrize("name", sorted(set(CATALOGUE) - ELSEWHERE))
-def test_every_cause_is_nothing_at_its_null(name: str) -> None:
-    model = Model(tuple(observed()), tuple(JOINT), tuple(TOLERANCES))
+def test_every_cause_has_no_effect_at_its_null(name: str) -> None:
+    model = Model(tuple(make_observations()), tuple(JOINT), tuple(TOLERANCES))
     problem = model.task().problem()
     before = problem.residual(problem.variables.start).copy()
     for variant in CATALOGUE[name].variants(model):
@@ -473,7 +493,7 @@ def test_every_cause_is_nothing_at_its_null(name: str) -> None:
             continue
         there = variant.model.task().problem()
         after = there.residual(there.variables.start)
-        # A hit or a collet has to be somewhere, so that there is a trace of it at sharp resonances.
+        # The node of a hit or a collet changes the rounding at sharp resonances.
         change = np.abs(after[: before.size - 1] - before[:-1])
         assert np.median(change) < 0.02
         assert change.max() < 2.0
@@ -490,7 +510,9 @@ PLACES = (
 )
 
 
-def stepped(overhang: float, *, tool: tuple[Segment, ...] = (), joint: Any = None, cut: float = 0.0) -> Assembly:
+def make_stepped_assembly(
+    overhang: float, *, tool: tuple[Segment, ...] = (), joint: Any = None, cut: float = 0.0
+) -> Assembly:
     """A tool in a holder of two sections, with masses on both; `cut` is taken off the holder's beginning."""
     blank = tool or (Segment(length=overhang, outer_diameter=0.012, material=CARBIDE),)
     sections = [
@@ -506,16 +528,16 @@ def stepped(overhang: float, *, tool: tuple[Segment, ...] = (), joint: Any = Non
 
 
 def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut: float = 0.0) -> MeasuredFRF:
-    """What is seen of a truth whose holder begins so much later, said to be of the plain assembly of 50 mm."""
+    """Return an FRF of a truth whose holder begins later by `cut`, stated as of the plain assembly of 50 mm."""
 
-    def there(place: Coordinate) -> Coordinate:
+    def shifted(place: Coordinate) -> Coordinate:
         fixed = place.part != "holder" or place.position == "end"
         return place if fixed else replace(place, position=place.position - cut)
 
     return MeasuredFRF(
-        assembly=stepped(0.05),
+        assembly=make_stepped_assembly(0.05),
         frequency_hz=DECAYING,
-        receptance=truth.receptance(DECAYING, response=there(response), excitation=there(excitation)),
+        receptance=truth.receptance(DECAYING, response=shifted(response), excitation=shifted(excitation)),
         response=response,
         excitation=excitation,
         standard_deviation=0.01,
@@ -527,7 +549,7 @@ def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut
 STARTED = [replace(one, start=value) for one, value in zip(JOINT, (6e8, 1e5, 300.0, 1.0), strict=True)]
 
 
-def off(model: Model, values: Mapping[str, float]) -> np.ndarray:
+def relative_error(model: Model, values: Mapping[str, float]) -> np.ndarray:
     """Residuals in standard deviations, without priors."""
     problem = model.task().problem()
     names = problem.variables.names
@@ -539,13 +561,13 @@ def off(model: Model, values: Mapping[str, float]) -> np.ndarray:
 
 @pytest.mark.parametrize("name", sorted(set(CATALOGUE) - ELSEWHERE - {"joint_spread"}))
 @pytest.mark.parametrize("witnessed", [True, False])
-def test_a_cause_of_no_size_moves_no_place(name: str, witnessed: bool) -> None:
-    """Responses, hits and masses on tool and holder stay where they are, whatever lengths a cause changes.
+def test_cause_of_zero_size_moves_no_position(name: str, witnessed: bool) -> None:
+    """Responses, hits and masses on tool and holder keep their positions if a cause changes lengths.
 
     A spread joint begins with a tenth of a millimetre, which the next test compares exactly.
     """
     pairs = [(one, PLACES[0]) for one in PLACES] + [(one, one) for one in PLACES[1:]]
-    model = Model(tuple(of_places(stepped(0.05), *pair) for pair in pairs), tuple(STARTED))
+    model = Model(tuple(of_places(make_stepped_assembly(0.05), *pair) for pair in pairs), tuple(STARTED))
     model = model.with_witnesses() if witnessed else model
     try:
         variants = CATALOGUE[name].variants(model)
@@ -554,7 +576,7 @@ def test_a_cause_of_no_size_moves_no_place(name: str, witnessed: bool) -> None:
         return
     for variant in variants:
         if not variant.changes_data:
-            assert np.abs(off(variant.model, {})).max() < 0.3, variant.name
+            assert np.abs(relative_error(variant.model, {})).max() < 0.3, variant.name
 
 
 LAYER = SpreadJoint(
@@ -569,7 +591,7 @@ LAYER = SpreadJoint(
 )
 
 
-def fluted(length: float) -> tuple[Segment, ...]:
+def make_fluted_tool(length: float) -> tuple[Segment, ...]:
     return (
         Segment(length=length, outer_diameter=0.011, material=CARBIDE),
         Segment(length=0.05 - length, outer_diameter=0.012, material=CARBIDE),
@@ -592,14 +614,14 @@ def fluted(length: float) -> tuple[Segment, ...]:
             "fluted_part",
             "from the tip",
             {"length": 0.01 - 1e-5, "log_diameter": np.log(11 / 12)},
-            {"tool": fluted(0.01)},
+            {"tool": make_fluted_tool(0.01)},
             0.0,
         ),
         (
             "fluted_part",
             "from the tip, ending beyond 20 mm",
             {"length beyond 20 mm": 0.01 - 1e-5, "log_diameter": np.log(11 / 12)},
-            {"tool": fluted(0.03)},
+            {"tool": make_fluted_tool(0.03)},
             0.0,
         ),
     ],
@@ -607,33 +629,33 @@ def fluted(length: float) -> tuple[Segment, ...]:
 def test_places_stay_where_they_are_as_a_length_changes(
     cause: str, variant: str, values: dict[str, float], truth: dict[str, Any], cut: float
 ) -> None:
-    """The model with the cause is the assembly that one would write down with it, seen at the same places."""
+    """The model with the cause equals the assembly written with it, at the same coordinates."""
     pairs = [(one, PLACES[0]) for one in PLACES] + [(one, one) for one in PLACES[1:]]
-    seen = stepped(truth.pop("overhang", 0.05), **truth)
-    model = Model(tuple(of_places(seen, *pair, cut=cut) for pair in pairs), tuple(STARTED))
+    data = make_stepped_assembly(truth.pop("overhang", 0.05), **truth)
+    model = Model(tuple(of_places(data, *pair, cut=cut) for pair in pairs), tuple(STARTED))
     chosen = next(one for one in CATALOGUE[cause].variants(model) if one.name == variant)
-    wanted = {f"{cause}.{name}": value for name, value in values.items()}
-    assert any(values.values()) == (np.abs(off(chosen.model, {})).max() > 1.0)
-    assert np.abs(off(chosen.model, wanted)).max() < 1e-4
+    requested = {f"{cause}.{name}": value for name, value in values.items()}
+    assert any(values.values()) == (np.abs(relative_error(chosen.model, {})).max() > 1.0)
+    assert np.abs(relative_error(chosen.model, requested)).max() < 1e-4
 
 
 @pytest.mark.parametrize(
     ("part", "position", "moved"), [("tool", 0.02, 3e-3), ("tool", 0.02, -3e-3), ("holder", 0.05, 4e-3)]
 )
-def test_hits_move_and_nothing_else_does(part: str, position: float, moved: float) -> None:
+def test_only_hits_move(part: str, position: float, moved: float) -> None:
     """Neither the response at the same place nor a real step between two sections goes with the hammer."""
     place = Coordinate(part, position)
-    seen = [
-        replace_excitation(of_places(stepped(0.05), response, Coordinate(part, position + moved)), place)
+    data = [
+        replace_excitation(of_places(make_stepped_assembly(0.05), response, Coordinate(part, position + moved)), place)
         for response in (PLACES[0], place)
     ]
-    model = Model(tuple(seen), tuple(STARTED))
+    model = Model(tuple(data), tuple(STARTED))
     side = "farther from the tip" if moved > 0.0 else "nearer to the tip"
     name = f"on {part} at {1e3 * position:g} mm, {side}"
     chosen = next(one for one in CATALOGUE["hammer_offset"].variants(model) if one.name == name)
     small = 5e-6 if moved > 0.0 else -5e-6
-    assert np.abs(off(chosen.model, {})).max() > 1.0
-    assert np.abs(off(chosen.model, {"hammer_offset.distance": moved - small})).max() < 1e-4
+    assert np.abs(relative_error(chosen.model, {})).max() > 1.0
+    assert np.abs(relative_error(chosen.model, {"hammer_offset.distance": moved - small})).max() < 1e-4
 
 
 def replace_excitation(one: MeasuredFRF, place: Coordinate) -> MeasuredFRF:
@@ -641,10 +663,12 @@ def replace_excitation(one: MeasuredFRF, place: Coordinate) -> MeasuredFRF:
 
 
 def test_hits_move_along_flutes() -> None:
-    """Hits at the tip that were beside it, of a tool whose flutes were not modelled: two lengths at once."""
+    """Hits with an offset from the tip, of a tool with unmodelled flutes: two lengths at once."""
     hit = Coordinate("tool", 2e-3)
-    seen = replace_excitation(of_places(stepped(0.05, tool=fluted(0.01)), PLACES[0], hit), PLACES[0])
-    model = Model((seen,), tuple(STARTED))
+    data = replace_excitation(
+        of_places(make_stepped_assembly(0.05, tool=make_fluted_tool(0.01)), PLACES[0], hit), PLACES[0]
+    )
+    model = Model((data,), tuple(STARTED))
     for cause, variant in (("fluted_part", "from the tip"), ("hammer_offset", "on tool at 0 mm")):
         model = next(one.model for one in CATALOGUE[cause].variants(model) if one.name == variant)
     values = {
@@ -652,19 +676,19 @@ def test_hits_move_along_flutes() -> None:
         "fluted_part.log_diameter": np.log(11 / 12),
         "hammer_offset.distance": 2e-3 - 5e-6,
     }
-    assert np.abs(off(model, values)).max() < 1e-4
+    assert np.abs(relative_error(model, values)).max() < 1e-4
 
 
 def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
     rng = np.random.default_rng(3)
     far = Coordinate("holder", 0.1)
 
-    def seen(overhang: float, response: Coordinate) -> MeasuredFRF:
-        truth = stepped(overhang, joint=replace(LAYER, k_theta=1e4), cut=0.02)
+    def measured_at(overhang: float, response: Coordinate) -> MeasuredFRF:
+        truth = make_stepped_assembly(overhang, joint=replace(LAYER, k_theta=1e4), cut=0.02)
         there = response if response.part == "tool" else replace(response, position=0.08)
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
         return MeasuredFRF(
-            assembly=stepped(overhang),
+            assembly=make_stepped_assembly(overhang),
             frequency_hz=LINES,
             receptance=truth.receptance(LINES, response=there, excitation=PLACES[0]) * np.exp(noise),
             response=response,
@@ -673,21 +697,24 @@ def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
             configuration=f"{overhang}",
         )
 
-    observations = [seen(x, place) for x in (0.05, 0.07, 0.09) for place in (PLACES[0], far)]
+    observations = [measured_at(x, place) for x in (0.05, 0.07, 0.09) for place in (PLACES[0], far)]
     few = ["joint_spread", "sensor_mass", "overhang_error", "hammer_offset"]
     verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=few, most=1)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["joint_spread"])
     _, low, high = verdict.causes[0].parameters["joint_spread.length"]
     assert low < 0.02 < high
-    # A tool with another overhang, of which nothing is known on the holder.
-    found, _ = verdict.predict_natural_frequencies(stepped(0.06), 6000.0)
-    truth = stepped(0.06, joint=replace(LAYER, k_theta=1e4), cut=0.02)
+    # A tool with another overhang, without a measurement on the holder.
+    found, _ = verdict.predict_natural_frequencies(make_stepped_assembly(0.06), 6000.0)
+    truth = make_stepped_assembly(0.06, joint=replace(LAYER, k_theta=1e4), cut=0.02)
     np.testing.assert_allclose(found, truth.natural_frequencies(6000.0), rtol=2e-3)
 
 
-def test_what_is_measured_within_the_contact_rules_a_spread_joint_out() -> None:
+def test_response_within_the_contact_excludes_a_spread_joint() -> None:
     nose = Coordinate("holder", 0.0)
-    observations = [of_places(stepped(0.05), PLACES[0], PLACES[0]), of_places(stepped(0.05), nose, nose)]
+    observations = [
+        of_places(make_stepped_assembly(0.05), PLACES[0], PLACES[0]),
+        of_places(make_stepped_assembly(0.05), nose, nose),
+    ]
     with pytest.raises(UndecidableError, match="holder at 0 mm"):
         CATALOGUE["joint_spread"].variants(Model(tuple(observations), tuple(STARTED)))
     verdict = diagnose(observations, STARTED, causes=["joint_spread", "calibration_gain"], most=1)

@@ -1,4 +1,4 @@
-"""The advised measurement: simulated, held against refits of all data, and honest about what it settles."""
+"""The advised measurement: simulated, compared with refits of all data, including the predicted resolution."""
 
 from __future__ import annotations
 
@@ -15,7 +15,16 @@ from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import evaluate_at, refit
 from receptance.diagnosis.foresight import with_causes
 from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.simulated import Alone, FRFAgain, Known, Rival, at_the_nose, other_overhang, same_again
+from receptance.diagnosis.simulated import (
+    DirectMeasurement,
+    Rival,
+    SimulatedMeasurement,
+    assembly_again,
+    at_the_nose,
+    holder_alone,
+    other_overhang,
+    tool_alone,
+)
 from receptance.identification import Tolerance
 from receptance.identification.observations import altered
 
@@ -30,29 +39,29 @@ JOINT = (
 TOLERANCES = (Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True),)
 
 
-def assembled(overhang: float, *masses: PointMass) -> Assembly:
+def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     return Assembly([tool, TRUE, holder], masses)
 
 
-def observed(mass: float, overhangs: tuple[float, ...] = (0.06, 0.09)) -> Model:
+def make_observations(mass: float, overhangs: tuple[float, ...] = (0.06, 0.09)) -> Model:
     rng = np.random.default_rng(4)
-    seen = []
+    data = []
     for x in overhangs:
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-        values = assembled(x, PointMass(mass=mass)).receptance(LINES) * np.exp(noise)
+        values = make_assembly(x, PointMass(mass=mass)).receptance(LINES) * np.exp(noise)
         one = MeasuredFRF(
-            assembly=assembled(x), frequency_hz=LINES, receptance=values, standard_deviation=0.01, label=f"{x}"
+            assembly=make_assembly(x), frequency_hz=LINES, receptance=values, standard_deviation=0.01, label=f"{x}"
         )
-        seen.append(one)
-    return Model(tuple(seen), JOINT, TOLERANCES)
+        data.append(one)
+    return Model(tuple(data), JOINT, TOLERANCES)
 
 
 @pytest.fixture(scope="module")
 def selection() -> Selection:
-    """A sensor of half a gram, and what would explain it nearly as well."""
-    model = observed(5e-4)
+    """A sensor of half a gram, and a cause that explains it nearly as well."""
+    model = make_observations(5e-4)
     base = refit(model, {})
     selection = Selection(base, 7.0, 0.0, [], {})
     for name, variant in (
@@ -76,30 +85,31 @@ def rival(selection: Selection, name: str) -> Rival:
     return Rival(of(selection, name), selection.base.model)
 
 
-@pytest.mark.parametrize("change", [at_the_nose, other_overhang])
-def test_what_is_expected_is_what_refits_of_all_data_find(selection: Selection, change: object) -> None:
-    """By how much chi-square of the wrong explanation grows, with noise, against the expectation without."""
+@pytest.mark.parametrize("describe", [at_the_nose, other_overhang])
+def test_expected_gain_equals_that_of_refits(selection: Selection, describe: object) -> None:
+    """Growth of chi-square of the wrong explanation with noise, against the expectation without noise."""
     truth, other = of(selection, "sensor_mass"), of(selection, "fluted_part")
     model = selection.base.model
-    wanted = change(model, 0)  # type: ignore[operator]
-    expected = FRFAgain(change).apart(rival(selection, "sensor_mass"), rival(selection, "fluted_part"))  # type: ignore[arg-type]
-    # The sensor sits where it is measured, and what it weighs is what the fit says.
-    at = wanted.response
+    requested = describe(model, ()).candidate  # type: ignore[operator]
+    rivals = (rival(selection, "sensor_mass"), rival(selection, "fluted_part"))
+    expected = SimulatedMeasurement(describe).apart(*rivals)  # type: ignore[arg-type]
+    # The sensor is at the response, with the fitted mass.
+    at = requested.response
     mass = truth.fit.values["sensor_mass.mass"]
     values = {name: truth.fit.values[name] for name in ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")}
-    moved = wanted.assembly.replace(
+    moved = requested.assembly.replace(
         {
             **values,
             "tool.segment[0].youngs_modulus": CARBIDE.youngs_modulus * np.exp(0.005 * truth.fit.values["carbide"]),
         }
     )
     sensed = Assembly(moved.elements.values(), [PointMass(mass=mass, part=at.part, position=at.position)])
-    clean = sensed.receptance(LINES, response=wanted.response, excitation=wanted.excitation)
+    clean = sensed.receptance(LINES, response=requested.response, excitation=requested.excitation)
     found = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-        new = altered(wanted, receptance=clean * np.exp(noise), standard_deviation=np.full(LINES.size, 0.0105))
+        new = altered(requested.observation(clean * np.exp(noise)), standard_deviation=np.full(LINES.size, 0.0105))
         growth = []
         for one in (truth, other):
             whole = with_causes(replace(model, observations=(*model.observations, new)), one.steps)
@@ -111,26 +121,26 @@ def test_what_is_expected_is_what_refits_of_all_data_find(selection: Selection, 
     assert 0.1 * np.mean(found) - 10.0 < expected < 1.5 * np.mean(found) + 4.0 * np.sqrt(expected) + 10.0
 
 
-def test_an_explanation_is_not_refuted_by_its_own_data(selection: Selection) -> None:
+def test_explanation_is_not_refuted_by_its_data(selection: Selection) -> None:
     for one in (Rival(single, selection.base.model) for single in selection.singles):
-        for measurement in (FRFAgain(at_the_nose), FRFAgain(other_overhang), Alone("tool"), Alone("holder")):
-            assert measurement.apart(one, one) < 0.01
+        for describe in (at_the_nose, other_overhang, tool_alone, holder_alone):
+            assert SimulatedMeasurement(describe).apart(one, one) < 0.01
 
 
 def test_weights_and_marked_places(selection: Selection) -> None:
     sensor, offset, flutes = (rival(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
     mass, _ = sensor.sizes["sensor_mass.mass"]
-    weighed = Known({"sensor_mass.mass": 2e-5})
+    weighed = DirectMeasurement({"sensor_mass.mass": 2e-5})
     assert weighed.apart(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
-    # The other way round what the fit says of the mass is uncertain itself.
+    # In the other direction the fitted mass is uncertain itself.
     assert 50.0 < weighed.apart(offset, sensor) < weighed.apart(sensor, offset)
     assert weighed.apart(offset, flutes) == 0.0
-    marked = FRFAgain(same_again, frozenset({"hammer_offset"}))
+    marked = SimulatedMeasurement(assembly_again, frozenset({"hammer_offset"}))
     assert marked.apart(sensor, offset) > 30.0
     assert marked.apart(sensor, flutes) == 0.0
 
 
-def test_the_advice_settles_what_it_says(selection: Selection) -> None:
+def test_advised_measurement_resolves_the_verdict(selection: Selection) -> None:
     pair = (of(selection, "sensor_mass"), of(selection, "hammer_offset"))
     close = tuple(replace(one, evidence=100.0 - i) for i, one in enumerate(pair))
     found = advise(selection, Judgement("ambiguous", close, ("sensor_mass", "hammer_offset"), ()))
@@ -144,7 +154,7 @@ def test_the_advice_settles_what_it_says(selection: Selection) -> None:
     assert advise(selection, Judgement("named", (pair[0],), (), ())) is None
 
 
-def test_two_measurements_settle_what_one_leaves_open(selection: Selection) -> None:
+def test_two_measurements_resolve_an_open_verdict(selection: Selection) -> None:
     three = tuple(replace(one, evidence=100.0 - i) for i, one in enumerate(selection.singles))
     ids = tuple(next(iter(one.ids)) for one in three)
     found = advise(selection, Judgement("ambiguous", three, ids, ()))
@@ -156,8 +166,8 @@ def test_two_measurements_settle_what_one_leaves_open(selection: Selection) -> N
     assert found.cost > 1.0
 
 
-def test_losses_that_look_alike_are_looked_up(selection: Selection) -> None:
-    """A window or a rope of that size costs hardly anything in one record more, and is there to be seen by itself."""
+def test_indistinguishable_losses_are_listed(selection: Selection) -> None:
+    """A window or a rope of that size costs little in a further record, and can be measured by itself."""
     model = selection.base.model
     close = []
     for name in ("joint_hysteretic_loss", "exponential_window", "suspension"):
@@ -174,8 +184,8 @@ def test_losses_that_look_alike_are_looked_up(selection: Selection) -> None:
     assert "swing" in found.action
 
 
-def test_a_verdict_has_it() -> None:
-    model = observed(5e-4)
+def test_verdict_contains_the_advice() -> None:
+    model = make_observations(5e-4)
     verdict = diagnose(
         model.observations, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "hammer_offset"], most=1
     )

@@ -1,4 +1,4 @@
-"""Changes that have no name, against which a cause is measured before it is named."""
+"""Alternatives outside the catalogue that a cause must exceed to be named."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def swinging(overhang: float, *, at_tip: bool) -> Assembly:
     return Assembly([SWINGING, SPRING, *parts] if at_tip else [*parts, SPRING, SWINGING])
 
 
-def observed(true: Assembly, overhang: float, seed: int = 1) -> MeasuredFRF:
+def make_observations(true: Assembly, overhang: float, seed: int = 1) -> MeasuredFRF:
     rng = np.random.default_rng([seed, round(1e4 * overhang)])
     tip = Coordinate("tool", 0.0)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
@@ -72,7 +72,7 @@ OVERHANGS = (0.05, 0.07, 0.09)
 
 @pytest.mark.parametrize("at_tip", [False, True], ids=["behind the holder", "on the tip"])
 def test_a_body_on_the_tip_is_no_mode_of_a_fixture(at_tip: bool) -> None:
-    data = [observed(swinging(x, at_tip=at_tip), x) for x in OVERHANGS]
+    data = [make_observations(swinging(x, at_tip=at_tip), x) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["missing_mode", "collet_mass"], most=1)
     if at_tip:
         assert verdict.verdict == "unexplained"
@@ -84,7 +84,7 @@ def test_a_body_on_the_tip_is_no_mode_of_a_fixture(at_tip: bool) -> None:
 
 def test_a_better_alternative_is_reported() -> None:
     # A gram on the shank: a sensor at the tip takes up nearly all of it.
-    data = [observed(chain(x, PointMass(mass=4e-4, part="tool", position=0.3 * x)), x) for x in OVERHANGS]
+    data = [make_observations(chain(x, PointMass(mass=4e-4, part="tool", position=0.3 * x)), x) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "joint_cross_term"])
     assert verdict.verdict == "unexplained"
     assert not verdict.causes
@@ -100,7 +100,7 @@ def test_a_better_alternative_is_reported() -> None:
 
 @pytest.fixture(scope="module")
 def selection() -> Selection:
-    data = [observed(chain(x, PointMass(mass=2e-3)), x) for x in OVERHANGS]
+    data = [make_observations(chain(x, PointMass(mass=2e-3)), x) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "tool_density"])
     assert [one.id for one in verdict.causes] == ["sensor_mass"]
     assert verdict.verdict == "named"
@@ -120,29 +120,29 @@ def selection() -> Selection:
 def test_an_alternative_withholds_a_name(selection: Selection, more: float, alone: str, together: str) -> None:
     best = selection.singles[0]
     other_change = replace(selection.alternatives[0], evidence=best.evidence + more)
-    told = conclude(replace(selection, singles=[best], several=[], alternatives=[other_change]))
-    assert told.answer == alone
+    judgement = conclude(replace(selection, singles=[best], several=[], alternatives=[other_change]))
+    assert judgement.answer == alone
     other = next(one for one in selection.singles if one is not best)
     pair = replace(best, steps=(*best.steps, *other.steps))
-    told = conclude(replace(selection, singles=[], several=[pair], alternatives=[other_change]))
-    assert told.answer == together
+    judgement = conclude(replace(selection, singles=[], several=[pair], alternatives=[other_change]))
+    assert judgement.answer == together
 
 
-def test_an_alternative_is_reported_beside_a_vetoed_cause(selection: Selection) -> None:
+def test_alternative_is_reported_with_a_vetoed_cause(selection: Selection) -> None:
     best = selection.singles[0]
     vetoed = replace(best)
     vetoed.__dict__["parameters"] = {name: replace(one, plausible=(0.0, 1e-4)) for name, one in best.parameters.items()}
-    for more, told in ((1.1 * MARGIN, True), (-1.1 * MARGIN, False)):
+    for more, better_alternative in ((1.1 * MARGIN, True), (-1.1 * MARGIN, False)):
         better = replace(selection.alternatives[0], evidence=best.evidence + more)
         found = conclude(replace(selection, singles=[vetoed], several=[], alternatives=[better]))
         assert found.answer == "unexplained"
         assert any("vetoed" in note for note in found.notes)
-        assert (found.alternative is better) == told
+        assert (found.alternative is better) == better_alternative
 
 
 @pytest.mark.parametrize("alternative", ALTERNATIVES, ids=lambda one: one.id)
-def test_every_alternative_is_nothing_at_its_null_and_something_beside_it(alternative: Cause) -> None:
-    data = [observed(chain(x), x) for x in OVERHANGS]
+def test_every_alternative_has_an_effect_only_off_its_null(alternative: Cause) -> None:
+    data = [make_observations(chain(x), x) for x in OVERHANGS]
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
     problem = model.task().problem()
     before = problem.residual(problem.variables.start).copy()
@@ -153,7 +153,7 @@ def test_every_alternative_is_nothing_at_its_null_and_something_beside_it(altern
         there = task.problem()
         start = there.variables.start
         after = there.residual(start).copy()[: before.size]
-        # A body that swings has a trace of its mass where it is absent.
+        # An absent swinging body keeps a negligible mass.
         assert np.median(np.abs(after - before)) < 1e-3
         assert np.abs(after - before).max() < 0.2
         names = [u.name for u in task.parameters.unknowns]
@@ -168,10 +168,10 @@ def test_every_alternative_is_nothing_at_its_null_and_something_beside_it(altern
         assert np.abs(there.residual(moved)[: before.size] - before).max() > 1.0
 
 
-def test_a_rival_finds_what_is_there() -> None:
+def test_competing_explanation_is_fitted() -> None:
     """A cone that is described by hand."""
     cone = tuple(0.012 * (1.0 + 0.03 * (1.0 - (i + 0.5) / 6)) for i in range(6))
-    data = [observed(chain(x, diameters=cone), x) for x in OVERHANGS]
+    data = [make_observations(chain(x, diameters=cone), x) for x in OVERHANGS]
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
     (rival,) = [one for one in ALTERNATIVES if one.id == "cone"]
     (variant,) = rival.variants(model)

@@ -1,4 +1,4 @@
-"""Errors that go the same way in a group of tools, and only these."""
+"""Errors of one sign in a group of tools, and only these."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from receptance import campaign, examples
-from receptance.campaign.diagnosis import campaign_model
+from receptance.campaign.run import campaign_model
 from receptance.diagnosis.by_mode import ModeResidual, bias_of, slenderness_of
 
 NAN = float("nan")
@@ -34,16 +34,16 @@ def test_the_long_tools_first_mode() -> None:
 
 
 def test_noise_is_no_bias() -> None:
-    told = 0
+    count = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
         ratios = {f"c{i}": 2.0 + i for i in range(8)}
         modes = [residual(name, mode, rng.normal()) for name in ratios for mode in (1, 2, 3)]
-        told += bias_of(modes, ratios) is not None
-    assert told <= 6
+        count += bias_of(modes, ratios) is not None
+    assert count <= 6
 
 
-def test_too_few_and_nothing() -> None:
+def test_few_and_no_residuals() -> None:
     assert bias_of([], {}) is None
     assert bias_of([residual("a", 1, 1.0), residual("b", 1, 1.1)], {"a": 3.0, "b": 4.0}) is None
     assert bias_of([residual(f"{i}", 1, 0.001) for i in range(5)], {f"{i}": 3.0 + i for i in range(5)}) is None

@@ -20,7 +20,7 @@ DRAWS = 24
 PENALTY = math.log(6 * LINES.size)
 
 
-def assembled(overhang: float) -> Assembly:
+def make_assembly(overhang: float) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
@@ -33,9 +33,9 @@ def base(rng: np.random.Generator | None) -> Model:
     observed = []
     for overhang in (0.05, 0.07, 0.09):
         noise = np.zeros((2, LINES.size)) if rng is None else 0.01 * rng.normal(size=(2, LINES.size))
-        truth = assembled(overhang).replace({"tool.segment[0].youngs_modulus": modulus * CARBIDE.youngs_modulus})
+        truth = make_assembly(overhang).replace({"tool.segment[0].youngs_modulus": modulus * CARBIDE.youngs_modulus})
         one = MeasuredFRF(
-            assembly=assembled(overhang),
+            assembly=make_assembly(overhang),
             frequency_hz=LINES,
             receptance=truth.receptance(LINES, threads=1),
             standard_deviation=0.01,

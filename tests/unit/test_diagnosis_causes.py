@@ -18,14 +18,14 @@ from receptance.identification import Law, Move, Tolerance
 LINES = np.linspace(200.0, 6000.0, 120)
 
 
-def assembled(overhang: float) -> Assembly:
+def make_assembly(overhang: float) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
 
 
-def observed(overhang: float) -> MeasuredFRF:
-    assembly = assembled(overhang)
+def make_observations(overhang: float) -> MeasuredFRF:
+    assembly = make_assembly(overhang)
     return MeasuredFRF(
         assembly=assembly,
         frequency_hz=LINES,
@@ -39,7 +39,7 @@ JOINT = (
     Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
     Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
 )
-MODEL = Model((observed(0.05), observed(0.08)), JOINT)
+MODEL = Model((make_observations(0.05), make_observations(0.08)), JOINT)
 
 
 def moved_residual(model: Model, cause: str) -> np.ndarray:
@@ -91,7 +91,7 @@ def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
     assert found.title == "sensor_mass + fluted_part"
 
 
-def test_an_unknown_that_is_no_parameter_is_refused() -> None:
+def test_unknown_without_parameter_is_an_error() -> None:
     def change(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant("all", model.plus(Unknown(address="joint.c_y", lower=1.0, upper=1e4)))
 
@@ -106,7 +106,7 @@ def test_a_variant_that_the_model_does_not_have() -> None:
 
 
 def test_a_collet_of_no_mass_is_the_joint() -> None:
-    """Laws, moves and tolerances of the joint apply to both springs, so that nothing changes."""
+    """Laws, moves and tolerances of the joint apply to both springs, so the results are unchanged."""
     unknowns = (
         Law(address="joint.k_y", lower=1e6, upper=1e11, start=6e8, individual=0.05, follows={"joint.c_y": 0.5}),
         Move(address="both", lower=-1.0, upper=1.0, moves={"joint.k_theta": 1.0, "joint.c_theta": -1.0}, relative=True),

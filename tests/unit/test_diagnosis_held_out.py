@@ -1,4 +1,4 @@
-"""What is said of data that no fit has seen: distances, natural frequencies, log scores, metrics of one's own."""
+"""Held-out data: distances, natural frequencies, log scores, custom metrics."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ JOINT = [
 ]
 
 
-def assembled(overhang: float, density: float = 1.0) -> Assembly:
+def make_assembly(overhang: float, density: float = 1.0) -> Assembly:
     heavy = replace(STEEL, density=density * STEEL.density)
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=heavy)], name="tool")
     return Assembly([tool, TRUE, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
 
 
-def observed(overhang: float, density: float = 1.0, seed: int = 1, factor: float = 1.0) -> MeasuredFRF:
+def make_observations(overhang: float, density: float = 1.0, seed: int = 1, factor: float = 1.0) -> MeasuredFRF:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     return MeasuredFRF(
-        assembly=assembled(overhang),
+        assembly=make_assembly(overhang),
         frequency_hz=LINES,
-        receptance=factor * assembled(overhang, density).receptance(LINES) * np.exp(noise),
+        receptance=factor * make_assembly(overhang, density).receptance(LINES) * np.exp(noise),
         standard_deviation=0.01,
         label=f"{overhang}",
     )
@@ -52,18 +52,20 @@ def clamping(*overhangs: float) -> tuple[Tolerance, ...]:
     )
 
 
-def test_gains_in_all_metrics_and_in_one_of_your_own() -> None:
-    """A heavier blank: everything gets better, and a metric sees the structure and the prediction."""
-    seen: list[HeldOut] = []
+def test_gains_in_all_metrics_and_a_custom_metric() -> None:
+    """A heavier blank: all metrics improve, and a metric receives the structure and the prediction."""
+    data: list[HeldOut] = []
 
     def first_peak(one: HeldOut) -> float:
-        seen.append(one)
+        data.append(one)
         return float(
-            abs(one.assembly.natural_frequencies(6000.0)[0] / assembled(0.1, 1.08).natural_frequencies(6e3)[0] - 1.0)
+            abs(
+                one.assembly.natural_frequencies(6000.0)[0] / make_assembly(0.1, 1.08).natural_frequencies(6e3)[0] - 1.0
+            )
         )
 
     verdict = diagnose(
-        [observed(x, 1.08) for x in (0.06, 0.08, 0.1)],
+        [make_observations(x, 1.08) for x in (0.06, 0.08, 0.1)],
         JOINT,
         tolerances=clamping(0.06, 0.08, 0.1),
         causes=["tool_density", "calibration_gain"],
@@ -80,32 +82,34 @@ def test_gains_in_all_metrics_and_in_one_of_your_own() -> None:
     assert gains[SCORE].held_out_after > gains[SCORE].held_out_before + 100.0
     assert verdict.gain is verdict.gains[0]
     assert [fold["causes"] for fold in gains[SCORE].folds] == [["tool_density"]] * 3
-    assert seen[0].receptance is not None
-    assert seen[0].receptance.shape == LINES.shape
-    told = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
-    assert [one["metric"] for one in told["gains"]] == list(gains)
-    assert told["gain"]["held_out_after"] == told["gains"][0]["held_out_after"]
+    assert data[0].receptance is not None
+    assert data[0].receptance.shape == LINES.shape
+    reported = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
+    assert [one["metric"] for one in reported["gains"]] == list(gains)
+    assert reported["gain"]["held_out_after"] == reported["gains"][0]["held_out_after"]
 
 
 def test_the_log_score_is_the_density_of_a_linear_model() -> None:
     """Against the Gaussian of the data themselves, where the model is so nearly linear that there is one."""
     tolerances = (Tolerance(name="blank", moves={"tool.segment[*].density": 1e-4}, relative=True),)
-    seen = MeasuredFrequencies(
-        assembly=assembled(0.06),
-        frequency_hz=assembled(0.06).natural_frequencies(9000.0)[:2],
+    data = MeasuredFrequencies(
+        assembly=make_assembly(0.06),
+        frequency_hz=make_assembly(0.06).natural_frequencies(9000.0)[:2],
         standard_deviation_hz=0.2,
         label="0.06",
     )
-    fit = refit(Model((seen,), tuple(JOINT[:2]), tolerances), {"joint.k_y": 6e8, "joint.k_theta": 1e5})
+    fit = refit(Model((data,), tuple(JOINT[:2]), tolerances), {"joint.k_y": 6e8, "joint.k_theta": 1e5})
     other = MeasuredFrequencies(
-        assembly=assembled(0.08),
-        frequency_hz=assembled(0.08).natural_frequencies(9000.0)[:2] * np.array([1.0001, 0.9999]),
+        assembly=make_assembly(0.08),
+        frequency_hz=make_assembly(0.08).natural_frequencies(9000.0)[:2] * np.array([1.0001, 0.9999]),
         standard_deviation_hz=[0.3, 0.4],
         label="0.08",
     )
     foresight = Foresight(fit, Model((other,), tuple(JOINT[:2]), (*tolerances, *clamping(0.08))))
-    problem, start, root = foresight._problem
-    jacobian = problem.jacobian(start)[:2] * np.array([[0.3], [0.4]])
+    problem = foresight._problem
+    start = np.append(fit.x, np.zeros(problem.variables.start.size - fit.x.size))
+    rows, root = np.split(problem.jacobian(start), [2])
+    jacobian = rows * np.array([[0.3], [0.4]])
     off = problem.residual(start)[:2] * np.array([0.3, 0.4])
     covariance = np.diag([0.09, 0.16]) + jacobian @ np.linalg.inv(root.T @ root) @ jacobian.T
     expected = -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])
@@ -113,13 +117,13 @@ def test_the_log_score_is_the_density_of_a_linear_model() -> None:
     assert start.size == fit.x.size + 1, "the clamping is a new error, the blank is not"
 
 
-def test_own_errors_are_fitted_before_and_after_alike() -> None:
+def test_individual_errors_are_fitted_before_and_after() -> None:
     """A clamping that is off by two standard deviations is no error of the prediction."""
-    model = Model((observed(0.06), observed(0.08, seed=2)), tuple(JOINT))
+    model = Model((make_observations(0.06), make_observations(0.08, seed=2)), tuple(JOINT))
     fit = refit(model, {})
-    off = observed(0.1001, seed=3)
+    off = make_observations(0.1001, seed=3)
     off = MeasuredFRF(
-        assembly=assembled(0.1), frequency_hz=LINES, receptance=off.receptance, standard_deviation=0.01, label="0.1"
+        assembly=make_assembly(0.1), frequency_hz=LINES, receptance=off.receptance, standard_deviation=0.01, label="0.1"
     )
     without, _ = metrics_of(fit, Model((off,), tuple(JOINT)))
     with_error, _ = metrics_of(fit, Model((off,), tuple(JOINT), clamping(0.1)))
@@ -128,22 +132,24 @@ def test_own_errors_are_fitted_before_and_after_alike() -> None:
 
 
 def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
-    model = Model((observed(0.06, factor=1.05), observed(0.08, seed=2, factor=1.05)), tuple(JOINT))
+    model = Model((make_observations(0.06, factor=1.05), make_observations(0.08, seed=2, factor=1.05)), tuple(JOINT))
     (variant,) = [v for v in CATALOGUE["calibration_gain"].variants(model) if v.name == "all"]
     base, fit = refit(model, {}), refit(variant.model, {})
-    other = Model((observed(0.1, seed=3, factor=1.05),), tuple(JOINT))
+    other = Model((make_observations(0.1, seed=3, factor=1.05),), tuple(JOINT))
     before, after = (metrics_of(one, other)[0] for one in (base, fit))
     assert after[SPECTRAL] == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)
     assert before[SPECTRAL] > 2.0 * after[SPECTRAL]
     assert abs(before[FREQUENCIES] - after[FREQUENCIES]) < 0.05
 
 
-def test_a_prediction_without_a_model_is_none() -> None:
-    """An overhang that an extension makes longer than nothing: a cause that is believed in one fold may do that."""
-    model = Model((observed(0.08),), (*JOINT, Move(address="longer", lower=-0.1, upper=0.1, moves={LENGTH: 1.0})))
+def test_prediction_without_a_model_is_missing() -> None:
+    """An extension that gives an impossible overhang, as a cause named in one fold may do."""
+    model = Model(
+        (make_observations(0.08),), (*JOINT, Move(address="longer", lower=-0.1, upper=0.1, moves={LENGTH: 1.0}))
+    )
     fit = refit(model, {"longer": 0.0})
     far = replace(fit, x=np.append(fit.x[:-1], -0.09))
-    assert metrics_of(far, Model((observed(0.06),), model.unknowns)) == ({}, ())
+    assert metrics_of(far, Model((make_observations(0.06),), model.unknowns)) == ({}, ())
 
 
 def folds(*pairs: tuple[float, float]) -> list[_Fold]:
@@ -170,15 +176,15 @@ def test_intervals() -> None:
 
 def test_bad_metrics() -> None:
     with pytest.raises(TypeError, match="expected a name and a function"):
-        diagnose([observed(0.06)], JOINT, metrics={"depth": 3.0})  # type: ignore[dict-item]
+        diagnose([make_observations(0.06)], JOINT, metrics={"depth": 3.0})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="exists already"):
-        diagnose([observed(0.06)], JOINT, metrics={SCORE: lambda one: 0.0})
+        diagnose([make_observations(0.06)], JOINT, metrics={SCORE: lambda one: 0.0})
 
 
 @pytest.mark.parametrize(
     ("value", "width", "shown"), [(1.5e-3, 1e-5, "1.500"), (0.404, 1.4e-2, "404.0"), (1e-3, math.inf, "1")]
 )
-def test_numbers_have_the_digits_that_their_intervals_are_worth(value: float, width: float, shown: str) -> None:
+def test_digits_follow_the_interval_width(value: float, width: float, shown: str) -> None:
     from receptance.diagnosis.wording import _rounded
 
     assert float(_rounded(1e3 * value, width, 1e3)) == pytest.approx(1e3 * value, abs=0.3 * 1e3 * width + 1e-9)

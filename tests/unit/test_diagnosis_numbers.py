@@ -1,4 +1,4 @@
-"""Numbers that a diagnosis rests on, each against what it is by definition: no fold sees its data, strain, margins."""
+"""Numbers of a diagnosis against their definitions: folds exclude their data, strain, margins."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ JOINT = [
 TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
 
 
-def assembled(overhang: float, joint: PointJoint = TRUE) -> Assembly:
+def make_assembly(overhang: float, joint: PointJoint = TRUE) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=STEEL)], name="tool")
     return Assembly([tool, joint, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
 
 
-def observed(overhang: float, factor: Any = 1.0, joint: PointJoint = TRUE, sd: float = 0.01) -> MeasuredFRF:
+def make_observations(overhang: float, factor: Any = 1.0, joint: PointJoint = TRUE, sd: float = 0.01) -> MeasuredFRF:
     rng = np.random.default_rng([SEED, int(1e3 * overhang)])
     noise = sd * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     return MeasuredFRF(
-        assembly=assembled(overhang),
+        assembly=make_assembly(overhang),
         frequency_hz=LINES,
-        receptance=factor * assembled(overhang, joint).receptance(LINES) * np.exp(noise),
+        receptance=factor * make_assembly(overhang, joint).receptance(LINES) * np.exp(noise),
         standard_deviation=sd,
         label=f"{overhang}",
     )
 
 
-def test_no_fold_sees_what_it_is_tried_on() -> None:
-    """One overhang was clamped differently: fits that see it give way to it, fits without it cannot know."""
-    data = [observed(0.06), observed(0.08), observed(0.1, joint=replace(TRUE, k_theta=7e4))]
+def test_folds_exclude_their_held_out_data() -> None:
+    """One overhang was clamped differently: fits with it adapt, fits without it do not."""
+    data = [make_observations(0.06), make_observations(0.08), make_observations(0.1, joint=replace(TRUE, k_theta=7e4))]
     verdict = diagnose(data, JOINT, causes=["tool_density", "calibration_gain"], most=1, held_out=True)
     spectral = next(one for one in verdict.gains if one.metric == SPECTRAL)
     for index, fold in enumerate(spectral.folds):
@@ -60,15 +60,16 @@ def test_no_fold_sees_what_it_is_tried_on() -> None:
         alone = metrics_of(fit_base(Model(others, tuple(JOINT))), Model((data[index],), tuple(JOINT)))[0][SPECTRAL]
         assert fold["before"] == pytest.approx(alone, rel=1e-4)
     everything = fit_base(Model(tuple(data), tuple(JOINT)))
-    seen = metrics_of(everything, Model((data[2],), tuple(JOINT)))[0][SPECTRAL]
-    assert spectral.folds[2]["before"] > 1.2 * seen
+    measured_data = metrics_of(everything, Model((data[2],), tuple(JOINT)))[0][SPECTRAL]
+    assert spectral.folds[2]["before"] > 1.2 * measured_data
 
 
-def test_what_is_small_on_each_line_and_the_same_on_all_is_no_noise() -> None:
+def test_small_common_offset_is_not_noise() -> None:
     """Half the noise, slowly waving: each line has it within its noise, eight neighbours together do not."""
     slowly = np.exp(0.0075j * np.exp(1j * LINES / 250.0))
     quiet, waving = (
-        judge(refit(Model((observed(0.06, f), observed(0.08, f)), tuple(JOINT)), {})) for f in (1.0, slowly)
+        judge(refit(Model((make_observations(0.06, f), make_observations(0.08, f)), tuple(JOINT)), {}))
+        for f in (1.0, slowly)
     )
     assert quiet.passed
     assert waving.misfit < waving.limit
@@ -78,7 +79,7 @@ def test_what_is_small_on_each_line_and_the_same_on_all_is_no_noise() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 10, 40])
-def test_one_error_far_off_among_many_is_strain(count: int) -> None:
+def test_one_large_tolerance_error_is_strain(count: int) -> None:
     """Errors that the data decide end like standard normal numbers, the farthest of n below the 1 - .001/n quantile."""
     farthest = stats.norm.isf(0.5e-3 / count)
     for size, passes in ((farthest - 0.05, True), (farthest + 0.05, False)):
@@ -98,7 +99,7 @@ def test_one_error_far_off_among_many_is_strain(count: int) -> None:
 
 
 def test_explanations_within_the_margin_are_reported_and_others_are_not() -> None:
-    data = [observed(x, 1.05) for x in (0.06, 0.08, 0.1)]
+    data = [make_observations(x, 1.05) for x in (0.06, 0.08, 0.1)]
     ids = ["calibration_gain", "exponential_window"]
     selection = diagnose(data, JOINT, causes=ids, most=1).selection
     (best,) = [one for one in selection.singles if one.ids == {"calibration_gain"}]
@@ -106,21 +107,21 @@ def test_explanations_within_the_margin_are_reported_and_others_are_not() -> Non
     for behind, answer in ((0.5 * MARGIN, "ambiguous"), (1.5 * MARGIN, "named")):
         # As good a fit under another name, so much less likely.
         rival = replace(best, steps=other.steps, evidence=best.evidence - behind)
-        told = conclude(replace(selection, singles=[best, rival], several=[]))
-        assert told.answer == answer
-        assert ("exponential_window" in told.between) == (answer == "ambiguous")
+        judgement = conclude(replace(selection, singles=[best, rival], several=[]))
+        assert judgement.answer == answer
+        assert ("exponential_window" in judgement.between) == (answer == "ambiguous")
 
 
-def test_predictions_heed_what_other_models_say(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_predictions_include_other_adequate_models(monkeypatch: pytest.MonkeyPatch) -> None:
     """The law of total variance: the mean of the variances, and that of the squared distances."""
-    told = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
+    predicted = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
     ensemble = Ensemble(SimpleNamespace())  # type: ignore[arg-type]
     rival: Any = "else"
     ensemble.__dict__["members"] = [(None, 0.75), (rival, 0.25)]
-    monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: told[one or "base"])
+    monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: predicted[one or "base"])
     monkeypatch.setattr(ensemble, "_identified", lambda one: None)
     found: Any = None
-    middle, spread = ensemble.natural_frequencies(None, found, Target(assembled(0.06)), 2000.0)
+    middle, spread = ensemble.natural_frequencies(None, found, Target(make_assembly(0.06)), 2000.0)
     assert middle == 1000.0
     assert spread**2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
 
@@ -137,7 +138,7 @@ def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:
     for overhang, share in zip((0.06, 0.075, 0.09, 0.105), stiff, strict=True):
         k_y, k_theta = 6e8 * share, 1e5 * share
         joint = replace(TRUE, k_y=k_y, k_theta=k_theta, k_ytheta=ratio * np.sqrt(k_y * k_theta))
-        data.append(observed(overhang, joint=joint, sd=1e-3))
+        data.append(make_observations(overhang, joint=joint, sd=1e-3))
     variants = CATALOGUE["joint_cross_term"].variants(Model(tuple(data), tuple(laws)))
     (stiffness,) = [one for one in variants if one.name == "stiffness"]
     fit = refit(stiffness.model, {"joint_cross_term.k_ytheta": ratio * np.sqrt(6e13)})
@@ -145,10 +146,10 @@ def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:
     assert fit.values["joint_cross_term.k_ytheta"] == pytest.approx(ratio * np.sqrt(6e13), rel=0.03)
 
 
-def test_a_second_cause_too_small_to_be_meant_is_left_out() -> None:
+def test_negligible_second_cause_is_omitted() -> None:
     """A delay of thirty nanoseconds is in every record, and no explanation of a gain beside it."""
     for delay, named in ((3e-8, ["calibration_gain"]), (2e-6, ["calibration_gain", "time_delay"])):
         chain = 1.05 * np.exp(-2j * np.pi * LINES * delay)
-        data = [observed(x, chain, sd=1e-3) for x in (0.06, 0.08, 0.1)]
+        data = [make_observations(x, chain, sd=1e-3) for x in (0.06, 0.08, 0.1)]
         verdict = diagnose(data, JOINT, causes=["calibration_gain", "time_delay"])
         assert (verdict.verdict, sorted(one.id for one in verdict.causes)) == ("named", named)

@@ -1,4 +1,4 @@
-"""What decides a diagnosis beside the fits: usable lines, strained tolerances, plausible ranges, losses of a rope."""
+"""Rules of a diagnosis besides the fits: usable lines, strained tolerances, plausible ranges, losses of a rope."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ JOINT = [
 TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
 
 
-def assembled(
+def make_assembly(
     overhang: float, *points: GroundSpring | PointMass, flutes: float = 0.012, k_theta: float = 1e5
 ) -> Assembly:
     segments = [
@@ -53,7 +53,7 @@ def assembled(
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=k_theta, c_y=300.0, c_theta=1.0, name="joint"), holder], points)
 
 
-def measured(described: Assembly, true: Assembly, label: str, seed: int) -> MeasuredFRF:
+def measure(described: Assembly, true: Assembly, label: str, seed: int) -> MeasuredFRF:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     return MeasuredFRF(
@@ -76,17 +76,19 @@ def noisy(one: MeasuredFRF, lines: slice) -> MeasuredFRF:
 OVERHANGS = (0.05, 0.07, 0.09)
 
 
-def test_lines_whose_logarithm_is_not_normal_are_left_out_aloud() -> None:
-    # Ten lines that are off by eight standard deviations: whoever believed them would call the model inadequate.
-    data = [noisy(measured(assembled(x), assembled(x), f"{x}", i), slice(60, 70)) for i, x in enumerate(OVERHANGS)]
+def test_lines_with_non_normal_logarithm_are_excluded_with_a_note() -> None:
+    # Ten lines that are off by eight standard deviations: with them the model would be inadequate.
+    data = [
+        noisy(measure(make_assembly(x), make_assembly(x), f"{x}", i), slice(60, 70)) for i, x in enumerate(OVERHANGS)
+    ]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["missing_mode", "calibration_gain"], most=1)
     assert verdict.verdict == "adequate"
     assert any("30 of 600 lines are not used" in note for note in verdict.notes)
     assert all(one.frequency_hz.size == 190 for one in verdict.selection.base.model.observations)
 
 
-def test_a_record_without_coherence_is_left_out_with_what_only_it_has() -> None:
-    data = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+def test_record_without_coherence_is_excluded_with_its_unknowns() -> None:
+    data = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     data[1] = noisy(data[1], slice(5, None))
     own = Tolerance(name="overhang", moves={"tool.segment[0].length": 5e-5}, configurations="0.07")
     model, notes = select_lines(Model(tuple(data), tuple(JOINT), (*TOLERANCES, own)))
@@ -97,27 +99,27 @@ def test_a_record_without_coherence_is_left_out_with_what_only_it_has() -> None:
         select_lines(Model((data[1],), tuple(JOINT)))
 
 
-def test_clampings_that_scatter_more_than_stated_are_no_adequate_model() -> None:
+def test_excess_scatter_between_clampings_is_inadequate() -> None:
     # Joints that differ by 5 % where 1 % was stated: the lines fit, the clampings are what is strained.
     stiff = (1.05e5, 0.95e5, 1.05e5, 0.95e5)
     places = zip((0.05, 0.065, 0.08, 0.09), stiff, strict=True)
-    data = [measured(assembled(x), assembled(x, k_theta=k), f"{x}", i) for i, (x, k) in enumerate(places)]
+    data = [measure(make_assembly(x), make_assembly(x, k_theta=k), f"{x}", i) for i, (x, k) in enumerate(places)]
     adequacy = judge(fit_base(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))))
     assert adequacy.misfit < adequacy.limit
     assert not adequacy.strain.passed
     assert not adequacy.passed
     assert adequacy.strain.worst[0][0].startswith("joint.k_theta @")
     assert "joint.k_theta @" in adequacy.why_not
-    quiet = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+    quiet = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     passed = judge(fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES))))
     assert passed.passed
     assert adequacy.strain.chance < 1e-3 < passed.strain.chance
 
 
-def test_what_leaves_tolerances_strained_is_a_suspicion() -> None:
+def test_cause_with_strained_tolerances_is_a_suspicion() -> None:
     true = [
         altered(o, receptance=1.05 * o.receptance)
-        for o in (measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS))
+        for o in (measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS))
     ]
     verdict = diagnose(true, JOINT, tolerances=TOLERANCES, causes=["calibration_gain"], most=1)
     assert verdict.verdict == "named"
@@ -130,8 +132,8 @@ def test_what_leaves_tolerances_strained_is_a_suspicion() -> None:
     assert any("carbide at +3.5" in note for note in judgement.notes)
 
 
-def test_a_mode_that_no_line_shows_is_not_believed() -> None:
-    data = [measured(assembled(x), assembled(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+def test_mode_outside_the_lines_is_rejected() -> None:
+    data = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     cause = CATALOGUE["missing_mode"]
     for variant in cause.variants(Model(tuple(data), tuple(JOINT))):
         tuned = parameters_of(variant.model.unknowns)["missing_mode.log_frequency"]
@@ -146,7 +148,7 @@ def test_causes_are_exchanged_for_their_other_variants() -> None:
     sensor = PointMass(mass=2e-3)
     data = [
         altered(one, receptance=1.004 * one.receptance)
-        for one in (measured(assembled(x), assembled(x, sensor), f"{x}", i) for i, x in enumerate(OVERHANGS))
+        for one in (measure(make_assembly(x), make_assembly(x, sensor), f"{x}", i) for i, x in enumerate(OVERHANGS))
     ]
     causes = [CATALOGUE[name] for name in ("sensor_mass", "calibration_gain")]
     selection = select(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES)), causes, most=1)
@@ -164,27 +166,28 @@ def test_causes_are_exchanged_for_their_other_variants() -> None:
 
 def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> None:
     def plausible(flutes: float) -> tuple[float, float]:
-        data = [measured(assembled(x, flutes=flutes), assembled(x), f"{x}", 0) for x in OVERHANGS]
+        data = [measure(make_assembly(x, flutes=flutes), make_assembly(x), f"{x}", 0) for x in OVERHANGS]
         cause = CATALOGUE["fluted_part"]
         (variant,) = cause.variants(Model(tuple(data), tuple(JOINT)))
         return parameters_of(variant.model.unknowns)["fluted_part.log_diameter"].plausible
 
     assert plausible(0.012) == CATALOGUE["fluted_part"].parameters[0].plausible
     assert plausible(0.0105)[1] == pytest.approx(0.02 + np.log(0.012 / 0.0105))
-    data = [measured(assembled(x, flutes=0.0105), assembled(x, flutes=0.011), f"{x}", 0) for x in OVERHANGS]
+    data = [measure(make_assembly(x, flutes=0.0105), make_assembly(x, flutes=0.011), f"{x}", 0) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["fluted_part", "calibration_gain"], most=1)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["fluted_part"])
 
 
-def test_a_rope_that_loses_energy_needs_no_second_cause() -> None:
+def test_lossy_rope_is_a_single_cause() -> None:
     rope = GroundSpring(k_y=4e5, c_y=60.0, part="holder", position="end", name="rope")
     lines = np.geomspace(60.0, 5000.0, LINES.size)
     data = [
-        altered(measured(assembled(x), assembled(x), f"{x}", i), frequency_hz=lines) for i, x in enumerate(OVERHANGS)
+        altered(measure(make_assembly(x), make_assembly(x), f"{x}", i), frequency_hz=lines)
+        for i, x in enumerate(OVERHANGS)
     ]
     noise = np.random.default_rng(3).normal(size=(3, 2, LINES.size)) * 0.01
     data = [
-        altered(one, receptance=assembled(x, rope).receptance(lines) * np.exp(n[0] + 1j * n[1]))
+        altered(one, receptance=make_assembly(x, rope).receptance(lines) * np.exp(n[0] + 1j * n[1]))
         for one, x, n in zip(data, OVERHANGS, noise, strict=True)
     ]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["suspension", "missing_mode", "holder_inertia"])
@@ -193,11 +196,12 @@ def test_a_rope_that_loses_energy_needs_no_second_cause() -> None:
     assert low < 60.0 < high
 
 
-def test_several_causes_beside_a_model_that_passes_are_a_suspicion() -> None:
+def test_several_causes_with_a_passing_model_are_a_suspicion() -> None:
     true = [
         altered(o, receptance=1.05 * o.receptance)
         for o in (
-            measured(assembled(x), assembled(x, PointMass(mass=2e-3)), f"{x}", i) for i, x in enumerate(OVERHANGS)
+            measure(make_assembly(x), make_assembly(x, PointMass(mass=2e-3)), f"{x}", i)
+            for i, x in enumerate(OVERHANGS)
         )
     ]
     verdict = diagnose(true, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "calibration_gain"], most=2)
@@ -216,7 +220,7 @@ def test_three_effects_at_once_are_found_one_at_a_time() -> None:
     chain = 1.04 * np.exp(-2j * np.pi * LINES * 6e-6)
     data = []
     for i, x in enumerate(OVERHANGS):
-        one = measured(assembled(x), assembled(x, sensor), f"{x}", i)
+        one = measure(make_assembly(x), make_assembly(x, sensor), f"{x}", i)
         data.append(altered(one, receptance=one.receptance * chain))
     ids = ["sensor_mass", "calibration_gain", "time_delay", "tool_density", "exponential_window", "joint_cross_term"]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=ids, most=3)
@@ -227,11 +231,11 @@ def test_three_effects_at_once_are_found_one_at_a_time() -> None:
         ((name, (_, low, high)),) = one.parameters.items()
         reach = 0.6 * (high - low)
         assert low - reach < true[name] < high + reach
-    # Two at most cannot do it, and nothing is made up for the third one.
+    # At most two causes do not suffice, and no third one is added.
     assert diagnose(data, JOINT, tolerances=TOLERANCES, causes=ids, most=2).verdict != "named"
 
 
-def test_what_shows_on_one_tool_alone_is_a_suspicion() -> None:
+def test_cause_seen_with_one_tool_is_a_suspicion() -> None:
     def answer(mass: float) -> Verdict:
         # A body on the holder's end that rings near a mode of one of the tools.
         link = PointJoint(
@@ -239,8 +243,8 @@ def test_what_shows_on_one_tool_alone_is_a_suspicion() -> None:
         )
         body = replace(STEEL, density=mass / (np.pi / 4 * 0.02**2 * 0.005), youngs_modulus=1e13)
         stub = Part([Segment(length=0.005, outer_diameter=0.02, material=body)], name="body")
-        true = {x: Assembly([*assembled(x).elements.values(), link, stub]) for x in OVERHANGS}
-        data = [measured(assembled(x), true[x], f"{x}", i) for i, x in enumerate(OVERHANGS)]
+        true = {x: Assembly([*make_assembly(x).elements.values(), link, stub]) for x in OVERHANGS}
+        data = [measure(make_assembly(x), true[x], f"{x}", i) for i, x in enumerate(OVERHANGS)]
         return diagnose(data, JOINT, tolerances=TOLERANCES, causes=[mode], most=1)
 
     whole = CATALOGUE["missing_mode"]
@@ -271,7 +275,7 @@ def test_a_material_is_the_same_within_the_holder() -> None:
         (Assembly([tool, point, filled]), "holder.segment[*].core"),
         (Assembly([tool, layer, Part([rest], name="holder")]), "joint.shank"),
     ):
-        model = Model((measured(assembly, assembly, "", 0),), tuple(JOINT))
+        model = Model((measure(assembly, assembly, "", 0),), tuple(JOINT))
         for cause, field in (
             ("tool_modulus", "youngs_modulus"),
             ("tool_density", "density"),
@@ -283,14 +287,14 @@ def test_a_material_is_the_same_within_the_holder() -> None:
     assert set(variant.model.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}
 
 
-def test_a_joint_spreads_beside_a_material_that_moves() -> None:
-    """Where it takes the whole insertion nothing of the shank is in the holder any more."""
+def test_spread_joint_is_found_with_a_moving_material() -> None:
+    """A change by the whole insertion leaves no part of the shank in the holder."""
     section = Segment(length=0.03, outer_diameter=0.045, inner_diameter=0.012, material=STEEL, core=CARBIDE)
     rest = Segment(length=0.1, outer_diameter=0.045, material=STEEL)
     tool = Part([Segment(length=0.07, outer_diameter=0.012, material=CARBIDE)], name="tool")
     point = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
     assembly = Assembly([tool, point, Part([section, rest], name="holder")])
-    model = Model((measured(assembly, assembly, "", 0),), tuple(JOINT), tuple(TOLERANCES))
+    model = Model((measure(assembly, assembly, "", 0),), tuple(JOINT), tuple(TOLERANCES))
     (stiffer,) = CATALOGUE["tool_modulus"].variants(model)
     spread = CATALOGUE["joint_spread"].variants(stiffer.model)
     assert {"whole" in one.name for one in spread} == {True, False}

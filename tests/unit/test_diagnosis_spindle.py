@@ -59,12 +59,12 @@ def test_a_mode_that_moved_is_named() -> None:
     assert "see spindle_mode" in verdict.undecidable["missing_mode"]
 
 
-def test_a_model_without_a_spindle_s_modes_cannot_tell() -> None:
+def test_model_without_spindle_modes_is_undecidable() -> None:
     tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.08, outer_diameter=0.05, material=STEEL)], name="holder")
     free = Assembly([tool, replace(PointJoint(k_y=6.3e8, k_theta=1e5, loss_factor=0.02), name="joint"), holder])
-    seen = MeasuredFRF(
+    data = MeasuredFRF(
         assembly=free, frequency_hz=LINES, receptance=free.receptance(LINES) * 1.3, standard_deviation=0.02
     )
-    verdict = diagnose(seen, JOINT, causes=["spindle_mode", "calibration_gain"], most=1)
+    verdict = diagnose(data, JOINT, causes=["spindle_mode", "calibration_gain"], most=1)
     assert "does not end with a spindle" in verdict.undecidable["spindle_mode"]

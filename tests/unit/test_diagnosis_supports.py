@@ -1,4 +1,4 @@
-"""Causes of a part that is held to ground: a rigid body that is not, contact that is elsewhere than the model says."""
+"""Causes of a part that is held to ground: an elastic instead of a rigid body, and contact elsewhere than modelled."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HOLDER = Holder(
 )
 
 
-def observed(motion: str, modelled: str = "spread", noise: float = 0.005) -> list[MeasuredFRF]:
+def make_observations(motion: str, modelled: str = "spread", noise: float = 0.005) -> list[MeasuredFRF]:
     """Return an elastic holder at three forces, seen as a rigid one."""
     rng = np.random.default_rng(3)
     found = []
@@ -38,17 +38,17 @@ def observed(motion: str, modelled: str = "spread", noise: float = 0.005) -> lis
             lines = np.arange(500.0, 6000.0, 50.0)
             truth = uneven(0.4 * k, 0.2 * k)
             model = HOLDER.radial(k, k, 1e3, 1e3, body="rigid", contact=modelled)
-        for place in (0.0,) if motion == "axial" else (0.01, 0.05):
-            seen, hit = Coordinate("holder", place), Coordinate("holder", 0.0 if motion == "axial" else 0.01)
+        for position in (0.0,) if motion == "axial" else (0.01, 0.05):
+            place, hit = Coordinate("holder", position), Coordinate("holder", 0.0 if motion == "axial" else 0.01)
             scatter = rng.normal(size=(2, lines.size)) * noise
-            values = truth.receptance(lines, response=seen, excitation=hit)
+            values = truth.receptance(lines, response=place, excitation=hit)
             found.append(
                 MeasuredFRF(
                     assembly=model,
                     frequency_hz=lines,
                     receptance=values * np.exp(scatter[0] + 1j * scatter[1]),
                     standard_deviation=noise,
-                    response=seen,
+                    response=place,
                     excitation=hit,
                     configuration=f"{force:g} kN",
                     conditions={"drawbar force": 1e3 * force},
@@ -76,8 +76,10 @@ def springs(*names: str) -> list[Law]:
     ]
 
 
-def test_a_rigid_body_that_is_not_rigid_is_named_with_its_modulus() -> None:
-    verdict = diagnose(observed("axial"), springs("taper"), causes=["flexible_body", "calibration_gain", "time_delay"])
+def test_elastic_body_is_named_with_its_modulus() -> None:
+    verdict = diagnose(
+        make_observations("axial"), springs("taper"), causes=["flexible_body", "calibration_gain", "time_delay"]
+    )
     assert verdict.verdict == "named"
     assert [one.id for one in verdict.causes] == ["flexible_body"]
     _, low, high = verdict.causes[0].parameters["flexible_body.decades"]
@@ -87,7 +89,7 @@ def test_a_rigid_body_that_is_not_rigid_is_named_with_its_modulus() -> None:
 @pytest.mark.slow
 def test_across_the_contact_is_named_with_it() -> None:
     verdict = diagnose(
-        observed("radial", "ends"),
+        make_observations("radial", "ends"),
         springs("big_end", "small_end"),
         causes=["flexible_body", "contact_distribution"],
     )
@@ -97,18 +99,18 @@ def test_across_the_contact_is_named_with_it() -> None:
     assert low < np.log10(STEEL.youngs_modulus / 2e11) < high
 
 
-def test_levels_are_fitted_one_by_one_from_far() -> None:
+def test_levels_are_fitted_individually_from_distant_starts() -> None:
     """Free springs at two forces are two problems."""
-    model = Model(tuple(observed("axial")), tuple(springs("taper")))
+    model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
     assert has_levels(model)
     whole, alone = fit_levels(model), fit_base(model.select(model.observations[:1]))
     assert whole.by_configuration["5 kN"] == pytest.approx(alone.chi_square, rel=1e-6)
 
 
 @pytest.mark.slow
-def test_what_explains_a_level_is_fitted_to_all() -> None:
+def test_cause_found_at_one_level_is_fitted_to_all() -> None:
     """The rigid body does not explain one force, and is not fitted to the other; the elastic one explains both."""
-    model = Model(tuple(observed("axial")), tuple(springs("taper")))
+    model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
     rigid = fit_levels(model)
     assert fit_anew(rigid) is None
     elastic = fit_anew(replace(rigid, model=CATALOGUE["flexible_body"].variants(model)[0].model))
@@ -118,7 +120,7 @@ def test_what_explains_a_level_is_fitted_to_all() -> None:
 
 
 def test_levels_need_free_values_at_two_of_them() -> None:
-    one, other = observed("axial")
+    one, other = make_observations("axial")
     assert not has_levels(Model((one,), tuple(springs("taper"))))
     assert not has_levels(Model((one, other), (Unknown(address="taper.k_y", lower=1e7, upper=1e12),)))
 
@@ -132,8 +134,8 @@ def test_levels_need_free_values_at_two_of_them() -> None:
     ],
 )
 @pytest.mark.parametrize("modelled", ["spread", "ends"])
-def test_a_cause_is_nothing_at_its_null(name: str, motion: str, names: tuple[str, ...], modelled: str) -> None:
-    model = Model(tuple(observed(motion, modelled=modelled)), tuple(springs(*names)))
+def test_cause_has_no_effect_at_its_null(name: str, motion: str, names: tuple[str, ...], modelled: str) -> None:
+    model = Model(tuple(make_observations(motion, modelled=modelled)), tuple(springs(*names)))
     problem = model.task().problem()
     x = problem.variables.start
     before = problem.residual(x).copy()
@@ -143,7 +145,7 @@ def test_a_cause_is_nothing_at_its_null(name: str, motion: str, names: tuple[str
         assert {one.assembly.motion for one in variant.model.observations} == {problem_motion(motion)}
         there = variant.model.task().problem()
         after = there.residual(there.variables.start)
-        # What lies along a stretch has to be there, to a thousandth.
+        # Distributed springs agree to a thousandth.
         limit = 0.01 if "at points" in variant.name else 1e-6
         np.testing.assert_allclose(after[: before.size], before, atol=limit * np.abs(before).max())
 
@@ -152,8 +154,8 @@ def problem_motion(motion: str) -> str:
     return "axial" if motion == "axial" else "bending"
 
 
-def test_contact_that_nobody_can_place_is_undecidable() -> None:
-    (one, *_) = observed("radial")
+def test_contact_of_undetermined_position_is_undecidable() -> None:
+    (one, *_) = make_observations("radial")
     bare = MeasuredFRF(
         assembly=Assembly([HOLDER.part]),
         frequency_hz=one.frequency_hz,

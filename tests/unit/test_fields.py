@@ -23,7 +23,7 @@ from receptance import (
     SpreadJoint,
 )
 from receptance.campaign.element_tables import Of, table_of
-from receptance.fields import Element, Member, Number
+from receptance.model.fields import Element, Member, Number
 
 SHANK = Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE, core=STEEL)
 SLEEVE = Section(outer_diameter=0.04, inner_diameter=0.012, material=STEEL)

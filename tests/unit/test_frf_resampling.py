@@ -1,4 +1,4 @@
-"""Lines between lines: exact on measured ones, refused where they would invent resolution, honest about peaks."""
+"""Resampling: exact on measured lines, no finer resolution, warnings at sharp peaks."""
 
 import warnings
 
@@ -39,17 +39,17 @@ def test_error_between_the_lines_of_a_mode(band, error):
         found = frf.resample(new)
     exact = mode(new, band)
     np.testing.assert_allclose(found.values.ravel(), exact, rtol=error)
-    assert found.notes == (f"resampled: {new.size} lines are between measured ones",)
+    assert found.notes == (f"resampled: {new.size} lines are interpolated",)
 
 
 @pytest.mark.parametrize("band", [1.0, 2.0, 3.0])
-def test_a_peak_that_is_too_sharp_is_spoken_of(band):
-    with pytest.warns(ReceptanceWarning, match=r"around (59|60)\.5 Hz the curve bends too sharply"):
+def test_a_warning_for_peaks_with_few_lines(band):
+    with pytest.warns(ReceptanceWarning, match=r"around (59|60)\.5 Hz the lines are too far apart"):
         found = make(values=mode(LINES, band)).resample(LINES[5:-6] + 0.5)
-    assert any(".5 Hz the curve bends" in note for note in found.notes)
+    assert any(".5 Hz the lines are" in note for note in found.notes)
 
 
-def test_noise_is_not_taken_for_a_sharp_peak():
+def test_noise_gives_no_warning():
     rng = np.random.default_rng(5)
     noise = 0.05 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     frf = make(values=mode(LINES) * (1.0 + noise), log_variance=0.05**2)
@@ -58,7 +58,7 @@ def test_noise_is_not_taken_for_a_sharp_peak():
         frf.resample(LINES[:-1] + 0.5)
 
 
-def test_variance_is_not_made_smaller_by_taking_means():
+def test_interpolation_does_not_reduce_the_variance():
     frf = make(log_variance=np.where(LINES == 50.0, np.inf, 0.01), usable=LINES != 70.0, correlated_lines=6.0)
     half = frf.resample(LINES[:-1] + 0.5)
     known = np.isfinite(half.log_variance.ravel())
@@ -66,7 +66,7 @@ def test_variance_is_not_made_smaller_by_taking_means():
     np.testing.assert_array_equal(half.frequency_hz[~known], [49.5, 50.5])
     np.testing.assert_array_equal(half.frequency_hz[~half.usable], [69.5, 70.5])
     np.testing.assert_array_equal(half.correlated_lines, 6.0)
-    # The line beside one of which nothing is known is known.
+    # The neighbour of an unknown line is known.
     assert frf.resample([49.0, 51.0]).log_variance.ravel().tolist() == [0.01, 0.01]
     np.testing.assert_allclose(frf.resample(LINES[::4]).correlated_lines, 1.5)
     np.testing.assert_array_equal(frf.resample(LINES[::8]).correlated_lines, 1.0)
@@ -75,31 +75,31 @@ def test_variance_is_not_made_smaller_by_taking_means():
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        (np.linspace(10.0, 110.0, 201), r"resampled to 10 and 10.5 Hz, 0.5 Hz apart where it was measured every 1 Hz"),
-        ([20.5, 21.4], "0.9 Hz apart where it was measured every 1 Hz"),
-        ([9.0, 20.0], r"at 9 Hz, outside the lines measured \(10 to 110 Hz\)"),
+        (np.linspace(10.0, 110.0, 201), r"resampled to 10 and 10.5 Hz, 0.5 Hz apart where the measured lines are 1 Hz"),
+        ([20.5, 21.4], "0.9 Hz apart where the measured lines are 1 Hz"),
+        ([9.0, 20.0], r"at 9 Hz, outside the measured band \(10 to 110 Hz\)"),
         ([20.0, 110.1], "at 110.1 Hz, outside"),
         ([], "frequency_hz is empty"),
         ([20.0, 20.0], "not ascending"),
     ],
 )
-def test_what_would_invent_data_is_refused(lines, words):
+def test_extrapolation_and_finer_lines_are_refused(lines, words):
     with pytest.raises(ValueError, match=words):
         make().resample(lines)
 
 
-def test_uneven_lines_allow_what_was_measured_around_them():
+def test_uneven_lines_have_local_spacings():
     lines = np.r_[np.arange(10.0, 20.0, 1.0), np.arange(20.0, 100.0, 10.0)]
     frf = make(frequency_hz=lines, values=np.ones(lines.size))
     frf.resample([12.5, 13.5, 35.0, 45.0])
-    with pytest.raises(ValueError, match=r"5 Hz apart where it was measured every 10 Hz"):
+    with pytest.raises(ValueError, match=r"5 Hz apart where the measured lines are 10 Hz"):
         frf.resample([12.5, 13.5, 35.0, 40.0])
 
 
 def test_few_lines():
     one = FRF(frequency_hz=[5.0], values=[2.0])
     assert one.resample([5.0]).values.item() == 2.0
-    with pytest.raises(ValueError, match="outside the lines measured"):
+    with pytest.raises(ValueError, match="outside the measured band"):
         one.resample([5.1])
     two = FRF(frequency_hz=[4.0, 6.0], values=[2.0, 4.0])
     assert two.resample([5.0]).values.item() == 3.0

@@ -44,8 +44,8 @@ def test_formula_and_limits():
 @pytest.mark.parametrize(
     ("coherence", "averages", "error", "words"),
     [
-        (0.9, 1, ValueError, "averages is 1, expected at least 2: the coherence of a single record is 1"),
-        (0.9, None, ValueError, "averages is None"),
+        (0.9, 1, ValueError, "averages is 1, expected at least 2: the coherence of one record is always 1"),
+        (0.9, None, TypeError, "averages is None"),
         (0.9, 2.0, TypeError, "averages is 2.0"),
         ([0.9, 1.1], 5, ValueError, "coherence is 1.1, expected from 0 to 1"),
         ([np.nan], 5, ValueError, "coherence is nan"),
@@ -59,7 +59,7 @@ def test_bad_input(coherence, averages, error, words):
 
 @pytest.mark.parametrize(("averages", "runs"), [(3, 250), (10, 250)])
 @pytest.mark.parametrize("kind", ["white", "relative", "both"])
-def test_intervals_hold_the_truth_as_often_as_they_say(averages, runs, kind):
+def test_intervals_have_their_nominal_coverage(averages, runs, kind):
     """Of each run one line well apart from the others counts, so that an exact binomial test applies."""
     print(f"seed {SEED}")
     rng = np.random.default_rng([SEED, averages, len(kind)])
@@ -80,7 +80,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(averages, runs, kind):
         assert chance > 0.001, (pool, count, runs)
 
 
-def test_normal_quantiles_of_ten_averages_would_hold_less():
+def test_normal_quantiles_cover_less_with_ten_averages():
     # physics, not taste: with n for n - 1 and normal quantiles it is 92 %, see the module's formula.
     rng = np.random.default_rng(SEED)
     share = []
@@ -92,7 +92,7 @@ def test_normal_quantiles_of_ten_averages_would_hold_less():
 
 
 @pytest.mark.parametrize("kind", ["white", "relative", "both"])
-def test_pooling_is_unbiased_and_steadier(kind):
+def test_pooling_is_unbiased_and_reduces_the_scatter(kind):
     rng = np.random.default_rng(SEED)
     print(f"seed {SEED}")
     white, relative = 0.02**2 * np.abs(TRUE).max() ** 2 * 1e-3, 0.02**2 * np.abs(TRUE) ** 2
@@ -110,11 +110,11 @@ def test_pooling_is_unbiased_and_steadier(kind):
     assert spread["pooled"] < 0.6 * spread["alone"]
     assert np.median(more) > 60.0
     assert np.all(more >= freedom)
-    # What the degrees of freedom say is what the estimate does: variance 2 / f of a scaled chi-square.
+    # The estimate has the stated degrees of freedom f: variance 2 / f of a scaled chi-square.
     assert np.var(ratios["pooled"], axis=0).mean() == pytest.approx(np.mean(2.0 / more), rel=0.5)
 
 
-def test_hum_on_one_line_stays_on_that_line():
+def test_hum_affects_one_line():
     rng = np.random.default_rng(SEED)
     power = np.full(LINES.size, 1e-4 * np.median(np.abs(TRUE)) ** 2)
     power[300] *= 1e4
@@ -125,7 +125,7 @@ def test_hum_on_one_line_stays_on_that_line():
     assert more[300] == freedom
 
 
-def test_correlated_lines_count_for_fewer():
+def test_correlated_lines_reduce_the_degrees_of_freedom():
     rng = np.random.default_rng(SEED)
     scatter = 1e-4 * rng.chisquare(8.0, 500) / 8.0
     values = np.ones(500, dtype=complex)
@@ -134,7 +134,7 @@ def test_correlated_lines_count_for_fewer():
     assert np.median(independent / correlated) == pytest.approx(4.0, rel=1e-9)
 
 
-def test_what_cannot_be_pooled_stays():
+def test_lines_that_cannot_be_pooled_are_unchanged():
     values = np.ones(50, dtype=complex)
     values[3] = 0.0
     variance = np.full(50, 1e-4)
@@ -154,7 +154,7 @@ def test_what_cannot_be_pooled_stays():
         pool_variance(values, variance, 18.0, half_width=-1)
 
 
-def test_an_frf_takes_it_up():
+def test_with_coherence_variance():
     frf = FRF(frequency_hz=LINES, values=TRUE, coherence=0.9, averages=5, form="mobility")
     known = frf.with_coherence_variance(pool=False)
     np.testing.assert_allclose(known.log_variance, 0.1 / (8.0 * 0.9))

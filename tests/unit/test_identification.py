@@ -1,4 +1,4 @@
-"""identify(simulate(p)) = p, what the result says, and how failures are told."""
+"""identify(simulate(p)) = p, statements of the result, and errors."""
 
 import pickle
 from dataclasses import replace
@@ -57,7 +57,7 @@ def test_one_joint_shared_by_two_assemblies_and_kinds():
         assert result.assemblies[1].get(address) == pytest.approx(value, rel=1e-6)
 
 
-def test_two_assemblies_with_joints_of_their_own_and_a_shared_modulus():
+def test_two_assemblies_with_separate_joints_and_a_shared_modulus():
     first = make_assembly(0.0623, "short", k_y=4e8)
     second = make_assembly(0.114, "long", k_theta=3e5)
     true = {"short.k_y": 4e8, "short.k_theta": 1e5, "long.k_y": 6.3e8, "long.k_theta": 3e5}
@@ -67,7 +67,7 @@ def test_two_assemblies_with_joints_of_their_own_and_a_shared_modulus():
     assert_found(result, true | {"tool.segment[*].youngs_modulus": CARBIDE.youngs_modulus})
 
 
-def test_kinds_without_standard_deviations_can_be_mixed_but_it_is_said():
+def test_mixed_kinds_without_standard_deviations_give_a_note():
     observed = [simulate(make_assembly()), simulate_modes(make_assembly(0.114))]
     with pytest.warns(ReceptanceWarning, match="weighs as much"):
         result = identify(observed, STIFFNESSES + DASHPOTS)
@@ -164,7 +164,7 @@ def test_value_and_derivative_at_a_point_cost_one_evaluation():
 
 
 def test_modes_that_only_a_higher_limit_shows_are_counted_up_to():
-    # With the joint a decade too stiff the third mode lies far above where it was measured.
+    # With the joint a decade too stiff the third mode is far above its measured frequency.
     soft = make_assembly(k_y=1e6, k_theta=1e3)
     modes = soft.natural_frequencies(20e3)[:3]
     unknowns = [replace(unknown, start=unknown.upper) for unknown in STIFFNESSES]
@@ -172,7 +172,7 @@ def test_modes_that_only_a_higher_limit_shows_are_counted_up_to():
     assert_found(result, {"joint.k_y": 1e6, "joint.k_theta": 1e3})
 
 
-def test_points_where_the_joint_has_no_value_are_kept_away_from():
+def test_fit_avoids_points_without_a_joint_value():
     # The cross term's bounds reach beyond sqrt(k_y k_theta), where the joint is not passive.
     true = {"joint.k_y": 6.3e8, "joint.k_theta": 1e5, "joint.k_ytheta": 4e6}
     assembly = make_assembly(k_ytheta=4e6)
@@ -183,7 +183,7 @@ def test_points_where_the_joint_has_no_value_are_kept_away_from():
     assert any(not np.isfinite(start.cost) for start in result.starts)
 
 
-def test_no_start_with_a_model_is_an_error_that_says_why():
+def test_error_without_a_valid_start_gives_the_reason():
     assembly = make_assembly(k_ytheta=4e6)
     unknown = Unknown(address="joint.k_ytheta", lower=8e6, upper=1e7)
     with pytest.raises(ReceptanceError, match=r"any of the 3 starts.*positive semidefinite"):

@@ -26,7 +26,7 @@ from receptance.campaign import CampaignError
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import residuals_by_mode
 from receptance.errors import ReceptanceError
-from receptance.identification import Tolerance, complex_frequencies
+from receptance.identification import Tolerance
 
 JOINT = [
     Unknown(address="joint.k_y", lower=1e6, upper=1e11),
@@ -36,7 +36,7 @@ JOINT = [
 ]
 
 
-def assembled(overhang: float = 0.08, **joint: float) -> Assembly:
+def make_assembly(overhang: float = 0.08, **joint: float) -> Assembly:
     tool = Part(
         [Segment(length=overhang, outer_diameter=0.012, material=replace(CARBIDE, loss_factor=5e-4))], name="tool"
     )
@@ -45,14 +45,14 @@ def assembled(overhang: float = 0.08, **joint: float) -> Assembly:
     return Assembly([tool, PointJoint(**values, name="joint"), holder])
 
 
-def measured(
+def measure(
     overhang: float, rng: np.random.Generator | None = None, upper: float = 20e3, **joint: float
 ) -> MeasuredFrequencies:
-    true = assembled(overhang, **joint)
-    poles, _ = complex_frequencies(true, true.natural_frequencies(upper))
+    true = make_assembly(overhang, **joint)
+    poles, _ = true.complex_frequencies(true.natural_frequencies(upper))
     noise = np.zeros((2, poles.size)) if rng is None else rng.normal(size=(2, poles.size))
     return MeasuredFrequencies(
-        assembly=assembled(overhang),
+        assembly=make_assembly(overhang),
         frequency_hz=np.abs(poles) * (1.0 + 1e-4 * noise[0]),
         standard_deviation_hz=1e-4 * np.abs(poles),
         damping_ratio=poles.imag / np.abs(poles) * (1.0 + 0.02 * noise[1]),
@@ -78,22 +78,22 @@ def test_a_rigid_body_on_a_spring_and_a_dashpot() -> None:
     """m s^2 + c s + k = 0, with every other mode far above."""
     both = on_springs(c_y=40.0)
     mass = both.elements["body"].mass
-    found, _ = complex_frequencies(both, both.natural_frequencies(2e3)[:1])
+    found, _ = both.complex_frequencies(both.natural_frequencies(2e3)[:1])
     assert abs(found[0]) == pytest.approx(np.sqrt(2e6 / mass) / (2.0 * np.pi), rel=1e-6)
     assert found[0].imag / abs(found[0]) == pytest.approx(80.0 / (2.0 * np.sqrt(2e6 * mass)), rel=1e-5)
 
 
 def test_hysteretic_loss_of_everything_is_half_a_loss_factor() -> None:
-    lossy = assembled(c_y=0.0, c_theta=0.0, loss_factor=0.01).replace(
+    lossy = make_assembly(c_y=0.0, c_theta=0.0, loss_factor=0.01).replace(
         {"tool.segment[0].loss_factor": 0.01, "holder.segment[0].loss_factor": 0.01}
     )
-    found, _ = complex_frequencies(lossy, lossy.natural_frequencies(20e3))
+    found, _ = lossy.complex_frequencies(lossy.natural_frequencies(20e3))
     # w^2 = w0^2 (1 + i eta)
     np.testing.assert_allclose(found, lossy.natural_frequencies(20e3) * np.sqrt(1.0 + 0.01j), rtol=1e-9)
 
 
 def test_derivatives() -> None:
-    one = assembled()
+    one = make_assembly()
     addresses = [
         "joint.k_theta",
         "joint.c_y",
@@ -102,28 +102,28 @@ def test_derivatives() -> None:
         "holder.segment[0].density",
     ]
     near = one.natural_frequencies(20e3)
-    _, slopes = complex_frequencies(one, near, addresses)
+    _, slopes = one.complex_frequencies(near, addresses)
     for column, address in enumerate(addresses):
         value = one.get(address)
         step = 1e-5 * value
-        up, down = (complex_frequencies(one.replace({address: value + s}), near)[0] for s in (step, -step))
+        up, down = (one.replace({address: value + s}).complex_frequencies(near)[0] for s in (step, -step))
         difference = (up - down) / (2.0 * step)
         np.testing.assert_allclose(slopes[:, column], difference, atol=1e-4 * np.abs(difference).max())
 
 
-def test_each_mode_is_followed_to_a_pole_of_its_own() -> None:
+def test_each_mode_is_followed_to_a_distinct_pole() -> None:
     """Strong dashpots bring poles close to other undamped frequencies; all are distinct and all are modes."""
     print("seed 20261122")
     rng = np.random.default_rng(20261122)
     followed = 0
     for _ in range(12):
         values = {"c_y": 300.0 * 10.0 ** rng.uniform(0.0, 3.0), "c_theta": 10.0 ** rng.uniform(0.0, 3.0)}
-        one = assembled(rng.uniform(0.05, 0.14), k_theta=10.0 ** rng.uniform(3.5, 5.0), **values)
+        one = make_assembly(rng.uniform(0.05, 0.14), k_theta=10.0 ** rng.uniform(3.5, 5.0), **values)
         near = one.natural_frequencies(20e3)
         every = damped_modes(one, 40e3)
         assert every.missed == 0
         try:
-            found, _ = complex_frequencies(one, near)
+            found, _ = one.complex_frequencies(near)
         except ReceptanceError:
             continue
         followed += 1
@@ -134,22 +134,22 @@ def test_each_mode_is_followed_to_a_pole_of_its_own() -> None:
     assert followed >= 6
 
 
-def test_a_mode_that_is_damped_away_is_said() -> None:
+def test_overdamped_mode_is_noted() -> None:
     both = on_springs(c_y=4000.0)
     with pytest.raises(ReceptanceError, match="mode at"):
-        complex_frequencies(both, both.natural_frequencies(2e3)[:1])
+        both.complex_frequencies(both.natural_frequencies(2e3)[:1])
 
 
 def test_dampings_are_identified() -> None:
-    found = identify([measured(0.06), measured(0.09)], JOINT, starts=4)
+    found = identify([measure(0.06), measure(0.09)], JOINT, starts=4)
     assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
     assert found.values["joint.c_y"] == pytest.approx(300.0, rel=1e-3)
     assert found.values["joint.c_theta"] == pytest.approx(1.0, rel=1e-3)
-    assert [residual.size for residual in found.residuals] == [2 * measured(x).frequency_hz.size for x in (0.06, 0.09)]
+    assert [residual.size for residual in found.residuals] == [2 * measure(x).frequency_hz.size for x in (0.06, 0.09)]
 
 
 def test_some_ratios_may_be_missing() -> None:
-    whole = measured(0.08)
+    whole = measure(0.08)
     ratios = np.array(whole.damping_ratio)
     ratios[1:] = np.nan
     some = MeasuredFrequencies(
@@ -164,7 +164,7 @@ def test_some_ratios_may_be_missing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "output"),
     [
         ({"damping_ratio": [0.1, 0.2]}, "has shape"),
         ({"damping_ratio": [1.5]}, "less than 1"),
@@ -174,9 +174,9 @@ def test_some_ratios_may_be_missing() -> None:
         ({"damping_ratio": [0.1], "standard_deviation_damping": 0.1}, "give both, or neither"),
     ],
 )
-def test_bad_input(fields: dict[str, object], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        MeasuredFrequencies(assembly=assembled(), frequency_hz=[1700.0], **fields)  # type: ignore[arg-type]
+def test_bad_input(fields: dict[str, object], output: str) -> None:
+    with pytest.raises(ValueError, match=output):
+        MeasuredFrequencies(assembly=make_assembly(), frequency_hz=[1700.0], **fields)  # type: ignore[arg-type]
 
 
 DAMPED = (
@@ -209,7 +209,7 @@ def test_a_campaign_is_identified_with_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "output"),
     [
         ('"1.2 %", "unknown"', '"1.2 %"', "damping_ratio has shape"),
         ('"1.2 %", "unknown"', '"1.2 Hz", "unknown"', "expected a damping ratio such as"),
@@ -218,21 +218,21 @@ def test_a_campaign_is_identified_with_them(tmp_path: Path) -> None:
         ('"5 %"', '["5 %"]', "has 1 damping deviations"),
     ],
 )
-def test_mistakes_of_a_campaign(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_mistakes_of_a_campaign(tmp_path: Path, old: str, new: str, output: str) -> None:
     text = changed((DAMPED[0], DAMPED[1].replace(old, new)))
     assert text != TEXT
     with pytest.raises(CampaignError) as error:
         load(tmp_path, text)
-    assert said in str(error.value)
+    assert output in str(error.value)
 
 
 @pytest.mark.slow
-def test_a_diagnosis_sees_a_loss_that_is_not_viscous() -> None:
+def test_diagnosis_finds_a_non_viscous_loss() -> None:
     """Frequencies and damping ratios of four overhangs; damping that no pair of dashpots has."""
     rng = np.random.default_rng(3)
-    seen = [measured(x, rng, c_y=30.0, c_theta=0.1, loss_factor=0.03) for x in (0.05, 0.065, 0.08, 0.1)]
+    data = [measure(x, rng, c_y=30.0, c_theta=0.1, loss_factor=0.03) for x in (0.05, 0.065, 0.08, 0.1)]
     tolerances = [Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.002}, relative=True)]
-    verdict = diagnose(seen, JOINT, tolerances=tolerances, causes=["joint_hysteretic_loss", "tool_density"], most=1)
+    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=["joint_hysteretic_loss", "tool_density"], most=1)
     assert [one.id for one in verdict.causes] == ["joint_hysteretic_loss"]
     before = residuals_by_mode(verdict.selection.base)
     after = residuals_by_mode(verdict.explanation.fit)

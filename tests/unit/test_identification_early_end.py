@@ -1,17 +1,19 @@
-"""Records that end while the structure still rings: the operator, its derivatives, how the end is seen, the cause."""
+"""Records that end while the structure still rings: operator, derivatives, detection of the end, cause."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+import scipy_fits
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.measurement_causes import truncation_time
 from receptance.identification import Tolerance
-from receptance.identification.early_end import EarlyEnd
 from receptance.identification.factors import END
 from receptance.identification.mapping import Parameters
+from receptance.identification.problem import Problem
+from receptance.identification.residuals import Unit
 from receptance.identification.task import Task, place_of
 
 RECORD = 0.08
@@ -26,7 +28,7 @@ JOINT = [
 ]
 
 
-def assembled(overhang: float) -> Assembly:
+def make_assembly(overhang: float) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=200.0, c_theta=0.7, name="joint"), holder])
@@ -42,20 +44,20 @@ def cut_off(assembly: Assembly, end: float = END_AT) -> np.ndarray:
     size = 8 * (accelerance.size - 1)
     times = np.arange(size) * long / size
     signal = np.fft.irfft(accelerance, size) * size / long
-    # What is before zero comes last.
+    # Negative times come last.
     times[times > 0.5 * long] -= long
     kept = (times > -0.01) & (times < end)
     waves = np.exp(-2j * np.pi * LINES[:, None] * times[kept])
     return (waves @ signal[kept]) * (long / size) / (2j * np.pi * LINES) ** 2
 
 
-def measured(overhang: float, seed: int) -> MeasuredFRF:
+def measure(overhang: float, seed: int) -> MeasuredFRF:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     return MeasuredFRF(
-        assembly=assembled(overhang),
+        assembly=make_assembly(overhang),
         frequency_hz=LINES,
-        receptance=cut_off(assembled(overhang)) * np.exp(noise),
+        receptance=cut_off(make_assembly(overhang)) * np.exp(noise),
         standard_deviation=0.01,
         label=f"{overhang}",
     )
@@ -63,48 +65,62 @@ def measured(overhang: float, seed: int) -> MeasuredFRF:
 
 @pytest.fixture(scope="module")
 def records() -> list[MeasuredFRF]:
-    return [measured(overhang, i) for i, overhang in enumerate((0.06, 0.075, 0.09))]
+    return [measure(overhang, i) for i, overhang in enumerate((0.06, 0.075, 0.09))]
 
 
-def test_a_record_that_is_cut_off_is_what_the_operator_says() -> None:
-    assembly = assembled(0.09)
-    operator = EarlyEnd(LINES, 1.2 * END_AT)
-    found = operator.seen(assembly.receptance(operator.lines_hz), END_AT)
+def logarithms(observation: MeasuredFRF, *more: Unknown) -> Problem:
+    parameters = Parameters([*JOINT, *more], (), [place_of(observation, 0)])
+    return Task((observation,), parameters, ("logarithm",), threads=1).problem()
+
+
+def test_truncated_record_equals_the_truncated_time_signal() -> None:
+    assembly = make_assembly(0.09)
     reference = cut_off(assembly)
-    # It matters, and both agree on it; a late end changes nothing.
+    # It is significant, and both agree on it; a late end has no effect.
     assert np.max(np.abs(np.log(assembly.receptance(LINES) / reference))) > 0.1
-    np.testing.assert_allclose(np.log(found / reference), 0.0, atol=5e-3)
-    late = EarlyEnd(LINES, 0.5)
-    np.testing.assert_allclose(
-        late.seen(assembly.receptance(late.lines_hz), 0.45), assembly.receptance(LINES), rtol=2e-3
-    )
+    for ends, values, tolerance in ((END_AT, reference, 5e-3), (0.45, assembly.receptance(LINES), 2e-3)):
+        one = MeasuredFRF(assembly=assembly, frequency_hz=LINES, receptance=values, ends=ends)
+        problem = logarithms(one)
+        np.testing.assert_allclose(problem.residual(problem.variables.start), 0.0, atol=tolerance)
 
 
-def test_derivatives_of_what_a_cut_off_record_shows() -> None:
+FACTORS = [
+    Unknown(address=END, lower=0.06, upper=0.08, start=END_AT, scale="linear"),
+    Unknown(address="observation.log_gain", lower=-1.0, upper=1.0, start=0.1, scale="linear"),
+    Unknown(address="observation.delay", lower=-1e-4, upper=1e-4, start=1e-6, scale="linear"),
+    Unknown(address="observation.decay_rate", lower=0.0, upper=100.0, start=10.0, scale="linear"),
+]
+
+
+@pytest.mark.parametrize("lines", [LINES, LINES - 2j])
+@pytest.mark.parametrize("unit", ["standard deviations", "percent"])
+def test_residuals_of_truncated_records_are_those_of_the_plain_sum(lines: np.ndarray, unit: Unit) -> None:
     one = MeasuredFRF(
-        assembly=assembled(0.09),
-        frequency_hz=LINES,
-        receptance=assembled(0.09).receptance(LINES),
+        assembly=make_assembly(0.09),
+        frequency_hz=lines,
+        receptance=make_assembly(0.088).receptance(lines),
         standard_deviation=0.01,
         ends=END_AT,
     )
-    unknowns = [
-        *JOINT,
-        Unknown(address=END, lower=0.06, upper=0.08, start=END_AT, scale="linear"),
-        Unknown(address="observation.log_gain", lower=-1.0, upper=1.0, start=0.1, scale="linear"),
-    ]
-    parameters = Parameters(unknowns, (), [place_of(one, 0)])
-    problem = Task((one,), parameters, ("standard deviations",)).problem()
-    x = problem.variables.start
-    slopes = problem.jacobian(x).copy()
-    for column, step in enumerate((1e-5, 1e-5, 1e-5, 1e-5, 1e-8, 1e-5)):
-        e = np.zeros(x.size)
-        e[column] = step
-        difference = (problem.value(x + e) - problem.value(x - e)) / (2.0 * step)
-        np.testing.assert_allclose(slopes[:, column], difference, atol=1e-5 * np.abs(slopes[:, column]).max())
+    tolerance = Tolerance(name="steel", moves={"holder.segment[*].density": 0.01}, relative=True)
+    for factors in ([], FACTORS):
+        parameters = Parameters([*JOINT, *factors], (tolerance,), [place_of(one, 0)])
+        task = Task((one,), parameters, (unit,), threads=1)
+        problem, x = task.problem(), task.variables.start
+        residual, jacobian = scipy_fits.residual_and_jacobian(task, x)
+        # Magnitudes have no derivative by a delay.
+        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1.0)
+        assert problem.residual(x) == pytest.approx(residual, rel=1e-9, abs=1e-8)
+        assert problem.jacobian(x) / scale == pytest.approx(jacobian / scale, rel=1e-7, abs=1e-8)
+        assert np.isfinite(problem.core.thinned(40).normal_matrix(x)).all()
+        normal = problem.normal(x)
+        assert normal is not None
+        assert normal.curvature / np.outer(scale, scale) == pytest.approx(
+            jacobian.T @ jacobian / np.outer(scale, scale), abs=1e-8
+        )
 
 
-def test_the_end_is_seen_and_named(records: list[MeasuredFRF]) -> None:
+def test_early_end_is_detected_and_named(records: list[MeasuredFRF]) -> None:
     end = truncation_time(records)
     assert end == pytest.approx(END_AT, abs=1.5e-3)
     tolerance = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)
@@ -114,18 +130,24 @@ def test_the_end_is_seen_and_named(records: list[MeasuredFRF]) -> None:
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["coarse_resolution"])
     (parameter,) = verdict.causes[0].parameters.values()
     assert parameter[0] == pytest.approx(END_AT, abs=2e-4)
-    found, _ = verdict.predict_natural_frequencies(assembled(0.08), 5000.0)
-    np.testing.assert_allclose(found, assembled(0.08).natural_frequencies(5000.0), rtol=2e-3)
+    found, _ = verdict.predict_natural_frequencies(make_assembly(0.08), 5000.0)
+    np.testing.assert_allclose(found, make_assembly(0.08).natural_frequencies(5000.0), rtol=2e-3)
 
 
-def test_a_response_that_dies_away_has_no_early_end() -> None:
+def test_decayed_response_has_no_early_end() -> None:
     lines = np.arange(100, 2500) / 0.5
-    one = MeasuredFRF(assembly=assembled(0.09), frequency_hz=lines, receptance=assembled(0.09).receptance(lines))
+    one = MeasuredFRF(
+        assembly=make_assembly(0.09), frequency_hz=lines, receptance=make_assembly(0.09).receptance(lines)
+    )
     assert truncation_time([one]) is None
 
 
-def test_bad_ends_are_told() -> None:
-    given = {"assembly": assembled(0.09), "frequency_hz": LINES, "receptance": assembled(0.09).receptance(LINES)}
+def test_invalid_ends_are_errors() -> None:
+    given = {
+        "assembly": make_assembly(0.09),
+        "frequency_hz": LINES,
+        "receptance": make_assembly(0.09).receptance(LINES),
+    }
     with pytest.raises(ValueError, match="ends"):
         MeasuredFRF(**given, ends=-1.0)
     with pytest.raises(ValueError, match="stepped sine"):

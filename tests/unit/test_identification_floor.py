@@ -1,4 +1,4 @@
-"""The floor under standard deviations: what no model of noise covers."""
+"""The floor under standard deviations: errors outside the noise model."""
 
 import numpy as np
 import pytest
@@ -33,22 +33,22 @@ def test_noise_is_not_taken_for_slope():
     noisy = clean * np.exp(noise * (rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)))
     added = Floor().variance(lines, noisy, np.full(lines.size, noise**2))
     exact = 0.003**2 + 1e-8 * np.abs(slope(lines, 4200.0, 0.01)) ** 2
-    # What is added in excess, against the noise that is there anyway.
+    # Excess of the floor, relative to the noise.
     assert np.mean(np.abs(added - exact)) < 0.1 * noise**2
     assert np.abs(np.mean(added - exact)) < 0.03 * noise**2
 
 
-def test_an_observation_has_the_floor_and_says_so():
+def test_observation_has_and_reports_the_floor():
     bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     lines = np.linspace(100.0, 4000.0, 400)
     frf = FRF(frequency_hz=lines, values=bar.receptance(lines), log_variance=1e-4, correlated_lines=2.0)
-    seen = MeasuredFRF.from_frf(bar, frf, floor=Floor(), configuration="blank")
+    data = MeasuredFRF.from_frf(bar, frf, floor=Floor(), configuration="blank")
     plain = MeasuredFRF.from_frf(bar, frf, floor=0.003)
     assert plain.standard_deviation == pytest.approx(np.sqrt(2e-4 + 9e-6))
-    assert np.all(seen.standard_deviation >= plain.standard_deviation)
-    assert seen.independent_lines == pytest.approx(200.0)
-    assert seen.configuration == "blank"
-    assert any("0.3 % of the receptance and 0.01 % of frequency" in note for note in seen.notes)
+    assert np.all(data.standard_deviation >= plain.standard_deviation)
+    assert data.independent_lines == pytest.approx(200.0)
+    assert data.configuration == "blank"
+    assert any("0.3 % of the receptance and 0.01 % of frequency" in note for note in data.notes)
 
 
 def test_mistakes():

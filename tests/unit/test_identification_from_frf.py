@@ -1,4 +1,4 @@
-"""From FRFs to observations: which entry, which lines, what spread, what is said; several responses together."""
+"""From FRFs to observations: entry, lines, standard deviations, notes; several responses together."""
 
 import warnings
 
@@ -7,7 +7,7 @@ import pytest
 
 from receptance import FRF, Assembly, Coordinate, GroundSpring, MeasuredFRF, ReceptanceWarning, identify
 from receptance.diagnosis import diagnose
-from receptance.frf import Unplaced
+from receptance.model.coordinates import Unplaced
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
 
 TIP, NOSE = Coordinate("tool"), Coordinate("holder", 0.0)
@@ -26,8 +26,8 @@ def test_entries_by_coordinate_number_and_label(response):
     frf = make(labels=(("1", "2", "3"), ("1",)))
     index = frf.responses.index(response)
     expected = ASSEMBLY.receptance(LINES, response=response, excitation=TIP)
-    for wanted in (response, index, str(index + 1)):
-        observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=wanted)
+    for requested in (response, index, str(index + 1)):
+        observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=requested)
         np.testing.assert_array_equal(observed.receptance, expected)
         assert (observed.response, observed.excitation) == (response, TIP)
         assert (observed.label, observed.notes, observed.standard_deviation) == ("bench", (), None)
@@ -47,7 +47,7 @@ def test_a_joint_from_several_responses_of_one_frf():
     for address, value in TRUE.items():
         error = together.standard_errors[address]
         assert abs(together.values[address] - value) < 4.0 * error, address
-        # More responses, smaller errors: three times the lines at least where each says as much as the first.
+        # More responses, smaller errors: three times the lines at least if each has as much information as the first.
         assert error < alone.standard_errors[address]
     clean = [MeasuredFRF.from_frf(ASSEMBLY, exact, response=i) for i in range(3)]
     assert_found(identify(clean, STIFFNESSES + DASHPOTS, starts=4), TRUE)
@@ -86,55 +86,57 @@ def test_spread():
         np.testing.assert_allclose(observed.standard_deviation, np.sqrt(1e-4 * factor))
     floor = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(degrees_of_freedom=18), response=0, floor=0.003)
     np.testing.assert_allclose(floor.standard_deviation, np.sqrt(1e-4 * 18.0 / 14.0 + 9e-6))
-    # A variance that follows the receptance is steadied, by less than the noise itself.
+    # A variance that follows the receptance is smoothed_variance, by less than the noise itself.
     variance = 1e-4 * np.exp(np.sin(LINES / 1e3))
     observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
     np.testing.assert_allclose(observed.standard_deviation, np.sqrt(variance), rtol=0.02)
 
 
-# Neighbours that are independent are further away where lines are correlated, and tell less.
+# Neighbours that are independent are further away if lines are correlated, and have less information.
 @pytest.mark.parametrize(("correlated", "left"), [(1, 0.4), (6, 0.8)])
-def test_weights_do_not_follow_the_noise_of_their_own_line(correlated, left):
+def test_weights_are_independent_of_the_noise_of_their_line(correlated, left):
     """Additive noise over the measured magnitude would weigh lines more that noise has made larger."""
     rng = np.random.default_rng(4)
     clean = ASSEMBLY.receptance(LINES)
     level = 0.1 * np.median(np.abs(clean))
     quiet = level < 0.3 * np.abs(clean)
-    biases, steadied = [], []
+    biases, smoothed_variance = [], []
     for draw in range(20):
         if draw % 2 == 0:  # each noise with both signs, so that what is odd in it cancels
             parts = np.cumsum(rng.standard_normal((2, LINES.size + correlated)), axis=1) / np.sqrt(correlated)
             noise = level * ((parts[0] + 1j * parts[1])[correlated:] - (parts[0] + 1j * parts[1])[:-correlated])
         measured = clean + (-1.0) ** draw * noise
         frf = FRF(frequency_hz=LINES, values=measured, log_variance=(level / np.abs(measured)) ** 2)
-        seen = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(correlated_lines=correlated))
+        data = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(correlated_lines=correlated))
         error = np.log(np.abs(measured / clean))
         biases.append(np.mean((error / (level / np.abs(measured)) ** 2)[quiet]))
-        steadied.append(correlated * np.mean((error / seen.standard_deviation**2)[quiet]))
-        ratio = seen.standard_deviation**2 / correlated / (level / np.abs(clean)) ** 2
+        smoothed_variance.append(correlated * np.mean((error / data.standard_deviation**2)[quiet]))
+        ratio = data.standard_deviation**2 / correlated / (level / np.abs(clean)) ** 2
         assert np.median(np.abs(np.log(ratio[quiet]))) < 0.1
-    # Of every line 2, whatever its noise is.
+    # 2 for every line, independent of its noise.
     assert np.mean(biases) == pytest.approx(2.0, abs=0.3)
-    assert abs(np.mean(steadied)) < left
+    assert abs(np.mean(smoothed_variance)) < left
 
 
-def test_a_coherence_gives_the_spread_with_averages_and_says_what_is_missing_without():
+def test_coherence_needs_averages_for_the_variance():
     rng = np.random.default_rng(5)
     hits = ASSEMBLY.receptance(LINES) * (1.0 + 0.03 * (rng.normal(size=(8, 1200)) + 1j * rng.normal(size=(8, 1200))))
     coherence = np.abs(hits.mean(axis=0)) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
     frf = FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence)
-    seen = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(averages=8))
-    assert np.median(seen.standard_deviation) == pytest.approx(0.03 / np.sqrt(8.0), rel=0.1)
-    with pytest.warns(ReceptanceWarning, match="the coherence is not used, because it is not known how many records"):
+    data = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(averages=8))
+    assert np.median(data.standard_deviation) == pytest.approx(0.03 / np.sqrt(8.0), rel=0.1)
+    with pytest.warns(
+        ReceptanceWarning, match="the coherence is not used, because the number of averaged records is unknown"
+    ):
         without = MeasuredFRF.from_frf(ASSEMBLY, frf)
     assert without.standard_deviation is None
-    assert any("`averages = 10` say" in note for note in without.notes)
-    with pytest.raises(ValueError, match=r"has no standard deviation.*`averages = 10` say"):
+    assert any("`averages = 10` for" in note for note in without.notes)
+    with pytest.raises(ValueError, match=r"has no standard deviation.*`averages = 10` for"):
         diagnose(without, STIFFNESSES)
 
 
-def test_correlated_lines_make_errors_honest():
-    # Every line three times over says no more than once: same values, same errors.
+def test_correlated_lines_enlarge_standard_errors():
+    # Every line three times has the information of one: same values, same errors.
     lines = np.linspace(100.0, 15e3, 400)
     copies = np.repeat(lines, 3) + np.tile([0.0, 1e-7, 2e-7], 400)
     rng = np.random.default_rng(2)
@@ -148,7 +150,7 @@ def test_correlated_lines_make_errors_honest():
         assert second.standard_errors[address] == pytest.approx(first.standard_errors[address], rel=1e-3)
 
 
-def test_infinite_variance_leaves_lines_out_and_zero_asks_for_a_floor():
+def test_infinite_variance_excludes_lines_and_zero_needs_a_floor():
     variance = np.full(LINES.size, 1e-4)
     variance[[5, 9]] = np.inf
     observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
@@ -161,38 +163,38 @@ def test_infinite_variance_leaves_lines_out_and_zero_asks_for_a_floor():
     assert MeasuredFRF.from_frf(ASSEMBLY, frf, response=0, floor=0.002).standard_deviation[6] == 0.002
     without = MeasuredFRF.from_frf(ASSEMBLY, make(), response=0, floor=0.01)
     assert without.standard_deviation[0] == 0.01
-    assert any("floor of 0.01 is all there is" in note for note in without.notes)
+    assert any("floor of 0.01 is its standard deviation" in note for note in without.notes)
     with pytest.raises(ValueError, match="no line is left for bench"):
         MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=np.inf), response=0)
 
 
-def test_few_degrees_of_freedom_are_spoken_of_and_reach_the_result():
+def test_few_degrees_of_freedom_are_noted_in_the_result():
     frf = make(log_variance=1e-4, degrees_of_freedom=4, notes=["hit 3 dropped"])
     observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0)
     assert observed.notes[0] == "hit 3 dropped"
-    assert "from 4 degrees of freedom are mostly noise" in observed.notes[1]
+    assert "from 4 degrees of freedom are uncertain" in observed.notes[1]
     result = identify(observed, STIFFNESSES, starts=1)
     assert set(observed.notes) <= set(result.notes)
 
 
-def test_places_that_are_not_known_and_that_differ():
+def test_unknown_and_inconsistent_positions():
     values = ASSEMBLY.receptance(LINES)
     unplaced = FRF(frequency_hz=LINES, values=values)
     observed = MeasuredFRF.from_frf(ASSEMBLY, unplaced)
     assert observed.response == observed.excitation == Coordinate()
     assert not isinstance(observed.response, Unplaced)
     assert sum("taken at the tip" in note for note in observed.notes) == 2
-    told = MeasuredFRF.from_frf(ASSEMBLY, unplaced, response=NOSE, excitation=TIP)
-    assert (told.response, told.excitation, told.notes) == (NOSE, TIP, ())
+    reported = MeasuredFRF.from_frf(ASSEMBLY, unplaced, response=NOSE, excitation=TIP)
+    assert (reported.response, reported.excitation, reported.notes) == (NOSE, TIP, ())
     other = MeasuredFRF.from_frf(ASSEMBLY, make(responses=(TIP,)), response=NOSE)
     assert other.response == NOSE
-    assert any("is taken at" in note and "the FRF says" in note for note in other.notes)
+    assert any("is taken at" in note and "the FRF has" in note for note in other.notes)
 
 
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({}, ValueError, "has 3 responses: say which with response=, a coordinate or a number"),
+        ({}, ValueError, "has 3 responses: select one with response=, a coordinate or a number"),
         ({"response": 3}, ValueError, "none of the responses is 3"),
         ({"response": Coordinate("holder", "end")}, ValueError, "none of the responses is"),
         ({"response": 0, "excitation": SLOPE}, ValueError, "its excitation is in direction 'y'"),
@@ -206,7 +208,7 @@ def test_bad_requests(options, error, words):
         MeasuredFRF.from_frf(ASSEMBLY, make(), **options)
 
 
-def test_something_else_than_an_frf():
+def test_input_other_than_an_frf():
     with pytest.raises(TypeError, match="frf is None, expected an FRF"):
         MeasuredFRF.from_frf(ASSEMBLY, None)
     with pytest.raises(TypeError, match="assembly is None"):
@@ -229,14 +231,14 @@ def test_integrated_noise_at_low_frequencies_is_noted_and_a_floating_body_is_not
     inertia = (2.0 * np.pi * 2.0) ** 2 * abs(ASSEMBLY.receptance([2.0])[0])
     assert not notes(ASSEMBLY, 0.0)
     assert not notes(ASSEMBLY, 0.02)
-    (said,) = notes(ASSEMBLY, 2.0)
-    assert "from 2 to " in said
+    (text,) = notes(ASSEMBLY, 2.0)
+    assert "from 2 to " in text
     # Held by a spring, so that the same noise is more than the motion up to some frequency alone.
     ground = GroundSpring(k_y=1e9, k_theta=1e7, part="holder", position="end")
     held = Assembly(list(ASSEMBLY.elements.values()), [ground])
     assert not notes(held, 0.0)
-    (said,) = notes(held, 0.1)
-    start = float(said.partition("from about ")[2].partition(" Hz")[0])
+    (text,) = notes(held, 0.1)
+    start = float(text.partition("below about ")[2].partition(" Hz")[0])
     stiffness = 1.0 / abs(held.receptance([2.0])[0])
     # There the noise is as much as the motion of a spring at this frequency, and advised is three times as much.
     crossing = np.sqrt(0.1 * np.sqrt(2.0) * inertia * stiffness) / (2.0 * np.pi)

@@ -1,4 +1,4 @@
-"""Bad input is answered in words that name the quantity and the place."""
+"""Errors for invalid input name the quantity and the position."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ K_Y = Unknown(address="joint.k_y", lower=1e6, upper=1e10)
 K_THETA = Unknown(address="joint.k_theta", lower=1e3, upper=1e7)
 
 
-def measured(**changes):
+def measure(**changes):
     return MeasuredFRF(**({"assembly": PAIR, "frequency_hz": LINES, "receptance": VALUES} | changes))
 
 
@@ -57,18 +57,18 @@ def with_value(index, value):
 )
 def test_measured_frf(changes, error, words):
     with pytest.raises(error, match=words):
-        measured(**changes)
+        measure(**changes)
 
 
 def test_label_names_the_measurement():
     with pytest.raises(ValueError, match="MeasuredFRF 'bench 3': frequency_hz is empty"):
-        measured(frequency_hz=[], receptance=[], label="bench 3")
+        measure(frequency_hz=[], receptance=[], label="bench 3")
 
 
-def test_line_at_zero_is_dropped_and_that_is_said():
+def test_line_at_zero_is_dropped_with_a_note():
     lines = np.r_[0.0, LINES]
     with pytest.warns(ReceptanceWarning, match="0 Hz is dropped"):
-        frf = measured(frequency_hz=lines, receptance=np.r_[np.nan, VALUES], standard_deviation=np.full(51, 0.1))
+        frf = measure(frequency_hz=lines, receptance=np.r_[np.nan, VALUES], standard_deviation=np.full(51, 0.1))
     np.testing.assert_array_equal(frf.frequency_hz, LINES)
     np.testing.assert_array_equal(frf.receptance, VALUES)
     assert frf.standard_deviation.shape == LINES.shape
@@ -76,9 +76,9 @@ def test_line_at_zero_is_dropped_and_that_is_said():
     assert any("0 Hz is dropped" in note for note in result.notes)
 
 
-def test_measurements_keep_their_own_arrays():
+def test_measurements_copy_their_arrays():
     lines = LINES.copy()
-    frf = measured(frequency_hz=lines)
+    frf = measure(frequency_hz=lines)
     lines[0] = -1.0
     assert frf.frequency_hz[0] == 100.0
     with pytest.raises(ValueError, match="read-only"):
@@ -141,7 +141,7 @@ def test_scale_and_start_follow_from_the_bounds():
     [
         ([], {}, ValueError, "unknowns is empty"),
         (["joint.k_y"], {}, TypeError, r"unknowns\[0\] is 'joint.k_y', expected an Unknown"),
-        ([K_Y, K_Y], {}, ValueError, "'joint.k_y' and 'joint.k_y' are both 'joint.k_y'"),
+        ([K_Y, K_Y], {}, ValueError, "'joint.k_y' and 'joint.k_y' both determine 'joint.k_y'"),
         (
             [
                 Unknown(address="tool.segment[*].density", lower=7e3, upper=8e3),
@@ -149,7 +149,7 @@ def test_scale_and_start_follow_from_the_bounds():
             ],
             {},
             ValueError,
-            r"are both 'tool.segment\[0\].density'",
+            r"both determine 'tool.segment\[0\].density'",
         ),
         (
             [Unknown(address="joint.k_z", lower=1.0, upper=2.0)],
@@ -182,7 +182,7 @@ def test_scale_and_start_follow_from_the_bounds():
 )
 def test_identify(unknowns, options, error, words):
     with pytest.raises(error, match=words):
-        identify(measured(), unknowns, **options)
+        identify(measure(), unknowns, **options)
 
 
 @pytest.mark.parametrize(
@@ -202,11 +202,11 @@ def test_more_unknowns_than_frequencies():
 def test_standard_deviations_for_some_only():
     modes = MeasuredFrequencies(assembly=PAIR, frequency_hz=[1000.0], label="taps")
     with pytest.raises(ValueError, match=r"has a standard deviation but MeasuredFrequencies.'taps'.* has none"):
-        identify([measured(standard_deviation=0.1), modes], K_Y)
+        identify([measure(standard_deviation=0.1), modes], K_Y)
 
 
 def test_no_peak_to_put_a_band_around():
     lines = np.linspace(10.0, 20.0, 20)
-    flat = measured(frequency_hz=lines, receptance=PAIR.receptance(lines))
-    with pytest.raises(ValueError, match="has no peak that stands out"):
+    flat = measure(frequency_hz=lines, receptance=PAIR.receptance(lines))
+    with pytest.raises(ValueError, match="has no peak with a prominence"):
         find_bands(flat)

@@ -1,4 +1,4 @@
-"""Laws across configurations, tolerances and priors: the map from the fitted vector into assemblies."""
+"""Laws across configurations, tolerances and priors: the map from the fitted vector to assemblies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from receptance.identification.mapping import Parameters, Place
 LINES = np.linspace(200.0, 6000.0, 150)
 
 
-def assembled(
+def make_assembly(
     overhang: float = 0.0623, k_y: float = 6.3e8, k_theta: float = 1.0e5, diameter: float = 0.0127
 ) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=diameter, material=CARBIDE)], name="tool")
@@ -23,7 +23,7 @@ def assembled(
     return Assembly([tool, PointJoint(k_y=k_y, k_theta=k_theta, c_theta=2.0, name="joint"), holder])
 
 
-def measured(
+def measure(
     truth: Assembly, nominal: Assembly, name: str, seed: int | None, sd: float = 0.01, **conditions: float
 ) -> MeasuredFRF:
     values = truth.receptance(LINES)
@@ -41,8 +41,8 @@ def measured(
 
 
 def test_the_map_and_its_derivatives():
-    nominal = assembled()
-    wanted = [
+    nominal = make_assembly()
+    requested = [
         Law(address="joint.k_y", lower=1e6, upper=1e10, powers=Power(of="torque", reference=20.0), individual=0.05),
         Law(address="joint.k_theta", lower=1e3, upper=1e7, free=True),
     ]
@@ -52,7 +52,7 @@ def test_the_map_and_its_derivatives():
         Tolerance(name="clamping a", moves={"tool.segment[0].length": 1e-4}, configurations="a"),
     ]
     places = [Place(nominal, name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
-    parameters = Parameters(wanted, tolerances, places)
+    parameters = Parameters(requested, tolerances, places)
     assert [unknown.name for unknown in parameters.unknowns] == [
         "joint.k_y",
         "joint.k_y ~ torque",
@@ -86,16 +86,16 @@ def test_the_map_and_its_derivatives():
             assert np.allclose(slope[:, i], expected, rtol=1e-6, atol=1e-7 * np.abs(placed.values(u)) / step * 1e-3)
 
 
-def test_what_follows_a_law_has_its_powers_and_its_individual_parts():
-    """A coupling term goes with the geometric mean of two stiffnesses, whatever moves them."""
+def test_law_has_exponents_and_individual_deviations():
+    """A coupling term scales with the geometric mean of two stiffnesses."""
     half = {"joint.k_ytheta": 0.5}
-    wanted = [
+    requested = [
         Law(address="joint.k_y", lower=1e6, upper=1e10, powers=Power(of="torque", reference=20.0), follows=half),
         Law(address="joint.k_theta", lower=1e3, upper=1e7, individual=0.05, follows=half),
         Unknown(address="joint.k_ytheta", lower=-1e7, upper=1e7, start=0.0),
     ]
-    places = [Place(assembled(), name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
-    parameters = Parameters(wanted, [], places)
+    places = [Place(make_assembly(), name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
+    parameters = Parameters(requested, [], places)
     u = dict.fromkeys((unknown.name for unknown in parameters.unknowns), 0.0)
     u |= {"joint.k_y": 3e8, "joint.k_y ~ torque": 0.6, "joint.k_theta": 1e5, "joint.k_ytheta": -2e6}
     u |= {"joint.k_theta @ a": 1.0, "joint.k_theta @ b": -2.0}
@@ -111,18 +111,18 @@ def test_what_follows_a_law_has_its_powers_and_its_individual_parts():
 
 def test_an_unknown_reaches_assemblies_that_were_not_observed():
     true, spare = (
-        assembled(k_theta=1.3e5),
+        make_assembly(k_theta=1.3e5),
         Part([Segment(length=0.1, outer_diameter=0.0127, material=CARBIDE)], name="spare"),
     )
     held_out = Assembly([spare, PointJoint(k_y=6.3e8, k_theta=1e5, name="other"), true.elements["holder"]])
     data = MeasuredFrequencies(
-        assembly=assembled(), frequency_hz=true.natural_frequencies(8e3), standard_deviation_hz=1.0
+        assembly=make_assembly(), frequency_hz=true.natural_frequencies(8e3), standard_deviation_hz=1.0
     )
     unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7, also={"other.k_theta": 0.5})
     found = identify(data, unknown)
     assert found.values["joint.k_theta"] == pytest.approx(1.3e5, rel=1e-3)
     assert found.apply(held_out).get("other.k_theta") == pytest.approx(0.65e5, rel=1e-3)
-    assert any("no observation's assembly has other.k_theta; it matters for predictions" in n for n in found.notes)
+    assert any("no observation's assembly has other.k_theta; it affects predictions" in n for n in found.notes)
     with pytest.raises(ValueError, match=r"no observation's assembly has other\.k_theta"):
         identify(data, Unknown(address="other.k_theta", lower=1e3, upper=1e7, also={"other.k_y": 1e4}))
 
@@ -131,8 +131,8 @@ def test_a_power_law_is_found_over_overhangs():
     law = Power(of="tool.segment[0].length", reference=0.0623)
     observations = []
     for i, overhang in enumerate((0.05, 0.0623, 0.08)):
-        truth = assembled(overhang, k_theta=1e5 * (overhang / 0.0623) ** -0.7)
-        observations.append(measured(truth, assembled(overhang), f"{1e3 * overhang:g} mm", i))
+        truth = make_assembly(overhang, k_theta=1e5 * (overhang / 0.0623) ** -0.7)
+        observations.append(measure(truth, make_assembly(overhang), f"{1e3 * overhang:g} mm", i))
     found = identify(
         observations,
         [
@@ -145,17 +145,17 @@ def test_a_power_law_is_found_over_overhangs():
     assert found.values[exponent] == pytest.approx(-0.7, abs=4 * found.standard_errors[exponent])
     assert found.standard_errors[exponent] < 0.05
     assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=0.05)
-    # What was not measured follows the law.
-    other = found.apply(assembled(0.07))
+    # Unmeasured configurations follow the law.
+    other = found.apply(make_assembly(0.07))
     assert other.get("joint.k_theta") == pytest.approx(
         found.values["joint.k_theta"] * (0.07 / 0.0623) ** found.values[exponent]
     )
 
 
-def test_conditions_drive_a_law_and_free_values_do_not_follow_it():
+def test_law_follows_conditions_and_free_values_do_not():
     torques = {"loose": 20.0, "tight": 60.0}
     observations = [
-        measured(assembled(k_theta=4e4 * (t / 20.0) ** 0.5), assembled(), name, i, torque=t)
+        measure(make_assembly(k_theta=4e4 * (t / 20.0) ** 0.5), make_assembly(), name, i, torque=t)
         for i, (name, t) in enumerate(torques.items())
     ]
     fixed = Unknown(address="joint.k_y", lower=1e7, upper=1e10)
@@ -166,18 +166,18 @@ def test_conditions_drive_a_law_and_free_values_do_not_follow_it():
     assert with_law.values["joint.k_theta ~ torque"] == pytest.approx(0.5, abs=0.05)
     ratio = without.values["joint.k_theta @ tight"] / without.values["joint.k_theta @ loose"]
     assert ratio == pytest.approx(3.0 ** with_law.values["joint.k_theta ~ torque"], rel=1e-4)
-    assert with_law.apply(assembled(), conditions={"torque": 40.0}).get("joint.k_theta") == pytest.approx(
+    assert with_law.apply(make_assembly(), conditions={"torque": 40.0}).get("joint.k_theta") == pytest.approx(
         4e4 * 2.0**0.5, rel=0.05
     )
     with pytest.raises(ValueError, match="no condition 'torque'"):
-        with_law.apply(assembled())
+        with_law.apply(make_assembly())
     with pytest.raises(ValueError, match="free in each configuration"):
-        without.apply(assembled(), configuration="other")
+        without.apply(make_assembly(), configuration="other")
 
 
-def test_tolerances_widen_and_are_found_where_the_data_see_them():
-    truth = assembled(diameter=0.0127 * 1.004)
-    frf = measured(truth, assembled(), "one", 1)
+def test_tolerances_widen_intervals_and_are_fitted_if_observable():
+    truth = make_assembly(diameter=0.0127 * 1.004)
+    frf = measure(truth, make_assembly(), "one", 1)
     unknowns = [
         Unknown(address="joint.k_y", lower=1e7, upper=1e10),
         Unknown(address="joint.k_theta", lower=1e3, upper=1e7),
@@ -195,12 +195,14 @@ def test_tolerances_widen_and_are_found_where_the_data_see_them():
     again = pickle.loads(pickle.dumps(found))
     assert again.values == found.values
     # A new tool of that blank has the same error.
-    frequency, spread = found.predict_natural_frequencies(assembled(0.07), 6000.0)
-    assert np.all(np.abs(frequency - assembled(0.07, diameter=0.0127 * 1.004).natural_frequencies(6000.0)) < 5 * spread)
+    frequency, spread = found.predict_natural_frequencies(make_assembly(0.07), 6000.0)
+    assert np.all(
+        np.abs(frequency - make_assembly(0.07, diameter=0.0127 * 1.004).natural_frequencies(6000.0)) < 5 * spread
+    )
 
 
 def test_one_error_shared_by_two_observations_and_one_of_each():
-    frfs = [measured(assembled(l_), assembled(l_), name, None) for name, l_ in (("a", 0.05), ("b", 0.07))]
+    frfs = [measure(make_assembly(l_), make_assembly(l_), name, None) for name, l_ in (("a", 0.05), ("b", 0.07))]
     unknowns = [Unknown(address="joint.k_theta", lower=1e3, upper=1e7)]
     shared = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)
     own = [Tolerance(name=f"overhang {n}", moves={"tool.segment[0].length": 1e-4}, configurations=n) for n in "ab"]
@@ -210,9 +212,9 @@ def test_one_error_shared_by_two_observations_and_one_of_each():
     assert np.allclose([found.values[name] for name in found.errors], 0.0, atol=1e-3)
 
 
-def test_a_prior_decides_what_the_data_do_not():
-    frequency = assembled().natural_frequencies(5e3)[:1]
-    mode = MeasuredFrequencies(assembly=assembled(), frequency_hz=frequency, standard_deviation_hz=5.0)
+def test_prior_determines_an_unobservable_parameter():
+    frequency = make_assembly().natural_frequencies(5e3)[:1]
+    mode = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
     prior = Prior(mean=1e9, standard_deviation=0.3)
     found = identify(
         mode,
@@ -240,14 +242,14 @@ def test_a_prior_decides_what_the_data_do_not():
         (
             lambda: Law(address="joint.k_y", lower=1.0, upper=2.0, free=True, follows={"joint.k_ytheta": 0.5}),
             ValueError,
-            "what follows it would have no law",
+            "it is free and has parameters that follow it",
         ),
         (
             lambda: Law(address="joint.k_y", lower=1.0, upper=2.0, follows={"joint.k_ytheta": "half"}),
             TypeError,
             r"follows\['joint.k_ytheta'\] is 'half'",
         ),
-        (lambda: Tolerance(name="", moves={"a": 1.0}), TypeError, "what the error belongs to"),
+        (lambda: Tolerance(name="", moves={"a": 1.0}), TypeError, "expected the name of the error"),
         (lambda: Tolerance(name="x", moves={}), ValueError, "moves is empty"),
         (lambda: Tolerance(name="x", moves={"tool.segment[0].length": 0.0}), ValueError, "is 0"),
         (lambda: Prior(mean=1.0, standard_deviation=0.0), ValueError, "standard_deviation is 0"),
@@ -276,18 +278,18 @@ def test_a_prior_decides_what_the_data_do_not():
         (lambda: _fit(powers=Power(of="torque", reference=1.0)), ValueError, "no condition 'torque'"),
     ],
 )
-def test_mistakes_are_answered_in_words(make, error, words):
+def test_mistakes_give_messages(make, error, words):
     with pytest.raises(error, match=words):
         make()
 
 
 def _fit(tolerances: object = (), powers: object = ()) -> None:
-    frf = measured(assembled(), assembled(), "one", None)
+    frf = measure(make_assembly(), make_assembly(), "one", None)
     identify(frf, Law(address="joint.k_y", lower=1e7, upper=1e10, powers=powers), tolerances=tolerances, starts=1)
 
 
 def test_priors_need_standard_deviations():
-    bare = MeasuredFrequencies(assembly=assembled(), frequency_hz=assembled().natural_frequencies(15e3)[:2])
+    bare = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(15e3)[:2])
     with pytest.raises(ValueError, match="can only be weighed"):
         identify(
             bare,
@@ -298,18 +300,18 @@ def test_priors_need_standard_deviations():
 
 def test_a_free_law_has_a_value_between_those_of_neighbours_along_a_condition():
     law = Law(address="joint.k_y", lower=1e6, upper=1e10, free=True, along="force")
-    places = [Place(assembled(), f"{force:g} kN", conditions={"force": force}) for force in (10.0, 0.0, 20.0)]
+    places = [Place(make_assembly(), f"{force:g} kN", conditions={"force": force}) for force in (10.0, 0.0, 20.0)]
     parameters = Parameters([law], [], places)
     unknowns = np.array([3e8, 1e8, 4e8])  # in the order of the places
-    between = Place(assembled(), "5 kN", conditions={"force": 5.0})
+    between = Place(make_assembly(), "5 kN", conditions={"force": 5.0})
     placed = parameters.at(between)
     assert placed.values(unknowns) == pytest.approx([2e8])
     np.testing.assert_allclose(placed.jacobian(unknowns), [[0.5, 0.5, 0.0]])
-    again = Place(assembled(), "another 20 kN", conditions={"force": 20.0})
+    again = Place(make_assembly(), "another 20 kN", conditions={"force": 20.0})
     assert parameters.at(again).values(unknowns) == pytest.approx([4e8])
     with pytest.raises(ValueError, match="known for 'force' from 0 to 20"):
-        parameters.at(Place(assembled(), "25 kN", conditions={"force": 25.0}))
+        parameters.at(Place(make_assembly(), "25 kN", conditions={"force": 25.0}))
     with pytest.raises(ValueError, match="no condition 'force'"):
-        parameters.at(Place(assembled(), "unknown"))
+        parameters.at(Place(make_assembly(), "unknown"))
     with pytest.raises(ValueError, match="of a free law only"):
         Law(address="joint.k_y", lower=1e6, upper=1e10, along="force")

@@ -23,9 +23,8 @@ from receptance import (
     Segment,
     Unknown,
     _core,
-    _ties,
 )
-from receptance.identification import Law, Power, Prior, Tolerance, complex_frequencies, identify
+from receptance.identification import Law, Power, Prior, Tolerance, identify
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
 from receptance.identification.task import Task, place_of
@@ -35,7 +34,7 @@ LINES = np.linspace(200.0, 6000.0, 300)
 RNG = np.random.default_rng(4)
 
 
-def assembled(overhang: float = 0.06) -> Assembly:
+def make_assembly(overhang: float = 0.06) -> Assembly:
     tool = Part(
         [
             Segment(length=overhang, outer_diameter=0.0127, material=replace(CARBIDE, loss_factor=0.002)),
@@ -53,9 +52,9 @@ def assembled(overhang: float = 0.06) -> Assembly:
 
 def measured(overhang: float, lines: np.ndarray = LINES, **places: Coordinate) -> MeasuredFRF:
     noise = RNG.normal(scale=0.01, size=(2, lines.size))
-    values = assembled(overhang + 5e-5).receptance(lines, **places) * np.exp(noise[0] + 1j * noise[1])
+    values = make_assembly(overhang + 5e-5).receptance(lines, **places) * np.exp(noise[0] + 1j * noise[1])
     return MeasuredFRF(
-        assembly=assembled(overhang),
+        assembly=make_assembly(overhang),
         frequency_hz=lines,
         receptance=values,
         standard_deviation=np.linspace(0.01, 0.02, lines.size),
@@ -91,14 +90,14 @@ TOLERANCES = [
 
 
 def everything() -> Task:
-    """Return a task with all that the core knows: laws, priors, errors, places inside segments, modes, a window."""
-    modes = assembled(0.07).natural_frequencies(9e3)
+    """Return a task with all features of the core: laws, priors, errors, places inside segments, modes, a window."""
+    modes = make_assembly(0.07).natural_frequencies(9e3)
     observed = (
         measured(0.05),
         measured(0.06, response=Coordinate(part="tool", position=0.02), excitation=Coordinate(part="tool")),
         measured(0.08, LINES - 3j, excitation=Coordinate(part="tool", position=0.08, direction="theta")),
         MeasuredFrequencies(
-            assembly=assembled(0.07),
+            assembly=make_assembly(0.07),
             frequency_hz=modes[[0, 2]],
             modes=[1, 3],
             standard_deviation_hz=[1.0, 4.0],
@@ -115,9 +114,9 @@ def recorded() -> Task:
 
     def seat(mass: float) -> Assembly:
         springs = [PointJoint(k_y=9e8, k_theta=2e5, c_theta=2.0), PointJoint(k_y=2e9, k_theta=3e5, c_y=100.0)]
-        tool, _, holder = assembled().elements.values()
+        tool, _, holder = make_assembly().elements.values()
         collet = ColletJoint(inner=springs[0], outer=springs[1], mass=mass, inertia=1e-6, name="collet")
-        return Assembly([tool, collet, holder], assembled().attachments.values())
+        return Assembly([tool, collet, holder], make_assembly().attachments.values())
 
     one = measured(0.06)
     observed = (
@@ -194,9 +193,10 @@ def test_records_of_one_model_share_its_evaluation(monkeypatch):
         def __init__(self, *arguments):
             self.problem = problem_of_the_core(*arguments)
 
-        def add_receptance(self, model, lines, points, measured, *others):
-            records.append(len(measured))
-            self.problem.add_receptance(model, lines, points, measured, *others)
+        def add_receptance(self, *arguments):
+            before = self.problem.lines
+            self.problem.add_receptance(*arguments)
+            records.append((self.problem.lines - before) // LINES.size)
 
         @property
         def lines(self):
@@ -210,7 +210,7 @@ def test_records_of_one_model_share_its_evaluation(monkeypatch):
     assert problem.lines == 3 * LINES.size
 
 
-def test_some_lines_are_taken_alone():
+def test_subsets_of_lines():
     task = everything()
     lines = [np.arange(0, LINES.size, 3), None, np.arange(100), None]
     some = task.problem(lines)
@@ -221,7 +221,7 @@ def test_some_lines_are_taken_alone():
     assert some.residual(x) == pytest.approx(whole.residual(x)[rows], rel=1e-9, abs=1e-9)
 
 
-def test_threads_do_not_change_a_bit():
+def test_results_are_bitwise_independent_of_threads():
     task = everything()
     one, two = (replace(task, threads=threads).problem().normal(task.variables.start) for threads in (1, 2))
     assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
@@ -238,8 +238,8 @@ def test_the_optimum_is_that_of_scipy():
 
 def damped() -> Task:
     """Return a task of natural frequencies with damping ratios."""
-    assembly = assembled(0.07)
-    poles, _ = complex_frequencies(assembly, assembly.natural_frequencies(9e3)[:3])
+    assembly = make_assembly(0.07)
+    poles, _ = assembly.complex_frequencies(assembly.natural_frequencies(9e3)[:3])
     modes = MeasuredFrequencies(
         assembly=assembly,
         frequency_hz=np.abs(poles) * [1.001, 0.999, 1.0005],
@@ -275,7 +275,9 @@ def test_fits_end_where_those_of_scipy_do(made):
 def test_the_optimum_of_percentages_is_that_of_scipy():
     """Sums of smoothed absolute values, against SciPy's `soft_l1`."""
     frfs = [measured(0.05), measured(0.08)]
-    modes = MeasuredFrequencies(assembly=assembled(0.07), frequency_hz=assembled(0.07).natural_frequencies(9e3)[:2])
+    modes = MeasuredFrequencies(
+        assembly=make_assembly(0.07), frequency_hz=make_assembly(0.07).natural_frequencies(9e3)[:2]
+    )
     unknowns = [replace(UNKNOWNS[0], prior=None), UNKNOWNS[3]]
     found = identify([*frfs, modes], unknowns, objective="percentage", starts=2)
     best = min(found.starts, key=lambda run: run.cost)
@@ -288,7 +290,7 @@ def test_the_optimum_of_percentages_is_that_of_scipy():
     assert best.cost == pytest.approx(scipy_fits.fit(found.task, best.variables, 0.1).cost, rel=1e-6)
 
 
-def test_starts_that_are_left_on_the_way_are_told():
+def test_abandoned_starts_are_reported():
     lines = np.linspace(200.0, 6000.0, 1600)
     tolerance = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True)
     found = identify(
@@ -318,31 +320,13 @@ def test_held_variables_stay_where_they_start():
     assert np.all(np.abs(whole.curvature - there) <= 1e-2 * np.sqrt(np.outer(np.diag(there), np.diag(there))))
 
 
-def test_a_start_without_a_model_is_told():
+def test_start_without_a_model_is_an_error():
     campaign = simulate_campaign(np.random.default_rng(6), overhangs=1)
     starts = {"joint.k_y": 1e6, "joint.k_theta": 1e3, "joint.k_ytheta": 9e7}
     found = identify(campaign.observations, campaign.unknowns(starts), tolerances=campaign.tolerances, starts=12)
     assert found.starts[0].cost == np.inf
     assert "positive semidefinite" in found.starts[0].message
     assert any("no value at" in note for note in found.notes)
-
-
-def test_what_the_core_does_not_know_is_given_to_it_as_a_function(monkeypatch):
-    frf = MeasuredFRF(
-        assembly=assembled(), frequency_hz=LINES, receptance=assembled().receptance(LINES), standard_deviation=0.01
-    )
-    blank = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 1e-3}, relative=True)
-    kinds = tuple(kind for kind in _ties._KNOWN if kind is not PointJoint)
-    monkeypatch.setattr(_ties, "_KNOWN", kinds)
-    found = identify(frf, UNKNOWNS[3], tolerances=blank, starts=1)
-    outside = found.task.problem()
-    assert outside.lines == 0
-    assert found.values["joint.c_theta"] == pytest.approx(2.0, rel=1e-3)
-    monkeypatch.undo()
-    inside = found.task.problem()
-    assert inside.lines == LINES.size
-    x = near(found.task)
-    assert inside.residual(x) == pytest.approx(outside.residual(x), rel=1e-9, abs=1e-9)
 
 
 def test_an_error_in_a_function_ends_the_fit():
@@ -387,31 +371,34 @@ def test_an_error_in_a_function_ends_the_fit():
         ({"points": np.zeros((1, 2))}, "two rows"),
         ({"rates": np.array([[0.0, 99.0, 2.0, 0.0, 1.0]])}, "row and a column"),
         ({"rates": np.array([[0.0, 0.0, 2.0, 9.0, 1.0]])}, "address below"),
-        ({"addresses": np.full((2, 6), np.nan)}, "unknown below 2"),
-        ({"addresses": np.zeros((2, 8))}, "model is tied to"),
+        ({"addresses": np.full((2, 8), np.nan)}, "unknown below 2"),
+        ({"addresses": np.zeros((2, 10))}, "model is tied to"),
+        ({"end": -1.0}, "end of record"),
         ({"present": np.zeros(1)}, "present values"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(change, words):
+def test_arrays_of_wrong_shape_are_errors(change, words):
     """A bar whose length and outer diameter are unknown."""
     bar = [0.0, 1.0, 0.1, 0.02, 0.0, 2e11, 7800.0, 0.3, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
     none = [np.zeros((0, columns)) for columns in (9, 3, 8)]
     arguments = {
         "rates": np.array([[0.0, 0.0, 2.0, 0.0, 1.0], [0.0, 0.0, 3.0, 1.0, 1.0]]),
         "present": np.array([0.1, 0.02]),
-        "addresses": np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0, 0.0, 0.0]]),
+        "addresses": np.array([[i, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0] for i in (0.0, 1.0)]),
         "points": np.zeros((2, 2)),
         "measured": np.full((1, 5), 1e-6 + 1e-7j),
         "weights": np.ones((1, 5)),
+        "end": None,
         "bounds": np.array([[0.05, 0.01], [0.2, 0.04]]),
         "priors": np.zeros((0, 3)),
         "x": np.array([0.1, 0.02]),
     }
 
-    def normal(rates, present, addresses, points, measured, weights, bounds, priors, x):
+    def normal(rates, present, addresses, points, measured, weights, end, bounds, priors, x):
         model = _core.Model(0, np.array([bar]), *none).tied(rates, present, addresses)
         problem = _core.Problem(np.zeros(2, dtype=bool), bounds, priors, 1)
-        problem.add_receptance(model, _core.Lines(np.linspace(1e3, 5e3, 5)), points, measured, weights)
+        records = _core.Records(measured, weights, end=end)
+        problem.add_receptance(model, _core.Lines(np.linspace(1e3, 5e3, 5)), points, records)
         return problem.normal_matrix(x)
 
     assert np.isfinite(normal(**arguments)).all()

@@ -1,4 +1,4 @@
-"""What the data can say: profiles, statements, constrained fits, and the staged fit."""
+"""Information of the data: profiles, statements, constrained fits, and the staged fit."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Profiles, Tolerance, identify
-from receptance.identification.statements import Tie, state
+from receptance.identification.profiles import Tie, interval_statement
 from simulated_campaigns import simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 400)
 
 
-def assembled(k_y: float = 6.3e8, k_theta: float = 1.0e5, overhang: float = 0.0623) -> Assembly:
+def make_assembly(k_y: float = 6.3e8, k_theta: float = 1.0e5, overhang: float = 0.0623) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.0127, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
     return Assembly([tool, PointJoint(k_y=k_y, k_theta=k_theta, c_theta=2.0, name="joint"), holder])
 
 
-def measured(truth: Assembly, nominal: Assembly | None = None, sd: float = 0.01, seed: int = 1) -> MeasuredFRF:
+def measure(truth: Assembly, nominal: Assembly | None = None, sd: float = 0.01, seed: int = 1) -> MeasuredFRF:
     noise = np.random.default_rng(seed).normal(scale=sd, size=(2, LINES.size))
     values = truth.receptance(LINES) * np.exp(noise[0] + 1j * noise[1])
     return MeasuredFRF(
-        assembly=nominal or assembled(), frequency_hz=LINES, receptance=values, standard_deviation=sd, label="a"
+        assembly=nominal or make_assembly(), frequency_hz=LINES, receptance=values, standard_deviation=sd, label="a"
     )
 
 
@@ -36,7 +36,7 @@ BLANK = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 0.002},
 
 
 def test_a_fit_from_one_start_ends_where_scipy_does():
-    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
     problem = found.task.problem()
     start = problem.variables.from_values(np.array([3e8, 2e5, 0.5]))
     own = problem.fit_one(start, least=1e-12)
@@ -52,17 +52,17 @@ def test_a_fit_from_one_start_ends_where_scipy_does():
 
 
 def test_a_fit_stops_at_a_bound_with_the_rest_at_its_best():
-    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
     tight = [STIFFNESSES[0], Unknown(address="joint.k_theta", lower=1e2, upper=9e4)]
-    bounded = identify(measured(assembled()), tight, tolerances=BLANK, starts=1, strategy="staged")
-    scipy = identify(measured(assembled()), tight, tolerances=BLANK, starts=3)
+    bounded = identify(measure(make_assembly()), tight, tolerances=BLANK, starts=1, strategy="staged")
+    scipy = identify(measure(make_assembly()), tight, tolerances=BLANK, starts=3)
     assert bounded.values["joint.k_theta"] == pytest.approx(9e4)
     assert bounded.starts[0].cost == pytest.approx(min(run.cost for run in scipy.starts), rel=1e-6)
     assert bounded.starts[0].cost > min(run.cost for run in found.starts)
 
 
 def test_a_profile_is_the_standard_error_where_the_data_are_plenty():
-    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+    found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
     profiles = found.profiles()
     assert set(profiles) == {"joint.k_y", "joint.k_theta"}
     for name, profile in profiles.items():
@@ -75,8 +75,8 @@ def test_a_profile_is_the_standard_error_where_the_data_are_plenty():
         assert profile.confidence(profile.value) == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_profile_goes_with_the_definition():
-    found = identify(measured(assembled()), STIFFNESSES, tolerances=BLANK, starts=3)
+def test_profile_follows_its_definition():
+    found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
     profile = found.profiles("joint.k_theta")["joint.k_theta"]
     problem = found.task.problem()
     best = min(run.cost for run in found.starts)
@@ -91,7 +91,7 @@ def test_a_profile_goes_with_the_definition():
 
 
 def test_a_stiff_joint_has_only_a_lower_bound():
-    found = identify(measured(assembled(k_y=5e10), sd=0.2), STIFFNESSES, starts=4)
+    found = identify(measure(make_assembly(k_y=5e10), sd=0.2), STIFFNESSES, starts=4)
     profile = found.profiles("joint.k_y")["joint.k_y"]
     assert profile.upper_open
     assert profile.upper == np.inf
@@ -101,8 +101,8 @@ def test_a_stiff_joint_has_only_a_lower_bound():
 
 
 def test_one_mode_ties_the_two_stiffnesses():
-    frequency = assembled().natural_frequencies(5e3)[:1]
-    mode = MeasuredFrequencies(assembly=assembled(), frequency_hz=frequency, standard_deviation_hz=5.0)
+    frequency = make_assembly().natural_frequencies(5e3)[:1]
+    mode = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
     with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
         identify(mode, STIFFNESSES)
     # The same mode seen twice is no second mode.
@@ -114,11 +114,14 @@ def test_one_mode_ties_the_two_stiffnesses():
     assert "tied to joint.k_y" in profiles["joint.k_theta"].statement
 
 
-def test_a_flat_receptance_says_nothing_of_the_joint():
+def test_flat_receptance_leaves_the_joint_undetermined():
     # Far below all resonances the assembly moves as a rigid body.
     lines = np.linspace(1.0, 3.0, 40)
     flat = MeasuredFRF(
-        assembly=assembled(), frequency_hz=lines, receptance=assembled().receptance(lines), standard_deviation=0.05
+        assembly=make_assembly(),
+        frequency_hz=lines,
+        receptance=make_assembly().receptance(lines),
+        standard_deviation=0.05,
     )
     profiles = identify(flat, STIFFNESSES, starts=2).profiles()
     for profile in profiles.values():
@@ -127,10 +130,10 @@ def test_a_flat_receptance_says_nothing_of_the_joint():
         assert not profile.statement.startswith("determined")
 
 
-def test_more_parameters_than_information_is_said():
+def test_more_parameters_than_information_is_noted():
     tolerances = [BLANK, Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)]
     modes = MeasuredFrequencies(
-        assembly=assembled(), frequency_hz=assembled().natural_frequencies(9e3)[:1], standard_deviation_hz=5.0
+        assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(9e3)[:1], standard_deviation_hz=5.0
     )
     with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
         identify(modes, STIFFNESSES, tolerances=tolerances)
@@ -138,9 +141,9 @@ def test_more_parameters_than_information_is_said():
     assert not any(p.statement.startswith("determined") for p in found.profiles().values())
 
 
-def test_one_configuration_says_nothing_of_a_law():
+def test_one_configuration_leaves_a_law_undetermined():
     law = Law(address="joint.k_theta", lower=1e2, upper=1e8, powers=Power(of="torque", reference=20.0))
-    one = measured(assembled()).configured("40 Nm", {"torque": 40.0})
+    one = measure(make_assembly()).configured("40 Nm", {"torque": 40.0})
     found = identify(one, [STIFFNESSES[0], law], tolerances=BLANK, starts=3)
     profiles = found.profiles()
     for name in ("joint.k_theta", "joint.k_theta ~ torque"):
@@ -150,7 +153,7 @@ def test_one_configuration_says_nothing_of_a_law():
     assert profiles["joint.k_y"].statement.startswith("determined")
     assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
     # The exponent at the torque itself is no parameter of the measurement at all.
-    at = measured(assembled()).configured("20 Nm", {"torque": 20.0})
+    at = measure(make_assembly()).configured("20 Nm", {"torque": 20.0})
     blind = identify(at, [STIFFNESSES[0], law], tolerances=BLANK, starts=2)
     assert "do not determine joint.k_theta ~ torque" in " ".join(blind.advice)
     assert blind.standard_errors["joint.k_theta ~ torque"] == np.inf
@@ -159,9 +162,9 @@ def test_one_configuration_says_nothing_of_a_law():
     assert exponent.statement.startswith("not determined")
 
 
-def test_a_better_optimum_is_told():
+def test_better_optimum_is_reported():
     """A fit that stopped too early is not profiled as if it were the optimum."""
-    with_error = measured(assembled())
+    with_error = measure(make_assembly())
     found = identify(with_error, STIFFNESSES, starts=1, max_evaluations=2)
     assert not found.converged
     profile = found.profiles("joint.k_theta")["joint.k_theta"]
@@ -169,7 +172,7 @@ def test_a_better_optimum_is_told():
 
 
 def test_percentages_are_no_likelihood():
-    frf = measured(assembled())
+    frf = measure(make_assembly())
     found = identify(frf, STIFFNESSES, objective="percentage", starts=1)
     with pytest.raises(ValueError, match="no likelihood"):
         found.profiles()
@@ -194,9 +197,9 @@ def test_the_staged_fit_reaches_the_optimum_from_three_decades_off():
     assert staged.rms == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_staged_fit_does_without_receptances():
+def test_staged_fit_without_receptances():
     modes = MeasuredFrequencies(
-        assembly=assembled(), frequency_hz=assembled().natural_frequencies(15e3)[:2], standard_deviation_hz=5.0
+        assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(15e3)[:2], standard_deviation_hz=5.0
     )
     found = identify(modes, STIFFNESSES, starts=1, strategy="staged")
     assert found.values["joint.k_y"] == pytest.approx(6.3e8, rel=1e-3)
@@ -208,25 +211,25 @@ def test_the_staged_fit_does_without_receptances():
     [
         ((1e5, 9.8e4, 1.02e5), "log", "determined to 2 %"),
         ((1e5, 6e4, 2e5), "log", "determined to a factor of 2"),
-        ((1e5, 1e4, 2e6), "log", "hardly determined: between 1e+04 and 2e+06"),
+        ((1e5, 1e4, 2e6), "log", "poorly determined: between 1e+04 and 2e+06"),
         ((1e5, 4e4, np.inf), "log", "only a lower bound: 4e+04"),
         ((1e5, 0.0, 2e5), "log", "only an upper bound: 2e+05"),
-        ((1e5, 0.0, np.inf), "log", "not determined: the data say nothing about it within the bounds"),
-        ((1.0, -1.0, 3.0), "linear", "not told from zero: -1 to 3"),
+        ((1e5, 0.0, np.inf), "log", "not determined within the bounds"),
+        ((1.0, -1.0, 3.0), "linear", "not distinguishable from zero: -1 to 3"),
         ((2.0, 1.9, 2.1), "linear", "determined to 5 %"),
         ((2.0, -np.inf, 2.1), "linear", "only an upper bound: 2.1"),
     ],
 )
 def test_statements(interval, scale, words):
-    assert state(*interval, 0.95, name="x", scale=scale) == words
+    assert interval_statement(*interval, name="x", scale=scale) == words
 
 
 def test_statements_of_ties():
-    assert "tied to joint.k_y" in state(1.0, 0.1, 4.0, 0.95, name="x", scale="log", tie=Tie("joint.k_y", 30.0))
+    assert "tied to joint.k_y" in interval_statement(1.0, 0.1, 4.0, name="x", scale="log", tie=Tie("joint.k_y", 30.0))
 
 
 def test_the_figure_shows_every_profile():
-    found = identify(measured(assembled(k_y=5e10), sd=0.2), STIFFNESSES, tolerances=BLANK, starts=3)
+    found = identify(measure(make_assembly(k_y=5e10), sd=0.2), STIFFNESSES, tolerances=BLANK, starts=3)
     profiles = found.profiles()
     assert profiles["joint.k_y"].upper_open  # at the bound the rise is just below the threshold
     figure = profiles.plot()

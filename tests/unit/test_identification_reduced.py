@@ -8,8 +8,8 @@ import pytest
 import scipy_fits
 from receptance import Coordinate, GroundSpring, MeasuredFRF, PointMass, Unknown, identify
 from receptance.identification import Prior
-from receptance.identification.problem import Observed, only_joint
-from receptance.identification.residuals import InfeasibleError
+from receptance.identification.problem import Observed
+from receptance.identification.residuals import InfeasibleError, only_joint
 from receptance.identification.search import fit_direct
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, simulate
@@ -56,7 +56,7 @@ def test_sum_of_squares_gradient_and_curvature_are_those_of_the_whole_model(plac
         assert np.all(curvature <= 1e-9 * np.outer(size, size))
 
 
-def test_bands_weights_attachments_and_threads_enter_alike():
+def test_reduction_with_bands_weights_attachments_and_threads():
     assembly = make_assembly()
     more = [
         PointMass(mass=0.002, part="tool", position=0.01),
@@ -199,7 +199,7 @@ def test_the_ends_do_not_depend_on_the_number_of_threads():
         assert [run.values for run in one] == [run.values for run in two]
 
 
-def test_a_start_without_a_model_says_why():
+def test_start_without_a_model_gives_the_reason():
     frf = simulate(make_assembly())
     unknowns = [*STIFFNESSES, Unknown(address="joint.k_ytheta", lower=-1e10, upper=1e10, start=9e9)]
     problem = task_of(frf, unknowns).problem()

@@ -1,4 +1,4 @@
-"""The posterior as draws, against what is known of it in closed form and against profiles."""
+"""Draws of the posterior, against closed forms and profiles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from receptance.identification import Identification, Prior, Tolerance, identify
 LINES = np.linspace(200.0, 6000.0, 40)
 
 
-def assembled(k_theta: float = 1e5) -> Assembly:
+def make_assembly(k_theta: float = 1e5) -> Assembly:
     tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
     return Assembly([tool, PointJoint(k_y=6.3e8, k_theta=k_theta, c_theta=2.0, name="joint"), holder])
@@ -23,9 +23,9 @@ def assembled(k_theta: float = 1e5) -> Assembly:
 def fitted(sd: float = 0.05) -> Identification:
     noise = np.random.default_rng(1).normal(scale=sd, size=(2, LINES.size))
     frf = MeasuredFRF(
-        assembly=assembled(),
+        assembly=make_assembly(),
         frequency_hz=LINES,
-        receptance=assembled().receptance(LINES) * np.exp(noise[0] + 1j * noise[1]),
+        receptance=make_assembly().receptance(LINES) * np.exp(noise[0] + 1j * noise[1]),
         standard_deviation=sd,
     )
     return identify(
@@ -57,14 +57,14 @@ def test_draws_agree_with_profile_and_standard_errors():
     assert np.array_equal(again.values, found.sample(steps=100, seed=2).values)
 
 
-def test_short_chains_are_told():
+def test_short_chains_are_noted():
     draws = fitted().sample(steps=100)
     assert any("autocorrelation times long" in note for note in draws.notes)
 
 
 def test_a_gaussian_posterior_is_found_in_closed_form():
-    """Where the data say nothing the posterior is the prior, cut off at the bounds."""
-    far = MeasuredFrequencies(assembly=assembled(), frequency_hz=assembled().natural_frequencies(5e3)[:1])
+    """Without information in the data the posterior is the prior, cut off at the bounds."""
+    far = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(5e3)[:1])
     mode = MeasuredFrequencies(assembly=far.assembly, frequency_hz=far.frequency_hz, standard_deviation_hz=1e6)
     known = Prior(mean=2e5, standard_deviation=0.3)
     found = identify(mode, Unknown(address="joint.k_theta", lower=1e3, upper=2e5, prior=known), starts=1)
@@ -76,14 +76,14 @@ def test_a_gaussian_posterior_is_found_in_closed_form():
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"steps": 3}, "steps is 3"), ({"walkers": 2}, "two a parameter"), ({"walkers": 8.5}, "walkers is 8.5")],
+    [({"steps": 3}, "steps is 3"), ({"walkers": 2}, "two per parameter"), ({"walkers": 8.5}, "walkers is 8.5")],
 )
 def test_useless_settings_are_refused(options, words):
     with pytest.raises(ValueError, match=words):
         fitted().sample(**options)
 
 
-def test_what_cannot_be_sampled_is_said(monkeypatch):
+def test_unsupported_sampling_is_an_error(monkeypatch):
     draws = fitted().sample(steps=100)
     with pytest.raises(ValueError, match=r"was not sampled, only joint\.k_theta, blank"):
         draws.of("joint.k_y")

@@ -28,7 +28,7 @@ def windowed(assembly=None, sigma=SIGMA, **options):
     )
 
 
-def test_complex_lines_are_what_a_window_in_time_does():
+def test_complex_lines_equal_a_window_in_time():
     """The impulse response of a clamped bar, windowed in time and transformed, against the model on complex lines."""
     bar = Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")
     ground = GroundSpring(k_y=2e7, k_theta=2e4, c_y=1000.0, c_theta=1.0, part="bar", position="end", name="clamp")
@@ -66,7 +66,7 @@ def test_ignoring_the_window_puts_its_damping_into_the_joint():
     assert np.abs(right.residuals[0]).max() < 1e-6
 
 
-def test_a_wrong_rate_is_not_exact_either():
+def test_wrong_window_rate_is_not_exact():
     result = identify(
         MeasuredFRF.from_frf(make_assembly(), windowed().with_(decay_rate=0.5 * SIGMA)), STIFFNESSES + DASHPOTS
     )
@@ -133,7 +133,7 @@ def test_windowed_and_plain_measurements_share_a_joint():
         (complex_lines()[::-1], "not ascending"),
     ],
 )
-def test_complex_lines_that_cannot_be(lines, words):
+def test_invalid_complex_lines(lines, words):
     with pytest.raises(ValueError, match=words):
         MeasuredFRF(assembly=make_assembly(), frequency_hz=lines, receptance=np.ones(LINES.size))
 

@@ -1,4 +1,4 @@
-"""Inverse coupling: the joint's stiffness line by line, its variance, and where it says that nothing can be said."""
+"""Inverse coupling: the joint's stiffness line by line, its variance, and the mask of undetermined lines."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rng():
     return np.random.default_rng(20)
 
 
-def measured(true, response, excitation=TIP, *, described=None, noise=None, sd=0.005, lines=LINES, label=""):
+def measure(true, response, excitation=TIP, *, described=None, noise=None, sd=0.005, lines=LINES, label=""):
     h = true.receptance(lines, response=response, excitation=excitation)
     if noise is not None:
         h = h * np.exp(sd * (noise.normal(size=h.size) + 1j * noise.normal(size=h.size)))
@@ -40,7 +40,7 @@ def measured(true, response, excitation=TIP, *, described=None, noise=None, sd=0
 
 
 def blind(true, terms):
-    """Return the assembly with a joint of which nothing is right that is solved for."""
+    """Return the assembly with wrong values of all joint parameters that are solved for."""
     wrong = {name: value for name, value in ELSEWHERE.items() if f"k{name[1:]}" in terms}
     return true.replace({f"joint.{name}": value for name, value in wrong.items()})
 
@@ -71,7 +71,7 @@ def errors_of(found: InverseCoupling, true) -> dict[str, np.ndarray]:
 def test_exact_where_the_data_are(pairs, terms):
     true = make_assembly(**COUPLED)
     described = blind(true, terms)
-    found = invert_coupling([measured(true, *pair, described=described) for pair in pairs], terms=terms)
+    found = invert_coupling([measure(true, *pair, described=described) for pair in pairs], terms=terms)
     assert found.terms == terms
     for term, off in errors_of(found, true).items():
         assert off.max() < 1e-6, term
@@ -81,10 +81,10 @@ def test_exact_where_the_data_are(pairs, terms):
 
 @pytest.mark.parametrize("decay", [0.0, 20.0])
 def test_a_window_on_both_channels(decay):
-    """Complex lines: the stiffness is k + i w c with the complex w, and its parts are told apart."""
+    """Complex lines: the stiffness is k + i w c with the complex w, and its parts are separated."""
     true = make_assembly()
     lines = LINES - 1j * decay / (2.0 * np.pi)
-    found = invert_coupling([measured(true, place, lines=lines) for place in (TIP, NOSE)])
+    found = invert_coupling([measure(true, place, lines=lines) for place in (TIP, NOSE)])
     for name, value in found.start().items():
         assert value == pytest.approx(TRUE[name], rel=1e-6), name
 
@@ -92,21 +92,21 @@ def test_a_window_on_both_channels(decay):
 def test_overhangs_for_coordinates():
     """The same joint at two overhangs, each measured at its tip, is two equations as well."""
     true = [make_assembly(overhang) for overhang in (0.05, 0.08)]
-    found = invert_coupling([measured(t, TIP, described=blind(t, ("k_y", "k_theta"))) for t in true])
+    found = invert_coupling([measure(t, TIP, described=blind(t, ("k_y", "k_theta"))) for t in true])
     for term, off in errors_of(found, true[0]).items():
         assert np.mean(off < 1e-6) > 0.97, term
     for name, value in found.start().items():
         assert value == pytest.approx(TRUE[name], rel=1e-6), name
 
 
-def test_standard_deviations_are_those_of_many_draws(rng):
+def test_standard_deviations_against_random_draws(rng):
     true = make_assembly(**COUPLED)
     lines, draws = LINES[60::60], 150
     pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
-    exact = invert_coupling([measured(true, *pair, lines=lines, sd=2e-5) for pair in pairs])
+    exact = invert_coupling([measure(true, *pair, lines=lines, sd=2e-5) for pair in pairs])
     values = []
     for _ in range(draws):
-        found = invert_coupling([measured(true, *pair, lines=lines, sd=2e-5, noise=rng) for pair in pairs])
+        found = invert_coupling([measure(true, *pair, lines=lines, sd=2e-5, noise=rng) for pair in pairs])
         values.append([found.term(t)[0] for t in ALL])
     scatter = np.array(values)
     for i, term in enumerate(ALL):
@@ -116,11 +116,11 @@ def test_standard_deviations_are_those_of_many_draws(rng):
             assert np.std(part, axis=0) / stated == pytest.approx(1.0, abs=0.22), term
 
 
-def test_the_condition_number_is_the_most_that_an_error_grows(rng):
+def test_condition_number_bounds_error_growth(rng):
     true = make_assembly(**COUPLED)
     lines = LINES[10::40]
     pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
-    exact = invert_coupling([measured(true, *pair, lines=lines) for pair in pairs])
+    exact = invert_coupling([measure(true, *pair, lines=lines) for pair in pairs])
     k = exact.stiffness
     size = np.stack([np.abs(k[:, 0, 0]), np.abs(k[:, 1, 1]), np.sqrt(np.abs(k[:, 0, 0] * k[:, 1, 1]))], axis=1)
     most = np.zeros(lines.size)
@@ -150,56 +150,56 @@ def test_a_tolerance_is_an_error_of_all_lines():
     true = make_assembly()
     error = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 1e-4}, relative=True)
     other = true.replace({"tool.segment[0].youngs_modulus": true.get("tool.segment[0].youngs_modulus") * 1.0001})
-    found = invert_coupling([measured(true, place) for place in (TIP, NOSE)], tolerances=error)
-    moved = invert_coupling([measured(other, place, described=true) for place in (TIP, NOSE)])
-    heard = found.usable[:, 1, 1]
+    found = invert_coupling([measure(true, place) for place in (TIP, NOSE)], tolerances=error)
+    moved = invert_coupling([measure(other, place, described=true) for place in (TIP, NOSE)])
+    usable_lines = found.usable[:, 1, 1]
     change = np.abs(moved.stiffness[:, 1, 1] - found.stiffness[:, 1, 1])
-    assert change[heard] == pytest.approx(found.model_deviation[heard, 1, 1], rel=0.05)
+    assert change[usable_lines] == pytest.approx(found.model_deviation[usable_lines, 1, 1], rel=0.05)
     assert np.all(found.model_deviation[:, 0, 1] == 0.0)
 
 
-def test_a_start_that_leads_to_the_optimum(rng):
+def test_start_converges_to_the_optimum(rng):
     true = make_assembly(**COUPLED)
     described = blind(true, ALL)
-    seen = [measured(true, *p, described=described, noise=rng) for p in [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]]
-    unknowns = invert_coupling(seen).unknowns()
+    data = [measure(true, *p, described=described, noise=rng) for p in [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]]
+    unknowns = invert_coupling(data).unknowns()
     assert {u.address for u in unknowns} >= {"joint.k_y", "joint.k_theta", "joint.k_ytheta", "joint.c_y"}
-    one = identify(seen, unknowns, starts=1)
-    many = identify(seen, unknowns, starts=4)
+    one = identify(data, unknowns, starts=1)
+    many = identify(data, unknowns, starts=4)
     assert one.converged
     assert one.rms == pytest.approx(many.rms, rel=1e-6)
     for name in ("joint.k_y", "joint.k_theta", "joint.k_ytheta"):
         assert one.values[name] == pytest.approx(true.get(name), rel=0.02), name
 
 
-def test_where_the_data_do_not_speak(rng):
-    """At low frequency a stiff joint is not in the data; the mask says so, and medians do not mind."""
+def test_uninformative_lines(rng):
+    """At low frequency a stiff joint is not in the data; these lines are masked, and medians are unaffected."""
     true = make_assembly()
-    found = invert_coupling([measured(true, place, noise=rng) for place in (TIP, NOSE)])
+    found = invert_coupling([measure(true, place, noise=rng) for place in (TIP, NOSE)])
     low = LINES < 700.0
     assert not found.usable[low, 0, 0].any()
     assert found.usable[LINES > 7500.0, 0, 0].all()
     assert found.start()["joint.k_theta"] == pytest.approx(TRUE["joint.k_theta"], rel=0.02)
-    assert any("speak of k_y" in note for note in found.notes)
+    assert any("usable for k_y" in note for note in found.notes)
 
 
-def test_what_is_taken_as_known_and_is_wrong(rng):
-    """A coupling that is not solved for is in no constant joint, and it is said."""
+def test_errors_in_the_assumed_model(rng):
+    """A coupling that is not solved for is in no constant joint, as the note states."""
     true = make_assembly(**COUPLED)
-    seen = [measured(true, place, noise=rng) for place in (TIP, NOSE)]
-    assert invert_coupling(seen).rms == pytest.approx(1.0, abs=0.05)
+    data = [measure(true, place, noise=rng) for place in (TIP, NOSE)]
+    assert invert_coupling(data).rms == pytest.approx(1.0, abs=0.05)
     plain = true.replace({"joint.k_ytheta": 0.0, "joint.c_ytheta": 0.0})
-    wrong = [measured(true, place, described=plain, noise=rng) for place in (TIP, NOSE)]
+    wrong = [measure(true, place, described=plain, noise=rng) for place in (TIP, NOSE)]
     found = invert_coupling(wrong)
     assert found.rms > 3.0
-    assert any("no k + i w c suits all lines" in note for note in found.notes)
+    assert any("no k + i w c fits all lines" in note for note in found.notes)
 
 
 def test_lines_without_a_solution_are_masked_and_named():
     """A response across the joint: on lines that no finite joint explains the free assembly has none either."""
     true = make_assembly(**COUPLED)
     pairs = [(TIP, TIP), (NOSE, TIP), (NOSE, NOSE)]
-    whole = [measured(true, *pair, sd=1e-4) for pair in pairs]
+    whole = [measure(true, *pair, sd=1e-4) for pair in pairs]
     values, deviations = whole[1].receptance.copy(), np.full(LINES.size, 1e-4)
     values[[40, 200]] = 1e150, 1e-160
     deviations[300] = 1e-300
@@ -223,29 +223,29 @@ def test_lines_without_a_solution_are_masked_and_named():
     assert max(off[others].max() for off in errors_of(found, true).values()) < 1e-6
 
 
-def test_nothing_to_hear():
+def test_no_response():
     rigid = make_assembly(k_y=1e14, k_theta=1e10)
     low = np.linspace(10.0, 100.0, 50)
-    found = invert_coupling([measured(rigid, place, lines=low, sd=0.05) for place in (TIP, NOSE)])
+    found = invert_coupling([measure(rigid, place, lines=low, sd=0.05) for place in (TIP, NOSE)])
     assert not found.usable.any()
     assert found.start() == {}
-    with pytest.raises(ValueError, match="no line says anything of k_y and k_theta"):
+    with pytest.raises(ValueError, match="no line gives k_y and k_theta"):
         found.unknowns()
 
 
 def test_too_few_equations():
     true = make_assembly()
     with pytest.raises(ValueError, match="2 unknown terms on each line, but there is one receptance"):
-        invert_coupling(measured(true, TIP), terms=("k_y", "k_theta"))
-    with pytest.raises(ValueError, match="responses to one load, which give two terms at most"):
-        invert_coupling([measured(true, place) for place in (TIP, NOSE, SHANK)])
-    with pytest.raises(ValueError, match="cannot tell k_y and k_theta apart"):
-        invert_coupling([measured(true, TIP), measured(true, TIP)])
+        invert_coupling(measure(true, TIP), terms=("k_y", "k_theta"))
+    with pytest.raises(ValueError, match="responses to one load, which determine at most two"):
+        invert_coupling([measure(true, place) for place in (TIP, NOSE, SHANK)])
+    with pytest.raises(ValueError, match="cannot separate k_y and k_theta"):
+        invert_coupling([measure(true, TIP), measure(true, TIP)])
 
 
-def test_mistakes_are_answered():
+def test_mistakes_give_messages():
     true = make_assembly()
-    tip = measured(true, TIP)
+    tip = measure(true, TIP)
     bare = MeasuredFRF(assembly=true, frequency_hz=LINES, receptance=tip.receptance)
     with pytest.raises(ValueError, match="no standard deviation"):
         invert_coupling(bare)
@@ -254,9 +254,9 @@ def test_mistakes_are_answered():
     with pytest.raises(ValueError, match="expected some of k_y, k_theta, k_ytheta"):
         invert_coupling(tip, terms=("k_x",))
     with pytest.raises(ValueError, match="there is no line that all of"):
-        invert_coupling([tip, measured(true, NOSE, lines=LINES + LINES[-1])])
+        invert_coupling([tip, measure(true, NOSE, lines=LINES + LINES[-1])])
     with pytest.raises(ValueError, match="expected the same joint"):
-        invert_coupling([tip, measured(make_assembly(0.08, k_y=1e9), TIP)], terms=("k_theta",))
+        invert_coupling([tip, measure(make_assembly(0.08, k_y=1e9), TIP)], terms=("k_theta",))
     with pytest.raises(TypeError, match="expected a MeasuredFRF"):
         invert_coupling([3])
     with pytest.raises(ValueError, match="'k_y' was not solved for, only k_theta"):
@@ -265,12 +265,12 @@ def test_mistakes_are_answered():
 
 @pytest.mark.parametrize("factor", [0.97, 1.03])
 def test_records_of_different_lengths_are_resampled(factor):
-    """Their lines stand at other frequencies: those with the widest steps are kept, without what nothing covers."""
+    """The lines with the widest steps are kept, within the common band."""
     true = make_assembly()
     other = np.linspace(LINES[0], LINES[-1], int(LINES.size / factor))
-    # A few lines were not usable, and nothing is interpolated across the gap.
+    # A few lines were not usable, and the gap is not interpolated.
     other = np.delete(other, np.flatnonzero((other > 1000.0) & (other < 1100.0)))
-    found = invert_coupling([measured(true, TIP), measured(true, NOSE, lines=other)])
+    found = invert_coupling([measure(true, TIP), measure(true, NOSE, lines=other)])
     lines = found.frequency_hz.real
     assert set(lines) <= set(LINES if factor < 1.0 else other)
     assert lines.size > 0.9 * LINES.size
@@ -282,9 +282,9 @@ def test_records_of_different_lengths_are_resampled(factor):
     assert any(f"resampled to the {lines.size} lines of" in note for note in found.notes)
 
 
-def test_lines_in_common_and_the_result_itself():
+def test_common_lines_and_result_object():
     true = make_assembly()
-    found = invert_coupling([measured(true, TIP), measured(true, NOSE, lines=LINES[::2])])
+    found = invert_coupling([measure(true, TIP), measure(true, NOSE, lines=LINES[::2])])
     assert found.frequency_hz.size == LINES[::2].size
     assert any("200 lines are left out" in note for note in found.notes)
     assert "joint" in repr(found)

@@ -1,4 +1,4 @@
-"""NPZ, MAT and HDF5: what this library writes, what others write, and files that break their readers."""
+"""NPZ, MAT and HDF5 files: of this library, of other programs, and files that crash their readers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import pytest
 import scipy.io
 
 from receptance import FRF, Coordinate, ReceptanceWarning
-from receptance.io import Coherence, FileFormatError, TimeSeries, isolated, read, read_all, read_frf, write
+from receptance.io import Coherence, FileFormatError, TimeSeries, mat_hdf5, read, read_all, read_frf, write
 
 LINES = np.array([10.0, 20.0, 30.0])
 NUMBERS = np.array([1 + 1j, 2 - 2j, 3 + 0.5j])
@@ -43,11 +43,9 @@ def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 def test_variables_of_other_programs(path: Path) -> None:
     save(path, {"f": LINES[:, None], "H": NUMBERS, "coh": np.array([[0.9, 0.8, 0.7]]), "text": "hello"})
-    with pytest.raises(
-        FileFormatError, match=r"has to be said which of its variables is what.*H \((1x)?3 complex128\)|double"
-    ):
+    with pytest.raises(FileFormatError, match=r"name its variables and their unit.*H \((1x)?3 complex128\)|double"):
         read(path)
-    with pytest.raises(FileFormatError, match="does not say in which unit its FRF is"):
+    with pytest.raises(FileFormatError, match="does not state the unit of its FRF"):
         read(path, variables=FRF_VARIABLES)
     frf = read_frf(path, variables={**FRF_VARIABLES, "coherence": "coh"}, unit="g/N")
     assert np.allclose(frf.values[:, 0, 0], NUMBERS * 9.80665)
@@ -55,13 +53,13 @@ def test_variables_of_other_programs(path: Path) -> None:
     assert frf.coherence.ravel().tolist() == [0.9, 0.8, 0.7]
     alone = read(path, variables={"frequency_hz": "f", "coherence": "coh"})
     assert isinstance(alone, Coherence)
-    with pytest.raises(FileFormatError, match="there are no numbers named 'G' for 'values'; the file holds"):
+    with pytest.raises(FileFormatError, match="there is no numeric variable 'G' for 'values'; the file holds"):
         read(path, variables={"frequency_hz": "f", "values": "G"}, unit="g/N")
     with pytest.raises(FileFormatError, match="variables names 'phase', expected some of"):
         read(path, variables={**FRF_VARIABLES, "phase": "coh"}, unit="g/N")
 
 
-def test_parts_apart_and_matrices(path: Path) -> None:
+def test_separate_parts_and_matrices(path: Path) -> None:
     cube = np.arange(12.0).reshape(3, 2, 2)
     save(path, {"f": LINES, "re": NUMBERS.real, "im": NUMBERS.imag, "cube": cube, "square": cube[:, :, 0]})
     apart = read_frf(path, variables={"frequency_hz": "f", "real": "re", "imaginary": "im"}, unit="m/N")
@@ -70,7 +68,7 @@ def test_parts_apart_and_matrices(path: Path) -> None:
         matrix = read_frf(path, variables={"frequency_hz": "f", "values": "cube"}, quantity="mobility", unit="SI")
     assert np.array_equal(matrix.values.real, cube)
     assert "the values are real" in matrix.notes[0]
-    with pytest.raises(FileFormatError, match="whether its columns are responses or excitations is not said"):
+    with pytest.raises(FileFormatError, match="its columns may be responses or excitations"):
         read(path, variables={"frequency_hz": "f", "values": "square"}, unit="m/N")
     with pytest.raises(FileFormatError, match=r"has shape \(3, 2, 2\)|has shape"):
         read(path, variables={"frequency_hz": "re", "values": "cube", "coherence": "square"}, unit="m/N")
@@ -113,9 +111,9 @@ def test_columns_of_arrays(path: Path) -> None:
     assert frf.coherence is not None
     with pytest.raises(FileFormatError, match=r"'H1_2\[:,0\]' is its first column"):
         read(path, variables={"frequency_hz": "H1_2", "values": "H1_2"}, unit="m/N")
-    with pytest.raises(FileFormatError, match=r"has shape \(3, 2\), so there is no column 2 in it; columns"):
+    with pytest.raises(FileFormatError, match=r"has shape \(3, 2\) and no column 2; columns"):
         read(path, variables={"frequency_hz": "f", "values": "H1_2[:,2]"}, unit="m/N")
-    with pytest.raises(FileFormatError, match=r"select one column, counted from 0: 'many\[:,0\]'"):
+    with pytest.raises(FileFormatError, match=r"select one column, counted from 0, for example 'many\[:,0\]'"):
         read(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N")
     third = read_frf(path, variables={"frequency_hz": "f", "values": "many[:,2]"}, unit="m/N")
     assert np.array_equal(third.values.ravel(), 3.0 * NUMBERS)
@@ -123,11 +121,11 @@ def test_columns_of_arrays(path: Path) -> None:
     roving = read_frf(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N", excitations=places)
     assert roving.values.shape == (3, 1, 4)
     assert np.array_equal(roving.values[:, 0, 2], 3.0 * NUMBERS)
-    seen = read_frf(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N", responses=places)
-    assert seen.values.shape == (3, 4, 1)
+    measured_data = read_frf(path, variables={"frequency_hz": "f", "values": "many"}, unit="m/N", responses=places)
+    assert measured_data.values.shape == (3, 4, 1)
 
 
-def test_magnitude_and_phase_apart(path: Path) -> None:
+def test_separate_magnitude_and_phase(path: Path) -> None:
     save(path, {"f": LINES, "mag": np.abs(NUMBERS), "deg": np.degrees(np.angle(NUMBERS)), "rad": np.angle(NUMBERS)})
     for role, name in (("phase_deg", "deg"), ("phase_rad", "rad")):
         frf = read_frf(path, variables={"frequency_hz": "f", "magnitude": "mag", role: name}, unit="m/N")
@@ -153,12 +151,12 @@ def test_mat_files_with_strings_of_matlab(tmp_path: Path) -> None:
         scipy.io.whosmat(path)
     frf = read_frf(path, variables=FRF_VARIABLES, unit="m/N")
     assert np.array_equal(frf.values.ravel(), NUMBERS)
-    with pytest.raises(FileFormatError, match=r"It holds f \(1x3 float64\), H \(1x3 complex128\)"):
+    with pytest.raises(FileFormatError, match=r"The file holds f \(1x3 float64\), H \(1x3 complex128\)"):
         read(path)
 
 
-def test_names_that_speak_for_themselves(path: Path) -> None:
-    """`np.savez("tip.npz", frequency_hz=..., values=...)` needs its unit and nothing else; MAT and HDF5 say it."""
+def test_variables_with_the_names_of_this_library(path: Path) -> None:
+    """`np.savez("tip.npz", frequency_hz=..., values=...)` needs only its unit; MAT and HDF5 contain it."""
     save(path, {"frequency_hz": LINES, "values": NUMBERS})
     options: dict[str, Any] = (
         {} if path.suffix == ".npz" else {"variables": {"frequency_hz": "frequency_hz", "values": "values"}}
@@ -166,7 +164,7 @@ def test_names_that_speak_for_themselves(path: Path) -> None:
     assert np.array_equal(read_frf(path, unit="m/N", **options).values[:, 0, 0], NUMBERS)
 
 
-def test_time_records_of_other_programs(path: Path) -> None:
+def test_time_series_of_other_programs(path: Path) -> None:
     save(
         path,
         {"t": np.arange(4) / 1000.0, "F": np.arange(4.0), "a": np.arange(4, dtype=np.int16), "short": np.arange(3.0)},
@@ -182,8 +180,8 @@ def test_time_records_of_other_programs(path: Path) -> None:
     for changed, options, message in (
         ({**variables, "x": "short"}, {}, "different numbers of samples"),
         (variables, {"unit": "N"}, "one unit, 'N', was given for 2 channels"),
-        (variables, {"unit": {"hammer": "N"}}, "in which unit channel 'tip' is"),
-        ({"tip": "a"}, {"unit": "g"}, "the sample rate is not said"),
+        (variables, {"unit": {"hammer": "N"}}, "the unit of channel 'tip' is unknown"),
+        ({"tip": "a"}, {"unit": "g"}, "the sample rate is unknown"),
         ({"time_s": "t"}, {}, "variables names no channel"),
         ({"time_s": "short", "tip": "a"}, {"unit": "g"}, "there are 3 times for 4 samples"),
     ):
@@ -191,11 +189,11 @@ def test_time_records_of_other_programs(path: Path) -> None:
             read(path, variables=changed, **options)
 
 
-def test_what_this_library_wrote_says_everything_itself(path: Path) -> None:
+def test_options_contradicting_files_of_this_library(path: Path) -> None:
     write(path, FRF(frequency_hz=LINES, values=NUMBERS, form="mobility"))
     assert read_frf(path, unit="m/s/N").form == "mobility"
     for options in ({"unit": "m/N"}, {"quantity": "receptance"}, {"unit": "mm/s/N"}):
-        with pytest.raises(FileFormatError, match="the file says that it is a mobility in m/s/N, but"):
+        with pytest.raises(FileFormatError, match="the file holds a mobility in m/s/N, but"):
             read(path, **options)
     with pytest.raises(FileFormatError, match="columns was given, but the file is a"):
         read(path, columns=["a"])
@@ -237,7 +235,7 @@ def test_older_mat_files_are_refused(tmp_path: Path) -> None:
     ):
         read(path)
     (tmp_path / "a.h5").write_bytes(b"something else")
-    with pytest.raises(FileFormatError, match="does not begin like one"):
+    with pytest.raises(FileFormatError, match="HDF5 signature is missing"):
         read(tmp_path / "a.h5")
 
 
@@ -257,7 +255,7 @@ def npz_with(path: Path, content: bytes, *, compression: int = zipfile.ZIP_STORE
     return path
 
 
-def test_npz_sizes_are_checked_before_anything_is_made(tmp_path: Path) -> None:
+def test_npz_sizes_are_checked_before_allocation(tmp_path: Path) -> None:
     buffer = io.BytesIO()
     np.save(buffer, LINES)
     good = buffer.getvalue()
@@ -277,7 +275,7 @@ def test_npz_sizes_are_checked_before_anything_is_made(tmp_path: Path) -> None:
             read(npz_with(path, changed + b"\n" + data))
     with pytest.raises(FileFormatError, match="there are 16"):
         read(npz_with(path, good[:-8]))
-    with pytest.raises(FileFormatError, match="the compression 14 is none that NumPy writes"):
+    with pytest.raises(FileFormatError, match="the compression 14 is not one of NumPy's"):
         read(npz_with(path, good, compression=zipfile.ZIP_LZMA))
     content = bytearray(npz_with(path, b"\0" * 2000, compression=zipfile.ZIP_DEFLATED).read_bytes())
     at = content.rfind(b"PK\x01\x02")
@@ -286,11 +284,11 @@ def test_npz_sizes_are_checked_before_anything_is_made(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="the arrays take more than 1024 MiB when expanded"):
         read(path)
     path.write_bytes(b"PK\x03\x04" + b"\0" * 50)
-    with pytest.raises(FileFormatError, match="not a whole NPZ file"):
+    with pytest.raises(FileFormatError, match="not a complete NPZ file"):
         read(path)
 
 
-def test_space_that_is_only_promised_is_not_allocated(tmp_path: Path) -> None:
+def test_declared_sizes_are_not_allocated(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         file.create_dataset("f", shape=(10**9,), dtype="f8", chunks=(1000,))
@@ -299,12 +297,12 @@ def test_space_that_is_only_promised_is_not_allocated(tmp_path: Path) -> None:
         file["again"] = h5py.SoftLink("/H")
     with pytest.raises(FileFormatError, match="its arrays take more than 1024 MiB when expanded"):
         read(path, variables=FRF_VARIABLES, unit="m/N")
-    with pytest.raises(FileFormatError, match="no numbers named 'outside'"):
+    with pytest.raises(FileFormatError, match="no numeric variable 'outside'"):
         read(path, variables={"frequency_hz": "outside", "values": "H"}, unit="m/N")
 
 
-def test_what_is_in_other_files_is_not_read(tmp_path: Path) -> None:
-    """External storage and virtual data sets are links into other files; a pipe among these would never answer."""
+def test_links_to_other_files_are_not_read(tmp_path: Path) -> None:
+    """External storage and virtual data sets are links into other files; reading a pipe among these would block."""
     np.array([1e-6, 2e-6, 3e-6]).tofile(tmp_path / "secret.bin")
     with h5py.File(tmp_path / "source.h5", "w") as file:
         file["H"] = NUMBERS.real
@@ -325,12 +323,12 @@ def test_what_is_in_other_files_is_not_read(tmp_path: Path) -> None:
         listed = [name for name in file if name != "f"]
     for name in listed:
         began = time.perf_counter()
-        with pytest.raises(FileFormatError, match=rf"no numbers named '{name}'.*{name} \(in another file, which"):
+        with pytest.raises(FileFormatError, match=rf"no numeric variable '{name}'.*{name} \(in another file, which"):
             read(path, variables={"frequency_hz": "f", "values": name}, unit="m/N")
         assert time.perf_counter() - began < 20.0
 
 
-def test_what_compresses_well_is_read(tmp_path: Path) -> None:
+def test_highly_compressed_arrays_are_read(tmp_path: Path) -> None:
     """Zeros take a thousandth of their space, and less with filters before; no rule about ratios holds for them."""
     options: dict[str, Any] = {"variables": {"a": "a"}, "unit": "N", "sample_rate_hz": 1e3}
     still = np.zeros(4_000_000)
@@ -346,7 +344,7 @@ def test_what_compresses_well_is_read(tmp_path: Path) -> None:
         assert series.values.shape == (4_000_000, 1)
 
 
-def test_mat_files_expand_to_so_many_bytes_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_expanded_size_of_mat_files_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An element of 16 MiB, twice; the limit is lowered for speed."""
     from receptance.io import limits
 
@@ -360,7 +358,7 @@ def test_mat_files_expand_to_so_many_bytes_only(tmp_path: Path, monkeypatch: pyt
         read(tmp_path / "a.mat", **options)
 
 
-def test_damaged_numbers_in_hdf5_are_noticed(tmp_path: Path) -> None:
+def test_damaged_numbers_in_hdf5_are_detected(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     write(path, FRF(frequency_hz=LINES, values=NUMBERS))
     content = bytearray(path.read_bytes())
@@ -371,32 +369,32 @@ def test_damaged_numbers_in_hdf5_are_noticed(tmp_path: Path) -> None:
         read(path)
 
 
-def test_a_dead_reader_is_replaced(tmp_path: Path) -> None:
+def test_a_killed_reader_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     write(path, FRF(frequency_hz=LINES, values=NUMBERS))
     assert read_frf(path).shape == (3, 1, 1)
-    reader = isolated._reader
+    reader = mat_hdf5._reader
     assert reader is not None
     os.kill(reader.process.pid, signal.SIGKILL)
     reader.process.wait()
     assert read_frf(path).shape == (3, 1, 1)
-    assert isolated._reader is not reader
+    assert mat_hdf5._reader is not reader
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="limits of processor time need POSIX")
-def test_a_reader_that_runs_in_circles_or_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A reader that does what scipy.io and libhdf5 do on some damaged files."""
-    worker = Path(isolated.__file__).with_name("_worker.py").read_text()
+def test_reader_that_blocks_or_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reader that behaves as scipy.io and libhdf5 on some damaged files."""
+    worker = Path(mat_hdf5.__file__).with_name("_worker.py").read_text()
     path = tmp_path / "a.mat"
     write(path, FRF(frequency_hz=LINES, values=NUMBERS))
     for line, message in (
-        ("while True: pass", r"scipy.io was not done with it after 0\.3 s of processor time"),
+        ("while True: pass", r"scipy.io did not finish within 0\.3 s of processor time"),
         ("import os; os.abort()", r"a.mat: scipy.io crashed on it \(SIGABRT\): the file is damaged"),
         ("np.ones(10**13)", "it takes more than 4096 MiB of memory"),
-        ("sys.stdout.buffer.write(b'x' * 100); sys.stdout.flush()", "gave an answer that cannot be understood"),
+        ("sys.stdout.buffer.write(b'x' * 100); sys.stdout.flush()", "sent an invalid answer"),
         (
             "import os, signal; os.kill(os.getpid(), signal.SIGKILL)",
-            "ended from outside .*does not mean that",
+            "was killed .*need not be damaged",
         ),
         ("sys.exit(3)", "ended with code 3"),
     ):
@@ -405,22 +403,22 @@ def test_a_reader_that_runs_in_circles_or_crashes(tmp_path: Path, monkeypatch: p
             worker.replace("    import scipy.io\n\n    try:\n", f"    import scipy.io\n    {line}\n    try:\n")
         )
         assert line in bad.read_text()
-        monkeypatch.setattr(isolated, "__file__", str(tmp_path / "isolated.py"))
-        isolated._at_exit()
+        monkeypatch.setattr(mat_hdf5, "__file__", str(tmp_path / "mat_hdf5.py"))
+        mat_hdf5._close_reader()
         with pytest.raises(FileFormatError, match=message):
             read(path)
         monkeypatch.undo()
-        isolated._at_exit()
+        mat_hdf5._close_reader()
         assert read_frf(path).shape == (3, 1, 1)
 
 
-def test_reading_goes_on_in_a_forked_process(tmp_path: Path) -> None:
+def test_reading_in_a_forked_process(tmp_path: Path) -> None:
     if not hasattr(os, "fork"):
         pytest.skip("this system does not fork")
     path = tmp_path / "a.mat"
     write(path, FRF(frequency_hz=LINES, values=NUMBERS))
     read(path)
-    reader = isolated._reader
+    reader = mat_hdf5._reader
     child = os.fork()
     if child == 0:
         try:
@@ -428,5 +426,5 @@ def test_reading_goes_on_in_a_forked_process(tmp_path: Path) -> None:
         finally:
             os._exit(2)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert isolated._reader is reader
+    assert mat_hdf5._reader is reader
     assert read_frf(path).shape == (3, 1, 1)

@@ -1,4 +1,4 @@
-"""What reading and writing have in common: formats, options, errors, and the objects that are not FRFs."""
+"""Reading and writing in all formats: detection, options, errors, time series and coherences."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ HIT = TimeSeries(values=[[0.0, 1.0], [2.0, 3.0]], channels=["f", "a"], units=["N
 
 
 @pytest.mark.parametrize("ending", [".npz", ".mat", ".h5", ".uff", ".csv", ".frf"])
-def test_the_contents_say_the_format(ending: str, tmp_path: Path) -> None:
-    """Whatever the name; only .frf has nothing in it by which it could be known."""
+def test_the_format_is_detected_from_the_contents(ending: str, tmp_path: Path) -> None:
+    """Independent of the file name; only .frf has no identifying content."""
     with_form = ONE.to("receptance") if ending == ".frf" else ONE
     write(tmp_path / f"a{ending}", with_form)
     for name in ("renamed.txt", "renamed", "renamed.csv"):
@@ -36,7 +36,10 @@ def test_the_contents_say_the_format(ending: str, tmp_path: Path) -> None:
 
 def test_contents_without_a_format(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"\x7fELF something")
-    with pytest.raises(FileFormatError, match=r"^a: neither contents nor ending say .* give format=, one of uff"):
+    with pytest.raises(
+        FileFormatError,
+        match=r"^a: the format is recognised neither by the contents nor by the extension; give format=, one of uff",
+    ):
         read(tmp_path / "a")
     (tmp_path / "a").write_bytes(b"")
     with pytest.raises(FileFormatError, match="the file is empty"):
@@ -57,7 +60,7 @@ def test_contents_without_a_format(tmp_path: Path) -> None:
         ({"colour": 1}, TypeError, "read has no option 'colour'; the options are columns, "),
         ({"quantity": "impedance"}, ValueError, "quantity is 'impedance', expected one of"),
         ({"quantity": 1}, TypeError, "quantity is 1"),
-        ({"unit": "m/apple"}, ValueError, "what is 'apple'"),
+        ({"unit": "m/apple"}, ValueError, "unknown: 'apple'"),
         ({"unit": 1.0}, TypeError, "unit is 1.0, expected a text, or a mapping"),
         ({"unit": {"a": 1}}, TypeError, "the unit is 1, expected a text"),
         ({"responses": "tip"}, TypeError, "expected a Coordinate"),
@@ -66,7 +69,7 @@ def test_contents_without_a_format(tmp_path: Path) -> None:
         ({"sample_rate_hz": -1.0}, ValueError, "sample_rate_hz is -1, expected more than zero"),
     ],
 )
-def test_options_that_are_wrong(options: dict[str, Any], error: type[Exception], message: str, tmp_path: Path) -> None:
+def test_invalid_options(options: dict[str, Any], error: type[Exception], message: str, tmp_path: Path) -> None:
     """They are mistakes of the call, not of the file."""
     write(tmp_path / "a.csv", ONE)
     with pytest.raises(error, match=message) as caught:
@@ -80,18 +83,18 @@ def test_options_that_are_wrong(options: dict[str, Any], error: type[Exception],
         (HIT, {"quantity": "mobility"}, "quantity was given, but there is no FRF in the file: it holds TimeSeries"),
         (HIT, {"responses": Coordinate()}, "responses was given, but there is no FRF"),
         (HIT, {"variables": {"a": "b"}}, "variables was given, but the file is a table with a header"),
-        (HIT, {"unit": {"a": "m"}}, r"channel 'a' is in 'm/s\^2', but unit='m' was given"),
-        (ONE, {"unit": "m/N"}, "the file says that it is a mobility in m/s/N, but"),
+        (HIT, {"unit": {"a": "m"}}, r"channel 'a' of the file is in 'm/s\^2', but unit='m' was given"),
+        (ONE, {"unit": "m/N"}, "the file holds a mobility in m/s/N, but"),
         (ONE, {"unit": {"a": "m"}}, "unit names the channel 'a'; the channels of the file are none: it holds FRF"),
         (HIT, {"unit": {"hamer": "N"}}, "unit names the channel 'hamer'; the channels of the file are 'f', 'a'"),
         (HIT, {"coherence": "x.csv"}, "coherence was given, but there is no FRF in the file"),
-        (ONE, {"sample_rate_hz": 10.0}, "sample_rate_hz was given, but there is no time record in the file"),
+        (ONE, {"sample_rate_hz": 10.0}, "sample_rate_hz was given, but there is no time series in the file"),
         (HIT, {"sample_rate_hz": 10.0}, r"the file has 100.0 samples per second, but sample_rate_hz=10.0 was given"),
         (HIT, {"sample_rate_hz": 100.0}, None),
         (ONE, {"unit": "SI", "quantity": "mobility"}, None),
     ],
 )
-def test_options_that_say_nothing_of_the_file(
+def test_options_that_do_not_apply_to_the_file(
     thing: Any, options: dict[str, Any], message: str | None, tmp_path: Path
 ) -> None:
     write(tmp_path / "a.csv", thing)
@@ -102,7 +105,7 @@ def test_options_that_say_nothing_of_the_file(
         read(tmp_path / "a.csv", **options)
 
 
-def test_one_of_a_kind(tmp_path: Path) -> None:
+def test_read_frf_and_read_time_series(tmp_path: Path) -> None:
     write(tmp_path / "both.npz", [ONE, HIT])
     assert read_frf(tmp_path / "both.npz").form == "mobility"
     assert read_time_series(tmp_path / "both.npz").channels == ("f", "a")
@@ -115,7 +118,7 @@ def test_one_of_a_kind(tmp_path: Path) -> None:
         read_time_series(tmp_path / "two.npz")
 
 
-def test_places_are_given(tmp_path: Path) -> None:
+def test_coordinates_from_options(tmp_path: Path) -> None:
     tip = Coordinate("tool", 0.0)
     for ending in (".uff", ".csv", ".npz"):
         write(tmp_path / f"a{ending}", ONE)
@@ -132,26 +135,24 @@ def test_a_coherence_from_another_file(tmp_path: Path) -> None:
     assert frf.notes == ("coherence of coh.uff",)
     own = tmp_path / "own.npz"
     write(own, frf)
-    with pytest.raises(FileFormatError, match="the file has a coherence of its own, but coherence="):
+    with pytest.raises(FileFormatError, match="the file has its own coherence, but coherence="):
         read_frf(own, coherence=tmp_path / "coh.uff")
     write(tmp_path / "poor.csv", Coherence(frequency_hz=FREQUENCY, values=[0.1, 0.2]))
     with pytest.warns(ReceptanceWarning, match="the median coherence is 0.15") as caught:
         read_frf(tmp_path / "frf.uff", coherence=tmp_path / "poor.csv")
     assert caught[0].filename == __file__
     write(tmp_path / "other.csv", Coherence(frequency_hz=[1.0, 2.0], values=[0.1, 0.2]))
-    with pytest.raises(
-        FileFormatError, match=r"^other.csv: of the coherences in it none has the lines and points of FRF"
-    ):
+    with pytest.raises(FileFormatError, match=r"^other.csv: none of its coherences has the lines and points of FRF"):
         read_frf(tmp_path / "frf.uff", coherence=tmp_path / "other.csv")
-    with pytest.raises(FileFormatError, match=r"^frf.uff: of the coherences in it none .* they are none"):
+    with pytest.raises(FileFormatError, match=r"^frf.uff: none of its coherences .* they are none"):
         read_frf(tmp_path / "frf.uff", coherence=tmp_path / "frf.uff")
 
 
 def test_writing(tmp_path: Path) -> None:
     for things, name, options, error, message in (
-        (ONE, "a.wav", {}, ValueError, "a.wav: the ending says no format, expected one of .uff"),
-        (ONE, "a.csv", {"binary": True}, ValueError, "binary is for universal files"),
-        ([], "a.uff", {}, ValueError, "there is nothing to write"),
+        (ONE, "a.wav", {}, ValueError, "a.wav: unknown extension, expected one of .uff"),
+        (ONE, "a.csv", {"binary": True}, ValueError, "binary applies to universal files"),
+        ([], "a.uff", {}, ValueError, "expected at least one to write"),
         ([1], "a.uff", {}, TypeError, "cannot write 1, expected an FRF"),
         ([ONE, ONE], "a.csv", {}, ValueError, "holds one measurement, there are 2; write several files"),
         (HIT, "a.txt", {"format": "dataphysics"}, ValueError, "holds an FRF, this is TimeSeries"),
@@ -206,17 +207,17 @@ def test_time_series() -> None:
         ({"values": [[1.0], [1.0, 2.0]]}, ValueError, "rows of different lengths"),
         ({"values": [1.0, 2.0]}, ValueError, r"shape \(2, 1\), expected \(n_samples, 2\)"),
         ({"values": np.zeros((0, 2))}, ValueError, r"shape \(0, 2\)"),
-        ({"channels": ["a", "a"]}, ValueError, "names that differ"),
+        ({"channels": ["a", "a"]}, ValueError, "different names"),
         ({"channels": "ab"}, TypeError, "channels is 'ab', expected a list"),
         ({"units": ["N"]}, ValueError, "there are 1 units for 2 channels"),
         ({"units": ["N", 3]}, TypeError, "units holds 3"),
         ({"sample_rate_hz": 0.0}, ValueError, "sample_rate_hz is 0"),
         ({"start_s": "x"}, TypeError, "start_s is 'x'"),
         ({"notes": "note"}, TypeError, "notes is 'note'"),
-        ({"values": [[1.0, 1e308]], "units": ["N", "g"]}, ValueError, "too large a number in SI"),
+        ({"values": [[1.0, 1e308]], "units": ["N", "g"]}, ValueError, "values overflow in SI"),
     ],
 )
-def test_time_series_that_are_none(changes: dict[str, Any], error: type[Exception], message: str) -> None:
+def test_invalid_time_series(changes: dict[str, Any], error: type[Exception], message: str) -> None:
     good: dict[str, Any] = {
         "values": [[0.0, 1.0]],
         "channels": ["f", "a"],
@@ -230,11 +231,11 @@ def test_time_series_that_are_none(changes: dict[str, Any], error: type[Exceptio
 def test_coherences() -> None:
     assert Coherence(frequency_hz=[0.0, 1.0], values=[1.00005, -0.00005]).values.ravel().tolist() == [1.0, 0.0]
     for changes, message in (
-        ({"values": [0.5, 1.001]}, "the coherence is 1.001 at 2 Hz"),
-        ({"values": [0.5, np.nan]}, "the coherence is nan at 2 Hz"),
-        ({"values": [0.5]}, r"expected \(n,\) and \(n,\)"),
-        ({"frequency_hz": [2.0, 1.0]}, "must be finite, ascending and not negative"),
-        ({"labels": (["a", "b"], ["c"])}, "there are 2 and 1 labels"),
+        ({"values": [0.5, 1.001]}, "the coherence at 2 Hz is 1.001"),
+        ({"values": [0.5, np.nan]}, "the coherence at 2 Hz is nan"),
+        ({"values": [0.5]}, r"expected \(2,\) or \(2, responses, excitations\)"),
+        ({"frequency_hz": [2.0, 1.0]}, "frequency_hz is not ascending"),
+        ({"labels": (["a", "b"], ["c"])}, "labels names 2 responses and 1 excitations"),
     ):
         with pytest.raises(ValueError, match=message):
             Coherence(**({"frequency_hz": [1.0, 2.0], "values": [0.5, 0.5]} | changes))
@@ -255,14 +256,14 @@ def test_all_members_of_a_gzip_file_are_read(tmp_path: Path) -> None:
             path.write_bytes(b"".join(members) + end)
             assert np.array_equal(read_frf(path).values, read_frf(tmp_path / "whole.csv").values)
     path.write_bytes(b"".join(members) + b"something else")
-    with pytest.raises(FileFormatError, match="or something else follows it: Not a gzipped file"):
+    with pytest.raises(FileFormatError, match="or followed by other data: Not a gzipped file"):
         read(path)
     path.write_bytes(b"".join(members)[:-3])
-    with pytest.raises(FileFormatError, match="it is cut off"):
+    with pytest.raises(FileFormatError, match="gzip data are truncated"):
         read(path)
 
 
-def test_contents_expand_to_so_many_bytes_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_expanded_size_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """16 MiB out of 16 kB are read where they are a table, one byte more is not; the limit is lowered for speed."""
     from receptance.io import limits
 
@@ -276,31 +277,31 @@ def test_contents_expand_to_so_many_bytes_only(tmp_path: Path, monkeypatch: pyte
     assert isinstance(read(path), Coherence)
 
 
-def test_a_text_has_so_many_lines_only(tmp_path: Path) -> None:
+def test_number_of_lines_is_limited(tmp_path: Path) -> None:
     for line in (b"\n", b"\r", b"0,0\n"):
         path = tmp_path / "lines.csv.gz"
         path.write_bytes(gzip.compress(line * ((1 << 24) + 1), 1))
-        with pytest.raises(FileFormatError, match="the text has 16777217 lines, at most 16777216 are read"):
+        with pytest.raises(FileFormatError, match="the text has 16777217 lines, the limit for one file is 16777216"):
             read(path)
 
 
-def test_time_is_limited_where_a_reader_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processor_time_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit grows with the size of the file; here it is zero."""
     from receptance.io import limits
 
     write(tmp_path / "a.csv", ONE)
     write(tmp_path / "a.uff", ONE)
-    monkeypatch.setattr(limits, "_LOADING", 0.0)
-    monkeypatch.setattr(limits, "_LONGEST", 0.0)
+    monkeypatch.setattr(limits, "_IMPORT_SECONDS", 0.0)
+    monkeypatch.setattr(limits, "_MAX_SECONDS", 0.0)
     for name in ("a.csv", "a.uff"):
-        with pytest.raises(FileFormatError, match=f"{name}.*: reading was ended after 0 s of processor time"):
+        with pytest.raises(FileFormatError, match=f"{name}.*: reading was stopped after 0 s of processor time"):
             read(tmp_path / name)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("name", ["pipe.csv", "pipe.mat", "pipe.h5", "pipe.npz", "pipe.uff.gz"])
 def test_pipes_and_devices_are_refused(name: str, tmp_path: Path) -> None:
-    """Nobody writes into the pipe; opening it would wait for that."""
+    """The pipe has no writer; opening it would block."""
     os.mkfifo(tmp_path / name)
     with pytest.raises(OSError, match=f"cannot read .*{name}: it is a pipe or a device, expected a file"):
         read(tmp_path / name)

@@ -1,4 +1,4 @@
-"""Universal files that this library writes, and those of pyuff."""
+"""Universal files written by this library and by pyuff."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import TimeSeries, read_frf, read_time_series, write
-from receptance.io.uff.sets import Function, data_sets
+from receptance.io.uff.datasets import Function, data_sets
 
 
 def test_written_files_are_standard_and_pyuff_reads_them(tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_written_files_are_standard_and_pyuff_reads_them(tmp_path: Path) -> None
     assert all(len(line) <= 80 for line in (tmp_path / "text.uff").read_bytes().split(b"\n"))
 
 
-def test_nodes_stand_for_places(tmp_path: Path) -> None:
+def test_nodes_represent_positions(tmp_path: Path) -> None:
     """Other programs take equal nodes for a drive point."""
     tip, nose = Coordinate("tool", 0.0), Coordinate("holder", 0.0)
     numbers = np.ones((2, 3, 2))
@@ -87,7 +87,7 @@ def test_files_that_pyuff_writes(tmp_path: Path) -> None:
                 assert np.allclose(frf.frequency_hz, x, rtol=0.0 if binary else 6e-6)
 
 
-def test_what_a_universal_file_does_not_hold_is_said(tmp_path: Path) -> None:
+def test_warning_for_fields_without_storage(tmp_path: Path) -> None:
     full = FRF(
         frequency_hz=[1.0, 2.3, 7.1234567890123],
         values=[1.0, 2.0, 3.0],
@@ -107,12 +107,14 @@ def test_what_a_universal_file_does_not_hold_is_said(tmp_path: Path) -> None:
     assert read_time_series(tmp_path / "c.uff").channels == ("c" * 20,)
 
 
-def test_lines_that_the_format_cannot_tell_apart_are_refused(tmp_path: Path) -> None:
+def test_indistinguishable_lines_are_refused(tmp_path: Path) -> None:
     """A file with equal lines could not be read again."""
     for lines, binary, words in (
         ([1e-3, 1e-3 * (1 + 1e-12), 1.0], False, "13 columns"),
         ([1000.0, 1000.00001, 1.7e4], True, "single precision"),
     ):
-        with pytest.raises(ValueError, match=f"cannot hold the lines .* Hz apart: it has {words} for each; write .npz"):
+        with pytest.raises(
+            ValueError, match=f"cannot distinguish the lines .* Hz: it has {words} for each; write .npz"
+        ):
             write(tmp_path / "a.uff", FRF(frequency_hz=lines, values=[1.0, 2.0, 3.0]), binary=binary)
     assert not list(tmp_path.iterdir())

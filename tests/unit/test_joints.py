@@ -1,4 +1,4 @@
-"""Joints and point elements: what is refused, in which words, and what is computed."""
+"""Joints and point elements: invalid input, messages, and computed values."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_diagonals_must_not_be_negative(kind: type[PointJoint], quantity: str) -
 @pytest.mark.parametrize("kind", [PointJoint, GroundSpring])
 @pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("value", ["1e8", None, False, 1j, [1.0]])
-def test_what_is_no_number_is_a_type_error(kind: type[PointJoint], quantity: str, value: object) -> None:
+def test_non_number_is_a_type_error(kind: type[PointJoint], quantity: str, value: object) -> None:
     if isinstance(value, list):
         value = [1.0, 2.0]
     with pytest.raises(TypeError, match=f"{kind.__name__}: {quantity} is "):
@@ -58,12 +58,12 @@ def test_both_parts_must_be_semidefinite(coupling: str, part: str, sign: float) 
     ("values", "words"),
     [
         ({}, "k_y and c_y are both zero"),
-        ({"k_theta": 1e5}, "k_y and c_y are both zero, so nothing holds the translation"),
-        ({"k_y": 1e8}, "k_theta and c_theta are both zero, so nothing holds the rotation"),
+        ({"k_theta": 1e5}, "k_y and c_y are both zero, so the translation is free"),
+        ({"k_y": 1e8}, "k_theta and c_theta are both zero, so the rotation is free"),
         ({"k_y": 1e8, "loss_factor": 0.1}, "give k_theta or c_theta"),
     ],
 )
-def test_a_joint_that_holds_nothing_is_an_error(values: dict[str, float], words: str) -> None:
+def test_joint_without_stiffness_is_an_error(values: dict[str, float], words: str) -> None:
     with pytest.raises(ValueError, match=f"PointJoint 'clamp': {words}|{words}"):
         PointJoint(**values, name="clamp")
 
@@ -73,7 +73,7 @@ def test_a_joint_may_be_held_by_dashpots() -> None:
     np.testing.assert_allclose(joint.stiffness([10.0])[0], 20j * np.pi * np.diag([10.0, 0.1]))
 
 
-def test_stiffness_is_what_the_equation_says() -> None:
+def test_stiffness_follows_the_equation() -> None:
     f = np.array([10.0, 200.0])
     k = PointJoint(**GOOD, c_ytheta=0.5).stiffness(f)
     w = 2 * np.pi * f

@@ -19,7 +19,7 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.beams import Section
+from receptance.model.beams import Section
 
 TOOL = Part([Segment(length=0.06, outer_diameter=0.012, material=CARBIDE)], name="tool")
 HOLDER = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
@@ -49,7 +49,7 @@ def structures() -> list[Assembly]:
 
 @pytest.mark.parametrize("assembly", structures(), ids=repr)
 @pytest.mark.parametrize("count", [0, 1, 3, 12])
-def test_they_are_the_first_of_all(assembly: Assembly, count: int) -> None:
+def test_lowest_modes_equal_the_first_of_all_modes(assembly: Assembly, count: int) -> None:
     address = "holder.segment[0].outer_diameter"
     frequency, slope = assembly.lowest_natural_frequencies(count, [address])
     assert frequency.shape == (count,)
@@ -70,9 +70,9 @@ def test_a_free_rod() -> None:
     np.testing.assert_allclose(slope[:, 0], -expected / 0.13, rtol=1e-9)
 
 
-def test_refusals() -> None:
+def test_invalid_requests() -> None:
     with pytest.raises(ValueError, match="too short"):
         Assembly([HOLDER]).lowest_natural_frequencies(100_000)
     spindle = ModalPart(modes=[Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)])
-    with pytest.raises(ValueError, match="take the peaks"):
+    with pytest.raises(ValueError, match="use the peaks"):
         Assembly([HOLDER, spindle]).lowest_natural_frequencies(2)

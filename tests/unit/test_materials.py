@@ -1,4 +1,4 @@
-"""Materials: what is refused, in which words, and what is computed."""
+"""Materials: invalid input, messages, and computed values."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GOOD: dict[str, Any] = {"youngs_modulus": 210e9, "density": 7850.0, "poisson_rat
         ("loss_factor", float("inf"), "loss_factor is inf"),
     ],
 )
-def test_values_without_meaning_are_named(quantity: str, value: float, words: str) -> None:
+def test_errors_name_invalid_values(quantity: str, value: float, words: str) -> None:
     with pytest.raises(ValueError, match=f"Material: {words}"):
         Material(**{**GOOD, quantity: value})
     with pytest.raises(ValueError, match=f"Material 'blank': {words}"):
@@ -39,7 +39,7 @@ def test_values_without_meaning_are_named(quantity: str, value: float, words: st
 
 @pytest.mark.parametrize("quantity", list(GOOD))
 @pytest.mark.parametrize("value", ["210e9", None, True, [1.0, 2.0], 1j, {}])
-def test_what_is_no_number_is_a_type_error(quantity: str, value: object) -> None:
+def test_non_number_is_a_type_error(quantity: str, value: object) -> None:
     with pytest.raises(TypeError, match=f"Material: {quantity} is "):
         Material(**{**GOOD, quantity: value})
 
@@ -70,6 +70,6 @@ def test_objects_are_frozen_equal_and_portable() -> None:
         replace(material, density=-1.0)
 
 
-def test_a_modulus_in_gigapascals_is_noticed() -> None:
+def test_modulus_in_gigapascals_raises_a_warning() -> None:
     with pytest.warns(ReceptanceWarning, match="youngs_modulus is 210 Pa.*GPa"):
         Material(youngs_modulus=210, density=7850, poisson_ratio=0.3)

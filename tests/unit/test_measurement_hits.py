@@ -1,4 +1,4 @@
-"""Hits: each is found, and kept or dropped for a reason that is said."""
+"""Detection of hits, and the reasons for dropping some."""
 
 import pickle
 import warnings
@@ -9,7 +9,7 @@ from scipy.signal import ellip, firwin, sosfilt
 
 import hammer
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import TimeRecords, find_hits
+from receptance.measurement import HammerRecords, find_hits
 
 RATE = 25600.0
 STRUCTURE = hammer.Structure((0.0, 900.0, 2500.0), (0.0, 0.01, 0.02), (2.0, 3.0, -1.0), RATE)
@@ -23,10 +23,10 @@ def strike(hits=5, **options):
 
 
 def records_of(force, response, **options):
-    return TimeRecords(force=force, response=response, sample_rate_hz=RATE, quantity="acceleration", **options)
+    return HammerRecords(force=force, response=response, sample_rate_hz=RATE, quantity="acceleration", **options)
 
 
-def test_clean_hits_are_all_kept_without_a_word():
+def test_clean_hits_are_kept_without_warnings():
     made = strike()
     hits = find_hits(records_of(made.force, made.response))
     assert len(hits) == len(hits.kept) == 5
@@ -43,7 +43,7 @@ def test_clean_hits_are_all_kept_without_a_word():
     np.testing.assert_allclose(hits.noise, 1e-3 * made.true_force.max(), rtol=0.1)
 
 
-def test_each_accident_is_dropped_with_its_reason():
+def test_reasons_of_dropped_hits():
     made = strike(hits=7)
     force, response = made.force.copy(), made.response.copy()
     bounce = hammer.pulse(TIME, 0.02, 4e-4, 0.15 * force[1].max())
@@ -62,8 +62,8 @@ def test_each_accident_is_dropped_with_its_reason():
     assert "ms later" in reasons[1]
     assert "the force has a flat top of" in reasons[2]
     assert "the response has a flat top of" in reasons[3]
-    assert reasons[4].startswith("no hit: the largest force is")
-    assert "the record begins inside the contact" in reasons[5]
+    assert reasons[4].startswith("no hit: the largest force")
+    assert "the record begins within the contact" in reasons[5]
     assert "the force reaches" in reasons[6]
     assert "full scale is" in reasons[6]
     assert len(hits) == 1
@@ -75,7 +75,7 @@ def test_each_accident_is_dropped_with_its_reason():
 
 @pytest.mark.parametrize("noise_db", [-300.0, -80.0, -60.0, -45.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_second_contact_well_above_the_noise_is_found_and_none_is_invented(noise_db, seed):
+def test_detection_of_second_contacts_in_noise(noise_db, seed):
     random = np.random.default_rng((seed, 5))
     made = hammer.strike(STRUCTURE, random, hits=20, force_noise_db=noise_db, response_noise_db=-60.0, duration_s=0.2)
     force = made.force.copy()
@@ -89,7 +89,7 @@ def test_a_second_contact_well_above_the_noise_is_found_and_none_is_invented(noi
     assert [hit.number - 1 for hit in hits.dropped] == list(range(0, 20, 2))
 
 
-def test_a_double_hit_may_be_kept_and_then_counts_to_its_last_contact():
+def test_a_kept_double_hit_extends_to_its_last_contact():
     made = strike(hits=2)
     force = made.force.copy()
     force[1] += hammer.pulse(TIME, 0.03, 4e-4, 0.2 * force[1].max())
@@ -125,13 +125,13 @@ def recorded(contact_s, bounce=None, phase="linear", noise=0.0, seed=3):
         force = sosfilt(ellip(8, 0.05, 90, 0.4 * rate, fs=rate * over, output="sos"), fine)[::over]
     force = force + noise * np.abs(force).max() * np.random.default_rng(seed).normal(size=n)
     ring = np.exp(-3.0 * np.arange(n) / rate) * np.sin(2.0 * np.pi * 40.0 * np.arange(n) / rate)
-    return TimeRecords(force=force, response=ring, sample_rate_hz=rate, quantity="acceleration")
+    return HammerRecords(force=force, response=ring, sample_rate_hz=rate, quantity="acceleration")
 
 
 @pytest.mark.parametrize("phase", ["linear", "minimum"])
 @pytest.mark.parametrize("noise", [0.0, 0.003])
 @pytest.mark.parametrize("contact_ms", [0.5, 1.0, 2.0, 4.0, 6.0, 10.0])
-def test_ringing_of_the_anti_alias_filter_is_no_second_contact(contact_ms, noise, phase):
+def test_ringing_of_the_anti_alias_filter_is_not_a_second_contact(contact_ms, noise, phase):
     """Before and after a pulse of few samples; real second contacts with the same recorder are found."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
@@ -143,13 +143,13 @@ def test_ringing_of_the_anti_alias_filter_is_no_second_contact(contact_ms, noise
                 assert len(found.hits) == 1
                 words = found.hits[0].reason
                 assert words.startswith("double hit: a contact with"), (after_s, share, words)
-                told, later = float(words.split()[5]), float(words.split()[-3])
-                assert told == pytest.approx(100.0 * share, rel=0.35)
+                reported, later = float(words.split()[5]), float(words.split()[-3])
+                assert reported == pytest.approx(100.0 * share, rel=0.35)
                 assert later == pytest.approx(1e3 * after_s, abs=14.0)
 
 
 @pytest.mark.parametrize("samples", [1, 3, 8])
-def test_a_second_contact_close_to_the_first_is_no_ringing(samples):
+def test_a_second_contact_close_to_the_first_is_not_ringing(samples):
     """Pulses without a filter, the second one some samples after the end of the first: no negative force between."""
     seed = 3
     for gap in (2, 4, 8):
@@ -160,7 +160,7 @@ def test_a_second_contact_close_to_the_first_is_no_ringing(samples):
             force[50 : 50 + samples] += pulse
             force[second : second + samples] += share * pulse
             response = 30.0 * np.exp(-30.0 * np.arange(2048) / 12800.0) * np.sin(np.arange(2048) * 0.4)
-            records = TimeRecords(force=force, response=response, sample_rate_hz=12800.0, quantity="acceleration")
+            records = HammerRecords(force=force, response=response, sample_rate_hz=12800.0, quantity="acceleration")
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ReceptanceWarning)
                 (hit,) = find_hits(records).hits
@@ -177,17 +177,17 @@ def test_one_long_record():
     assert find_hits(records, duration_s=0.3, pre_trigger_s=0.02).duration_s == pytest.approx(0.3)
 
 
-def test_an_early_hit_spoils_the_one_before_it_alone():
+def test_an_early_hit_drops_only_the_one_before_it():
     records, _ = long_record([0.4, 0.15, 0.4, 0.4])
-    with pytest.warns(ReceptanceWarning) as said:
+    with pytest.warns(ReceptanceWarning) as caught:
         hits = find_hits(records)
     assert [bool(hit.reason) for hit in hits.hits] == [False, True, False, False]
-    assert "the next hit comes after 0.15 s, inside the block" in str(said[0].message)
+    assert "the next hit follows after 0.15 s, within the block" in str(caught[0].message)
 
 
-def test_the_last_hit_is_dropped_where_its_block_is_cut_off():
+def test_the_last_hit_is_dropped_if_its_block_is_truncated():
     records, _ = long_record([0.4, 0.4, 0.1])
-    with pytest.warns(ReceptanceWarning, match=r"hit 3 dropped: cut off: the record ends 0\.\d+ s before the block"):
+    with pytest.warns(ReceptanceWarning, match=r"hit 3 dropped: truncated: the record ends 0\.\d+ s before the block"):
         hits = find_hits(records)
     assert len(hits) == 2
 
@@ -199,17 +199,17 @@ def test_contacts_close_together_are_one_double_hit():
     assert len(hits.hits) == 3
 
 
-def test_a_hit_before_the_last_one_has_died_away_is_kept_with_a_remark():
+def test_a_hit_during_ringing_is_kept_with_a_remark():
     slow = hammer.Structure((0.0, 900.0), (0.0, 0.001), (2.0, 30.0), RATE)
     time = np.arange(round(3.2 * RATE)) / RATE
     force = sum(hammer.pulse(time, start, 4e-4, 100.0) for start in (0.1, 1.1, 1.4))
     response = slow.respond(force) + 0.05 * np.random.default_rng(1).standard_normal(time.size)
-    with pytest.warns(ReceptanceWarning, match=r"hit 3: before it the response is \d+ % of its largest: an earlier"):
+    with pytest.warns(ReceptanceWarning, match=r"hit 3: the response before it is \d+ % of the largest"):
         hits = find_hits(records_of(force, response), duration_s=0.25)
     assert len(hits) == 3
 
 
-def test_negative_pulses_are_said():
+def test_warning_for_negative_pulses():
     made = strike(hits=2)
     with pytest.warns(ReceptanceWarning, match="the hammer's pulses are negative"):
         hits = find_hits(records_of(-made.force, made.response))
@@ -222,13 +222,13 @@ def test_trigger_and_records_of_different_length():
     assert find_hits(both).n_samples == 4000
     late = records_of(np.roll(made.force[1], 4500), made.response[1])
     with pytest.warns(
-        ReceptanceWarning, match=r"hit 1 dropped: cut off: the contact is not over when the block of 0\.1"
+        ReceptanceWarning, match=r"hit 1 dropped: truncated: the contact does not end within the block of 0\.1"
     ):
         assert len(find_hits([late, both[1]])) == 1
-    with pytest.warns(ReceptanceWarning, match="no hit: the largest force is"):
+    with pytest.warns(ReceptanceWarning, match="no hit: the largest force"):
         assert len(find_hits(both, trigger=1e4)) == 0
     with pytest.raises(ValueError, match=r"sample_rate_hz is 25600.0 in records\[0\] and 1000.0 in records\[1\]"):
-        find_hits([both[0], TimeRecords(force=TIME, response=TIME, sample_rate_hz=1000.0, quantity="acceleration")])
+        find_hits([both[0], HammerRecords(force=TIME, response=TIME, sample_rate_hz=1000.0, quantity="acceleration")])
 
 
 @pytest.mark.parametrize(
@@ -241,16 +241,16 @@ def test_trigger_and_records_of_different_length():
         ({"pre_trigger_s": 0.1, "duration_s": 0.1}, "pre_trigger_s is 0.1 s, expected less than duration_s, 0.1 s"),
     ],
 )
-def test_wrong_settings(options, message):
+def test_invalid_settings(options, message):
     made = strike(hits=2)
     with pytest.raises(ValueError, match=message):
         find_hits(records_of(made.force, made.response), **options)
 
 
-def test_wrong_records():
+def test_invalid_records():
     with pytest.raises(ValueError, match="there are no records"):
         find_hits([])
-    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected TimeRecords"):
+    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected HammerRecords"):
         find_hits([5])
 
 
@@ -263,17 +263,17 @@ def test_dropping_by_hand():
     assert len(hits) == 3
     with pytest.raises(ValueError, match="there is no hit 4"):
         hits.without(4)
-    with pytest.raises(ValueError, match="say why"):
+    with pytest.raises(ValueError, match="state why"):
         hits.without(1, reason="")
 
 
-def test_a_slow_wave_on_a_coarse_digitiser_is_not_taken_for_clipped():
+def test_a_slow_signal_on_a_coarse_digitiser_is_not_clipped():
     made = strike(hits=2, force_noise_db=-300.0, response_noise_db=-300.0)
     step = made.force.max() / 60.0
     fine = np.repeat(made.force, 20, axis=1)
     smooth = np.apply_along_axis(lambda row: np.convolve(row, np.ones(40) / 40.0, "same"), 1, fine)
     response = np.random.default_rng(2).standard_normal(fine.shape)
-    records = TimeRecords(
+    records = HammerRecords(
         force=step * np.round(smooth / step), response=response, sample_rate_hz=20 * RATE, quantity="acceleration"
     )
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""Time records: shapes, units and what is wrong with them, in words."""
+"""Hammer records: shapes, units, coordinates and validation."""
 
 import pickle
 from types import SimpleNamespace
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from receptance import Coordinate
-from receptance.frf import Unplaced
-from receptance.measurement import TimeRecords
+from receptance.measurement import HammerRecords
+from receptance.model.coordinates import Unplaced
 
 N = 64
 FORCE = np.linspace(0.0, 1.0, N)
@@ -17,7 +17,7 @@ RESPONSE = np.linspace(1.0, -1.0, N)
 
 def make(**changes):
     given = {"force": FORCE, "response": RESPONSE, "sample_rate_hz": 1000.0, "quantity": "acceleration"}
-    return TimeRecords(**given | changes)
+    return HammerRecords(**given | changes)
 
 
 @pytest.mark.parametrize(
@@ -66,13 +66,13 @@ def test_shapes(force, response, shape):
         ({"response_decay_rate": -1.0}, "response_decay_rate is -1, expected zero or more 1/s"),
     ],
 )
-def test_wrong_input_is_answered_in_words(changes, message):
+def test_invalid_values(changes, message):
     with pytest.raises(ValueError, match=message):
         make(**changes, label="tip")
 
 
 @pytest.mark.parametrize("changes", [{"force": FORCE.astype(complex)}, {"response_unit": 3}, {"excitation": 5}])
-def test_wrong_types(changes):
+def test_invalid_types(changes):
     with pytest.raises(TypeError):
         make(**changes)
 
@@ -97,7 +97,7 @@ def test_full_scales_follow_the_unit():
     np.testing.assert_allclose(records.full_scale_response, [490.3325, 49.03325])
 
 
-def test_places():
+def test_coordinates():
     assert make().responses == (Unplaced("y"),)
     nose = Coordinate("holder", 0.0)
     records = make(response=np.ones((N, 2)), responses=[nose, "theta"], excitation=nose)
@@ -107,12 +107,12 @@ def test_places():
         records.channel(2)
 
 
-def test_a_turning_channel_has_units_of_an_angle():
+def test_a_rotation_has_units_of_an_angle():
     records = make(responses="theta", response_unit="deg/s**2")
     np.testing.assert_allclose(records.response[0, :, 0], np.deg2rad(RESPONSE))
 
 
-def test_records_are_their_own_and_pickle():
+def test_records_are_copies_and_pickle():
     force = FORCE.copy()
     records = make(force=force, label="tip")
     force[:] = 0.0
@@ -121,7 +121,7 @@ def test_records_are_their_own_and_pickle():
         records.force[0, 0] = 1.0
     again = pickle.loads(pickle.dumps(records))
     np.testing.assert_array_equal(again.response, records.response)
-    assert repr(again) == "TimeRecords('tip', 1 record of 0.064 s at 1000 Hz, acceleration, 1 channel)"
+    assert repr(again) == "HammerRecords('tip', 1 record of 0.064 s at 1000 Hz, acceleration, 1 channel)"
 
 
 def series(quantities=("force", "acceleration", "acceleration")):
@@ -138,7 +138,7 @@ def series(quantities=("force", "acceleration", "acceleration")):
 
 
 def test_from_series():
-    records = TimeRecords.from_series(series(), force="hammer", responses=["nose", 1], full_scale_force=2.0)
+    records = HammerRecords.from_series(series(), force="hammer", responses=["nose", 1], full_scale_force=2.0)
     np.testing.assert_array_equal(records.force[0], FORCE)
     np.testing.assert_array_equal(records.response[0, :, 0], 2.0 * RESPONSE)
     assert (records.quantity, records.label, records.source, records.notes, records.full_scale_force) == (
@@ -150,8 +150,8 @@ def test_from_series():
     )
 
 
-def test_from_series_takes_angles_for_turning():
-    records = TimeRecords.from_series(series(("force", "angular velocity", "")), force=0, responses=1)
+def test_from_series_with_rotations():
+    records = HammerRecords.from_series(series(("force", "angular velocity", "")), force=0, responses=1)
     assert records.quantity == "velocity"
     assert records.responses == (Unplaced("theta"),)
 
@@ -168,4 +168,4 @@ def test_from_series_takes_angles_for_turning():
 )
 def test_from_series_refuses(options, message):
     with pytest.raises(ValueError, match=message):
-        TimeRecords.from_series(series(("force", "acceleration", "")), **options)
+        HammerRecords.from_series(series(("force", "acceleration", "")), **options)

@@ -1,4 +1,4 @@
-"""Simulated hits: their FRF is the assembly's receptance, and their accidents are found."""
+"""Simulated hammer tests: FRF, noise, double hits and overloads."""
 
 from dataclasses import replace
 
@@ -59,15 +59,15 @@ def test_several_responses_and_one_long_record():
     assert frf.responses == (TIP, END)
 
 
-def test_a_bar_that_never_stops_ringing_is_silent_before_the_hit():
-    """What wraps around in the transform would be as large before the hit as after it."""
+def test_no_wrap_around_of_an_undamped_bar():
+    """A response that wraps around in the transform would be as large before the hit as after it."""
     records = simulate_hits(bar(0.0), hits=2, **SILENT, duration_s=0.1)
     response = records.response[:, :, 0]
     assert np.abs(response[:, :400]).max() < 2e-4 * np.abs(response).max()
     assert np.abs(response[:, -400:]).max() > 0.05 * np.abs(response).max()
 
 
-def test_noise_is_as_loud_as_stated():
+def test_noise_has_the_stated_level():
     quiet = simulate_hits(bar(), hits=5, **SILENT, seed=1)
     noisy = simulate_hits(bar(), hits=5, force_noise_db=-50.0, response_noise_db=-60.0, seed=1)
     for one, other, level in ((quiet.force, noisy.force, -50.0), (quiet.response, noisy.response, -60.0)):
@@ -75,7 +75,7 @@ def test_noise_is_as_loud_as_stated():
         assert found == pytest.approx(level, abs=0.2)
 
 
-def test_accidents_happen_where_they_are_asked_for_and_are_found():
+def test_double_hits_and_overloads_are_detected():
     records = simulate_hits(bar(), hits=8, double_hits=[2, 5], overloads=[7], seed=6)
     with pytest.warns(ReceptanceWarning, match="hit 2 dropped: double hit.*hit 7 dropped: overload"):
         hits = find_hits(records)
@@ -86,7 +86,7 @@ def test_accidents_happen_where_they_are_asked_for_and_are_found():
         assert [hit.number for hit in find_hits(long).dropped] == [2, 5, 7]
 
 
-def test_it_is_labelled_and_repeatable():
+def test_label_and_seed():
     records = [simulate_hits(bar(), hits=2, seed=seed, duration_s=0.1) for seed in (4, 4, 5)]
     np.testing.assert_array_equal(records[0].force, records[1].force)
     assert not np.array_equal(records[0].force, records[2].force)
@@ -107,11 +107,11 @@ def test_it_is_labelled_and_repeatable():
         ({"response": Coordinate("handle")}, "there is no part 'handle'"),
     ],
 )
-def test_wrong_settings(options, message):
+def test_invalid_settings(options, message):
     with pytest.raises(ValueError, match=message):
         simulate_hits(bar(), **options)
 
 
-def test_wrong_assembly():
+def test_invalid_assembly():
     with pytest.raises(TypeError, match="assembly is 5, expected an Assembly"):
         simulate_hits(5)

@@ -1,4 +1,4 @@
-"""A joint in micro-slip: its law, its level by word and by force, derivatives and what may be identified."""
+"""A joint in micro-slip: its law, stated and computed level, derivatives and identifiability."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.microslip import largest_share
+from receptance.model.joints import largest_share
 
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
 HOLDER = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
@@ -125,7 +125,7 @@ def test_natural_frequencies_have_derivatives_too() -> None:
 
 
 @pytest.mark.parametrize("exponent", [0.3, 1.0, 2.0])
-def test_a_force_brings_about_the_level_of_its_own_motion(exponent: float) -> None:
+def test_level_is_consistent_with_motion_under_the_force(exponent: float) -> None:
     """Line by line a root of level = F |theta_a - theta_b| / a_ref, each side from a stated level."""
     given = {"slip_y": 0.0, "exponent": exponent, "c_y": 5.0, "c_theta": 0.002, "c_ytheta": 0.0, "k_ytheta": 0.0}
     force = {0.3: 0.003, 1.0: 0.03, 2.0: 0.05}[exponent]
@@ -160,7 +160,24 @@ def test_a_stronger_force_softens_and_flattens_the_peak() -> None:
         np.testing.assert_allclose(per_line[i], make().receptance(lines[i : i + 1], force=force)[0], rtol=1e-9)
 
 
-def test_a_structure_that_is_linear_does_not_mind_the_force() -> None:
+def test_each_line_has_its_force() -> None:
+    """More lines than one task of the core has, on any number of threads, beside each line alone."""
+    lines = np.geomspace(1000.0, 6e3, 700)
+    force = 0.02 * np.random.default_rng(4).uniform(0.1, 1.0, lines.size)
+    names = ["joint.k_theta", "joint.slip_theta", "joint.loss_factor", "tool.segment[0].length"]
+    h, slope = make().derivatives(lines, names, force=force, threads=1)
+    for threads in (2, 3):
+        again = make().derivatives(lines, names, force=force, threads=threads)
+        np.testing.assert_array_equal(again[0], h)
+        np.testing.assert_array_equal(again[1], slope)
+    for line in (0, 1, 7, 255, 256, 300, 511, 512, 699):
+        some = slice(line, line + 1)
+        alone = make().derivatives(lines[some], names, force=force[some])
+        np.testing.assert_allclose(alone[0], h[some], rtol=1e-9)
+        np.testing.assert_allclose(alone[1], slope[some], rtol=1e-8)
+
+
+def test_linear_structure_is_independent_of_force() -> None:
     linear = Assembly([TOOL, PointJoint(k_y=2e8, k_theta=4e4), HOLDER])
     np.testing.assert_array_equal(linear.receptance(LINES, force=50.0), linear.receptance(LINES))
 
@@ -178,34 +195,34 @@ def test_two_joints_slip_together() -> None:
         assert np.max(np.abs(slope[:, column] - expected)) <= 1e-4 * np.abs(expected).max(), name
 
 
-def test_what_is_wrong_is_named() -> None:
-    with pytest.raises(ValueError, match=r"'joint': the level 6 takes a share of 0.701 from k_theta, expected at most"):
+def test_errors_name_the_mistake() -> None:
+    with pytest.raises(ValueError, match=r"'joint': the level 6 reduces k_theta by a share of 0.701, expected at most"):
         make(level=6.0)
     with pytest.raises(ValueError, match=r"exponent is 0, expected more than zero and at most 4"):
         make(exponent=0.0)
-    with pytest.raises(ValueError, match=r"k_theta is zero, expected a stiffness that slip can take from"):
+    with pytest.raises(ValueError, match=r"k_theta is zero, expected a positive stiffness"):
         make(k_theta=0.0, k_ytheta=0.0)
-    with pytest.raises(ValueError, match=r"k_ytheta is 2.7e\+06, more than what is left of k_y and k_theta"):
+    with pytest.raises(ValueError, match=r"k_ytheta is 2.7e\+06, expected at most sqrt"):
         make(k_ytheta=2.7e6)
     with pytest.raises(GrossSlipError, match=r"joint 'joint' slides as a whole in (y|theta) at \d+.* Hz under 100 N"):
         make().receptance(LINES, force=100.0)
-    with pytest.raises(ValueError, match=r"joint.reference_theta is zero, expected the amplitude of the level 1"):
+    with pytest.raises(ValueError, match=r"joint.reference_theta is zero, expected the amplitude at level 1"):
         make(reference_theta=0.0).receptance(LINES, force=0.01)
     with pytest.raises(ValueError, match=r"force is -1, expected more than zero N"):
         make().receptance(LINES, force=-1.0)
     with pytest.raises(ValueError, match=r"force has shape \(2,\), expected one number or \(90,\)"):
         make().receptance(LINES, force=[1.0, 2.0])
-    with pytest.raises(ValueError, match="force belongs to one excitation, and there are 2"):
+    with pytest.raises(ValueError, match="force needs exactly one excitation, and there are 2"):
         make().receptance(LINES, excitation=[Coordinate(), Coordinate("holder", "end")], force=0.01)
-    with pytest.raises(ValueError, match="complex ones belong to a decaying window"):
+    with pytest.raises(ValueError, match="expected real lines for a stepped sine"):
         make().receptance(LINES - 1j, force=0.01)
     with pytest.raises(ValueError, match="complex lines to a decaying window"):
         MeasuredFRF(assembly=make(), frequency_hz=LINES - 1j, receptance=make().receptance(LINES), force=1.0)
     with pytest.raises(ValueError, match=r"no parameter 'joint.slip'; MicroslipJoint has .*, slip_y, slip_theta"):
         make().get("joint.slip")
-    with pytest.raises(ValueError, match="level of 0 has no derivative where the exponent is below 1"):
+    with pytest.raises(ValueError, match="level is 0, expected more than zero: with an exponent below 1"):
         make(level=0.0).derivatives(LINES, ["joint.level"])
-    with pytest.raises(ValueError, match="or another one is in micro-slip"):
+    with pytest.raises(ValueError, match="or has a joint in micro-slip"):
         make().reduced_to_joint("joint", LINES)
     assert pickle.loads(pickle.dumps(make())) == make()
 
@@ -227,10 +244,10 @@ def hit(level: float, seed: int, *, scatter: float = 0.01, k_y: float = 2e8) -> 
     )
 
 
-def test_at_one_level_slip_is_another_joint_and_that_is_said() -> None:
+def test_slip_at_one_level_is_noted_as_indistinguishable() -> None:
     """Stiffness, slip and loss factor make one complex stiffness: two numbers for three unknowns.
 
-    Translation is held fast, whose loss would otherwise give the loss factor away.
+    Translation is held fast, whose loss would otherwise determine the loss factor.
     """
     found = identify([hit(1.0, seed, k_y=1e13) for seed in (1, 2)], [STIFFNESS, SLIP, LOSS], starts=4)
     assert found.rms == pytest.approx(1.0, abs=0.1)
@@ -243,16 +260,16 @@ def test_at_one_level_slip_is_another_joint_and_that_is_said() -> None:
     assert any("tied" in advice for advice in found.advice)
 
 
-def test_natural_frequencies_at_one_level_do_not_tell_slip_from_stiffness() -> None:
+def test_natural_frequencies_at_one_level_leave_slip_undetermined() -> None:
     true = make(**{**TRUE, "level": 1.0})
     modes = true.natural_frequencies(12e3)[:2]
-    seen = MeasuredFrequencies(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2)
-    for name, profile in identify([seen, seen], [STIFFNESS, SLIP], starts=4).profiles().items():
+    data = MeasuredFrequencies(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2)
+    for name, profile in identify([data, data], [STIFFNESS, SLIP], starts=4).profiles().items():
         assert not profile.statement.startswith("determined") or name == "joint.k_theta", profile.statement
         assert not profile.bounded or profile.upper / profile.lower > 1.5
 
 
-def test_two_levels_tell_slip_from_stiffness() -> None:
+def test_two_levels_separate_slip_from_stiffness() -> None:
     found = identify([hit(0.5, 1), hit(2.0, 2)], [STIFFNESS, SLIP, LOSS], starts=4)
     assert found.rms == pytest.approx(1.0, abs=0.1)
     true = {"joint.k_theta": GOOD["k_theta"], "joint.slip_theta": GOOD["slip_theta"], "joint.loss_factor": 0.01}
@@ -264,25 +281,25 @@ def test_two_levels_tell_slip_from_stiffness() -> None:
 
 def test_levels_are_laws_of_a_condition_as_well() -> None:
     """Natural frequencies at three levels, the exponent unknown too."""
-    seen = []
+    data = []
     for level in (0.3, 1.0, 2.0):
         true = make(**{**TRUE, "level": level})
         modes = true.natural_frequencies(12e3)[:2]
-        seen.append(MeasuredFrequencies(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2, label=f"{level}"))
+        data.append(MeasuredFrequencies(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2, label=f"{level}"))
     exponent = Unknown(address="joint.exponent", lower=0.2, upper=2.0)
-    found = identify(seen, [STIFFNESS, SLIP, exponent], starts=4)
+    found = identify(data, [STIFFNESS, SLIP, exponent], starts=4)
     assert found.values["joint.exponent"] == pytest.approx(1.0, abs=1e-5)
     assert found.values["joint.slip_theta"] == pytest.approx(0.2, rel=1e-5)
 
 
 def test_stepped_sines_at_two_forces_are_identified() -> None:
     rng = np.random.default_rng(5)
-    seen = []
+    data = []
     for force in (0.01, 0.05):
         true = make(**TRUE)
         noise = 0.01 * (rng.normal(size=BAND.size) + 1j * rng.normal(size=BAND.size))
         values = true.receptance(BAND, force=force) * np.exp(noise)
-        seen.append(
+        data.append(
             MeasuredFRF(
                 assembly=true,
                 frequency_hz=BAND,
@@ -297,7 +314,7 @@ def test_stepped_sines_at_two_forces_are_identified() -> None:
         Unknown(address="joint.slip_theta", lower=1e-3, upper=0.45, start=0.1),
         Unknown(address="joint.loss_factor", lower=1e-4, upper=0.2, start=0.02),
     ]
-    found = identify(seen, unknowns, starts=1)
+    found = identify(data, unknowns, starts=1)
     assert found.rms == pytest.approx(1.0, abs=0.1)
     for name, true_value in (("joint.k_theta", 4e4), ("joint.slip_theta", 0.2), ("joint.loss_factor", 0.01)):
         low, high = found.interval(name, 0.999)

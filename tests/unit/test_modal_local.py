@@ -12,8 +12,8 @@ from scipy.stats import binomtest
 
 from known_modes import FORMS, frf_of
 from receptance import FRF, ReceptanceWarning
+from receptance.frf.variance import interval_factor
 from receptance.modal import circle_fit, find_peaks, half_power
-from receptance.modal.estimate import quantile
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "3"))
 REJECTED_AT = 1e-4
@@ -56,14 +56,14 @@ def test_half_power_bias(lines, bias_percent, peak_percent, tolerance):
 
 def test_half_power_warns_under_five_lines():
     f = np.arange(900.0, 1100.0, 5.0)
-    with pytest.warns(ReceptanceWarning, match=r"only 4\.\d lines in the half-power band .* about .* % too large"):
+    with pytest.warns(ReceptanceWarning, match=r"only 4\.\d lines in the half-power band .* is overestimated by .* %"):
         mode = half_power(frf_of(f, [1001.0], [0.0099], [[1.0]]))
     assert "use circle_fit or fit_modes" in mode.notes[-1]
-    # Six lines: no word.
+    # No warning with six lines.
     assert half_power(frf_of(f, [1001.0], [0.016], [[1.0]])).notes == ()
 
 
-def test_half_power_states_what_the_places_of_lines_do():
+def test_half_power_errors_from_the_position_of_lines():
     """Without noise the error is the resolution's, and the standard error is its scatter over all places."""
     zeta, f = 0.01, 1000.0
     ratios = []
@@ -82,7 +82,7 @@ def test_half_power_states_what_the_places_of_lines_do():
 @pytest.mark.parametrize("decay_rate", [0.0, 25.0])
 @pytest.mark.parametrize("method", METHODS)
 def test_exact_mode(method, decay_rate, form):
-    """An exponential window is taken off, whatever the form; half-power to what its interpolation leaves."""
+    """The effect of an exponential window is removed for any form; half-power within its interpolation error."""
     f = np.arange(600.0, 1000.0, 0.25)
     mode = highest(method, frf_of(f, [797.3], [0.004], [[-2.0]], form=form, decay_rate=decay_rate))
     interpolated = method is half_power
@@ -107,7 +107,7 @@ def test_intervals_cover(runs, method, lines, stated):
         true = 797.0 + step * np.random.default_rng([SEED, number]).uniform()
         frf = frf_of(f, [true], [zeta], [[2.0]], noise=0.01, seed=[SEED, number, 1], stated=stated)
         mode = highest(method, frf, low_hz=740.0, high_hz=860.0)
-        reach = quantile(0.95, mode.degrees_of_freedom)
+        reach = interval_factor(0.95, mode.degrees_of_freedom)
         low, high = mode.damping_interval()
         covered.append(
             (
@@ -123,7 +123,7 @@ def test_intervals_cover(runs, method, lines, stated):
         assert binomtest(int(count), runs, 0.95).pvalue > REJECTED_AT, found
 
 
-def test_circle_beside_other_modes():
+def test_circle_with_other_modes():
     """The circle is moved off the origin by what other modes add, and the estimate is not."""
     f = np.arange(700.0, 900.0, 0.5)
     frf = frf_of(f, [500.0, 800.0, 1200.0], [0.01, 0.004, 0.01], [[4.0], [1.0], [-6.0]])
@@ -143,7 +143,7 @@ def test_circle_with_less_than_one_line_in_the_band():
     assert mode.damping_ratio == pytest.approx(0.001, rel=1e-9)
 
 
-def test_circle_says_when_it_is_short():
+def test_circle_warns_of_a_short_arc():
     """A band that ends beside the peak leaves a short arc."""
     rng = np.random.default_rng(SEED)
     f = np.arange(797.0, 803.0, 0.5)
@@ -162,7 +162,7 @@ def test_peaks_between_lines_and_of_several_modes():
 
 
 def test_unresolved_peak_has_no_damping():
-    """A mode so narrow that the lines see only its skirts: the parabola has no depth, and says so."""
+    """A mode so narrow that the lines cover only its skirts: the parabola has no depth, with a note."""
     f = np.arange(700.0, 900.0, 4.0)
     frf = frf_of(f, [801.3], [1e-9], [[1.0]], noise=1e-3, seed=5)
     mode = highest(find_peaks, frf)
@@ -173,7 +173,7 @@ def test_unresolved_peak_has_no_damping():
     assert "no wider than the exponential window" in window.notes[-1]
 
 
-def test_shared_values_enlarge_the_errors():
+def test_correlated_lines_enlarge_the_errors():
     f = np.arange(700.0, 900.0, 1.0)
     frf = frf_of(f, [800.0], [0.01], [[1.0]], noise=0.01, seed=SEED, stated=True)
     shared = frf.with_(correlated_lines=9.0)
@@ -184,7 +184,7 @@ def test_shared_values_enlarge_the_errors():
     assert highest(half_power, shared).damping_standard_error > highest(half_power, frf).damping_standard_error
 
 
-def test_lines_of_which_nothing_is_known():
+def test_lines_with_infinite_variance():
     """An infinite variance leaves a line out of a circle, and gives points at it an infinite error."""
     f = np.arange(700.0, 900.0, 1.0)
     frf = frf_of(f, [800.0], [0.01], [[1.0]], noise=0.001, seed=SEED, stated=True)
@@ -198,7 +198,7 @@ def test_lines_of_which_nothing_is_known():
     with pytest.raises(ValueError, match="fewer than 5 lines around the peak at 800 Hz is finite"):
         circle_fit(frf.with_(log_variance=variance))
     assert find_peaks(frf.with_(log_variance=variance)) == ()
-    with pytest.raises(ValueError, match="infinite on every line"):
+    with pytest.raises(ValueError, match="infinite on all lines"):
         circle_fit(frf.with_(log_variance=np.inf))
     zero = circle_fit(frf.with_(log_variance=0.0))
     assert "stated variance is zero on all lines" in zero.notes[0]
@@ -218,7 +218,7 @@ def test_mistakes():
             method(frf, low_hz=799.0, high_hz=800.5)
     one = frf.select(responses=0)
     for method in (half_power, circle_fit):
-        with pytest.raises(ValueError, match=r"at 790 Hz, the band's last line"):
+        with pytest.raises(ValueError, match=r"at 790 Hz, the last line of the band"):
             method(one, low_hz=720.0, high_hz=790.0)
     with pytest.raises(ValueError, match="half-power point below the peak at 800 Hz"):
         half_power(one, low_hz=797.0, high_hz=850.0)
@@ -228,7 +228,7 @@ def test_mistakes():
         circle_fit(one).damping_interval(2.0)
 
 
-def test_results_pickle_and_speak():
+def test_pickle_and_text():
     mode = circle_fit(frf_of(np.arange(700.0, 900.0, 1.0), [800.0], [0.01], [[1.0]], noise=1e-3))
     again = pickle.loads(pickle.dumps(mode))
     assert again == mode
@@ -238,7 +238,7 @@ def test_results_pickle_and_speak():
     assert mode.damping_interval()[1] - mode.damping_interval()[0] < 4.2 * mode.damping_standard_error
 
 
-def test_zero_hertz_is_no_line():
+def test_zero_hertz_is_left_out():
     f = np.arange(0.0, 900.0, 1.0)
     values = np.ones(f.size, dtype=complex)
     values[1:] = frf_of(f[1:], [800.0], [0.01], [[1.0]], form="accelerance").values[:, 0, 0]
@@ -260,8 +260,8 @@ def test_degrees_of_freedom_of_a_variance_from_few_hits():
 
 
 def test_too_few_lines_for_the_scatter():
-    """Three lines give half-power points and nothing to tell their scatter from."""
+    """Three lines give half-power points and no estimate of their scatter."""
     with pytest.warns(ReceptanceWarning, match="half-power band"):
         mode = half_power(frf_of([790.0, 800.0, 810.0], [801.0], [0.004], [[1.0]]))
     assert np.isinf(mode.damping_standard_error)
-    assert any("too few to tell their scatter" in note for note in mode.notes)
+    assert any("too few to estimate their scatter" in note for note in mode.notes)

@@ -1,4 +1,4 @@
-"""Figures of modal estimates: what is in them, and that any result can be drawn."""
+"""Figures of modal estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frequency and damping against amplitude, from decays whose law is known."""
+"""Frequency and damping against amplitude, from decays with known laws."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def slipping(amplitude):
     return 0.0015 + 0.0006 * np.log10(1.0 + 10.0 * amplitude)
 
 
-def test_linear_mode_is_the_same_in_every_block():
+def test_a_linear_mode_has_constant_parameters():
     found = ring_down(decay(lambda a: 80.0, lambda a: 0.003), RATE, **BAND)
     np.testing.assert_allclose(found.frequency_hz, 80.0, rtol=1e-7)
     np.testing.assert_allclose(found.damping_ratio, 0.003, rtol=1e-5)
@@ -57,7 +57,7 @@ def test_linear_mode_is_the_same_in_every_block():
     np.testing.assert_allclose(drops, drops.mean(), rtol=0.15)
 
 
-def test_mode_beside_the_middle_of_the_band():
+def test_mode_off_the_middle_of_the_band():
     x = decay(lambda a: 88.0, lambda a: 0.005)
     found = ring_down(x, RATE, **BAND)
     np.testing.assert_allclose(found.frequency_hz, 88.0, rtol=1e-6)
@@ -105,7 +105,7 @@ def test_the_part_before_the_hit_and_the_noisy_end_are_left_out():
     assert found.time_s[0] > 300.0 / RATE
     assert found.amplitude[-1] > 0.02
     assert np.all(np.abs(found.damping_ratio - 0.006) < 5.0 * found.damping_standard_error)
-    # At a tenth of the amplitude the scatter leaves a fifth of the damping; at the beginning next to nothing.
+    # At a tenth of the amplitude the scatter leaves a fifth of the damping; at the beginning almost none.
     assert np.all(found.damping_standard_error < 0.2 * 0.006)
     assert found.damping_standard_error[0] < 0.005 * 0.006
     early = ring_down(x, RATE, **BAND, start_s=0.5, end_s=1.5)
@@ -113,12 +113,12 @@ def test_the_part_before_the_hit_and_the_noisy_end_are_left_out():
     assert early.time_s[-1] < 1.5
 
 
-def test_two_modes_in_the_band_are_noticed():
+def test_two_modes_in_the_band_are_detected():
     x = decay(lambda a: 78.0, lambda a: 0.002) + 0.1 * decay(lambda a: 86.0, lambda a: 0.002)
     with pytest.warns(ReceptanceWarning, match="is not one decaying mode between 60 and 100 Hz"):
         ring_down(x, RATE, **BAND)
     beating = decay(lambda a: 78.0, lambda a: 0.002) + decay(lambda a: 86.0, lambda a: 0.002)
-    with pytest.raises(ValueError, match="does not decay like one mode from its start"):
+    with pytest.raises(ValueError, match="does not begin with the decay of one mode"):
         ring_down(beating, RATE, **BAND)
 
 
@@ -144,7 +144,7 @@ def test_mistakes():
             ring_down(arguments.pop("samples"), arguments.pop("sample_rate_hz"), **arguments)
 
 
-def test_result_pickles_and_speaks():
+def test_pickle_and_text():
     found = ring_down(decay(softening, slipping), RATE, **BAND, blocks=5)
     again = pickle.loads(pickle.dumps(found))
     np.testing.assert_array_equal(again.frequency_hz, found.frequency_hz)

@@ -1,4 +1,4 @@
-"""Which measurement next: expected intervals against those of refits, shared errors, rankings that one knows."""
+"""Which measurement next: expected intervals against those of refits, shared errors, and rankings of known cases."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import pytest
 from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, Segment, identify
 from receptance.identification import (
     Candidate,
-    FrequencyTarget,
+    Floor,
     Law,
     Power,
-    ReceptanceTarget,
     Tolerance,
     Unknown,
     next_measurement,
@@ -75,8 +74,8 @@ def menu():
     }
 
 
-def test_the_ranking_that_one_knows(in_the_machine):
-    """From the tip in the machine alone: hanging free and a shorter overhang tell more than the same again."""
+def test_ranking_of_a_known_case(in_the_machine):
+    """From the tip in the machine alone: free-free and a shorter overhang have more information than a repetition."""
     found = next_measurement(in_the_machine[1], list(menu().values()), targets=STIFF)
     order = [one.label for one in found.ranking]
     assert order[0] == "free"
@@ -111,7 +110,7 @@ def test_the_interval_is_that_of_a_refit(in_the_machine, rng, label):
         assert np.log10(high / low) == pytest.approx(2.0 * 1.96 * expected[name].deviation, rel=1e-3)
 
 
-def test_the_same_again_is_worth_a_root_of_two(rng):
+def test_repeated_measurement_reduces_deviation_by_root_two(rng):
     true = make_assembly()
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
@@ -125,8 +124,38 @@ def test_the_same_again_is_worth_a_root_of_two(rng):
         assert expected[name].now == pytest.approx(fit.interval(name), rel=1e-6)
 
 
+def test_a_candidate_is_an_observation_without_data():
+    """With data it is the observation that `MeasuredFRF` or `MeasuredFrequencies` makes of them."""
+    assembly = make_assembly()
+    floor = Floor(relative=0.01, frequency=1e-3)
+    h = assembly.receptance(LINES)
+    frf = Candidate(label="tip", assembly=assembly, frequency_hz=LINES, standard_deviation=0.02, floor=floor)
+    measured_data = frf.observation(h)
+    assert isinstance(measured_data, MeasuredFRF)
+    assert np.array_equal(measured_data.receptance, h)
+    assert measured_data.standard_deviation**2 == pytest.approx(0.02**2 + floor.variance(LINES, h), rel=1e-12)
+    assert (measured_data.label, measured_data.configuration, frf.observation().receptance[0]) == ("tip", "tip", 1.0)
+    modes = Candidate(label="modes", assembly=assembly, modes=(1, 3), standard_deviation_hz=[2.0, 3.0])
+    again = modes.observation([500.0, 4000.0])
+    assert again.modes == (1, 3)
+    assert again.frequency_hz.tolist() == [500.0, 4000.0]
+    assert again.standard_deviation_hz.tolist() == [2.0, 3.0]
+
+
+def test_a_candidate_has_the_measuring_chain_of_the_fit(rng):
+    """A calibration gain that all measurements share is an unknown of the candidate as well."""
+    true = make_assembly()
+    data = measure(true, LINES, 0.01, rng, "tip")
+    gain = Unknown(address="observation.log_gain", lower=-0.5, upper=0.5)
+    fit = identify(data, [*STIFFNESSES, gain], starts=1)
+    again = Candidate(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
+    expected = next_measurement(fit, again).best.expected
+    for name in (*STIFF, "observation.log_gain"):
+        assert expected[name].shrink == pytest.approx(np.sqrt(0.5), rel=2e-3)
+
+
 def test_an_error_of_one_name_is_one_error(rng):
-    """What a joint's stiffness is tied to: more of the same clamping does not help, another clamping does."""
+    """Clamping error: a repetition in the same clamping does not help, another clamping does."""
     true = make_assembly()
     k_theta = Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5)
 
@@ -150,8 +179,8 @@ def test_an_error_of_one_name_is_one_error(rng):
     assert found["other"].shrink == pytest.approx(np.sqrt(0.5), rel=0.02)
 
 
-def test_scatter_that_is_estimated(rng):
-    """Without standard deviations the residuals say how much the measurements taken tell."""
+def test_estimated_scatter(rng):
+    """Without standard deviations the residuals give the information of the measurements."""
     true = make_assembly()
     data = measure(true, LINES, 0.01, rng, "tip")
     bare = MeasuredFRF(assembly=true, frequency_hz=LINES, receptance=data.receptance)
@@ -163,7 +192,7 @@ def test_scatter_that_is_estimated(rng):
         assert expected[name].deviation_now == pytest.approx(known[name].deviation_now, rel=0.05)
 
 
-def test_errors_of_dimensions_limit_what_more_data_bring(rng):
+def test_dimension_errors_limit_the_gain_of_data(rng):
     true = make_assembly()
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
@@ -179,9 +208,9 @@ def test_predictions_as_targets(rng):
     true, other = make_assembly(), make_assembly(0.09)
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
-    modes = FrequencyTarget(label="90 mm", assembly=other, modes=(1, 2))
+    modes = Candidate(label="90 mm", assembly=other, modes=(1, 2))
     lines = np.linspace(500.0, 5000.0, 50)
-    curve = ReceptanceTarget(label="90 mm", assembly=other, frequency_hz=lines)
+    curve = Candidate(label="90 mm", assembly=other, frequency_hz=lines)
     candidate = Candidate(label="90 mm", assembly=other, frequency_hz=lines, standard_deviation=0.001)
     found = next_measurement(fit, candidate, targets=[modes, curve, "joint.k_y"])
     assert found.targets == ("90 mm: mode 1 [Hz]", "90 mm: mode 2 [Hz]", "90 mm: log receptance", "joint.k_y")
@@ -198,8 +227,8 @@ def test_predictions_as_targets(rng):
     assert found.best.expected["90 mm: log receptance"].deviation_now == pytest.approx(rms, rel=1e-6)
 
 
-def test_what_is_open_is_judged_at_many_points(rng):
-    """One mode seen once bounds neither stiffness above: one point would mislead, and it is said so."""
+def test_open_parameters_are_evaluated_at_several_points(rng):
+    """One mode seen once bounds neither stiffness above: one point would mislead, as the note states."""
     true = make_assembly()
     mode = modes_of(true, 4e3, standard_deviation_hz=5.0)
     fit = identify([mode, mode], STIFFNESSES, starts=2)
@@ -221,7 +250,7 @@ def test_what_is_open_is_judged_at_many_points(rng):
 
 
 def test_a_law_and_the_conditions_of_a_candidate(rng):
-    """An exponent is best told from far off the reference, and what a configuration has of its own is a new error."""
+    """An exponent is best determined far from the reference, and an individual deviation is a new error."""
     law = Law(
         address="joint.k_theta",
         lower=1e3,
@@ -230,13 +259,13 @@ def test_a_law_and_the_conditions_of_a_candidate(rng):
         powers=Power(of="insertion", reference=0.04),
         individual=0.05,
     )
-    seen = [
+    measured_data = [
         measure(make_assembly(), LINES[::4], 0.01, rng, f"{insertion}").configured(
             f"{insertion}", {"insertion": insertion}
         )
         for insertion in (0.04, 0.035)
     ]
-    fit = identify(seen, law, starts=1)
+    fit = identify(measured_data, law, starts=1)
     options = {"assembly": make_assembly(), "frequency_hz": LINES[::4]}
     candidates = [
         Candidate(label=f"{insertion}", conditions={"insertion": insertion}, **options)
@@ -247,7 +276,7 @@ def test_a_law_and_the_conditions_of_a_candidate(rng):
     assert [one.label for one in found.ranking] == ["0.02", "0.03", "0.035"]
     # A candidate of the name of a configuration is that one again, with the part that it had; the bounds count for 3 %.
     assert found.ranking[-1].shrink > 0.95
-    # Two parts of 5 % that differ tell the exponent to 0.05 sqrt(2) / ln(0.04 / 0.035), or over the larger distance.
+    # Two individual deviations of 5 % give the exponent to 0.05 sqrt(2) / ln(0.04 / 0.035), or over a larger distance.
     distances = np.log(0.04 / np.array([0.035, 0.02]))
     assert found.best.expected[exponent].deviation_now == pytest.approx(0.05 * np.sqrt(2.0) / distances[0], rel=0.05)
     x = np.array([0.0, distances[0], distances[1]])
@@ -272,7 +301,7 @@ def test_the_cost_decides(in_the_machine):
     assert "for the cost" in " ".join(found.notes)
 
 
-def test_a_floor_bounds_what_can_be_told(in_the_machine):
+def test_floor_limits_the_gain(in_the_machine):
     """A tenth of the noise on the same lines is worth ten times as much, but not with a floor of what it was."""
     fit = in_the_machine[1]
     options = {"assembly": make_machine(free=True), "frequency_hz": WIDE, "tolerances": clamped("free")}
@@ -284,7 +313,7 @@ def test_a_floor_bounds_what_can_be_told(in_the_machine):
     assert found["clean"] < 0.5 * found["noisy"]
 
 
-def test_the_result_itself(in_the_machine):
+def test_result_object(in_the_machine):
     found = next_measurement(in_the_machine[1], list(menu().values()), targets=STIFF)
     again = pickle.loads(pickle.dumps(found))
     assert [one.shrink for one in again.ranking] == [one.shrink for one in found.ranking]
@@ -295,11 +324,11 @@ def test_the_result_itself(in_the_machine):
     assert len(found.plot().axes) == 2
 
 
-def test_mistakes_are_answered(in_the_machine):
+def test_mistakes_give_messages(in_the_machine):
     fit, options = in_the_machine[1], menu()
     with pytest.raises(ValueError, match="candidates is empty"):
         next_measurement(fit, [])
-    with pytest.raises(ValueError, match="two candidates are called 'nose'"):
+    with pytest.raises(ValueError, match="two candidates have the label 'nose'"):
         next_measurement(fit, [options["nose"], options["nose"]])
     with pytest.raises(TypeError, match="expected a Candidate"):
         next_measurement(fit, ["nose"])
@@ -311,20 +340,22 @@ def test_mistakes_are_answered(in_the_machine):
     with pytest.raises(ValueError, match="neither frequency_hz nor modes"):
         Candidate(label="x", assembly=make_assembly())
     with pytest.raises(ValueError, match="standard_deviation_hz is missing"):
-        Candidate(label="x", assembly=make_assembly(), modes=(1,))
-    with pytest.raises(ValueError, match="expected numbers above zero"):
+        next_measurement(fit, Candidate(label="x", assembly=make_assembly(), modes=(1,)))
+    with pytest.raises(ValueError, match=r"modes is \(2, 1\), expected ascending numbers"):
+        Candidate(label="x", assembly=make_assembly(), modes=(2, 1))
+    with pytest.raises(ValueError, match=r"standard_deviation\[0\] is 0, expected a finite number above zero"):
         Candidate(label="x", assembly=make_assembly(), frequency_hz=WIDE, standard_deviation=0.0)
-    with pytest.raises(ValueError, match="expected ascending lines above zero"):
+    with pytest.raises(ValueError, match=r"Candidate 'x': frequency_hz\[0\]"):
         Candidate(label="x", assembly=make_assembly(), frequency_hz=[0.0, 10.0])
-    with pytest.raises(TypeError, match="expected text that says what it is"):
+    with pytest.raises(TypeError, match="label is ''"):
         Candidate(label="", assembly=make_assembly(), frequency_hz=WIDE)
     data = measure(make_assembly(), LINES, 0.01, np.random.default_rng(0), "tip")
     percent = identify(data, STIFFNESSES, objective="percentage", starts=1)
-    with pytest.raises(ValueError, match="no likelihood"):
+    with pytest.raises(ValueError, match="not a likelihood"):
         next_measurement(percent, options["nose"])
 
 
-def test_the_interval_of_what_is_open_is_that_of_refits_from_where_it_may_be():
+def test_interval_of_an_open_parameter_equals_that_of_refits():
     """In a low band k_y is open above. With each of the likely truths behind the new data the deviations agree."""
     rng = np.random.default_rng(1)
     lines = np.linspace(200.0, 900.0, 150)
@@ -344,6 +375,6 @@ def test_the_interval_of_what_is_open_is_that_of_refits_from_where_it_may_be():
         both = identify([data, again], unknowns(values), tolerances=[*tolerances(), clamped("free")], starts=1)
         refits.append(np.sqrt(both.covariance[0, 0]))
     assert expected.deviations[:4] == pytest.approx(refits[:4], rel=0.3)
-    # The last one lies where hardly anything tells k_y, and an interval is what bounds and noise make it.
+    # The last one has almost no information on k_y; bounds and noise determine the interval.
     assert min(refits[4], expected.deviations[4]) > 0.25
     assert expected.stays_open == pytest.approx(0.2)

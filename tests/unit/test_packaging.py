@@ -46,7 +46,7 @@ def test_there_is_one_version() -> None:
     assert "version" in _toml("pyproject.toml")["project"]["dynamic"]
 
 
-def test_changelog_begins_with_what_is_not_released() -> None:
+def test_changelog_begins_with_unreleased_changes() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     headings = re.findall(r"^## \[(.+?)\]", text, re.MULTILINE)
     assert headings[0] == "Unreleased"
@@ -55,7 +55,7 @@ def test_changelog_begins_with_what_is_not_released() -> None:
 
 
 def test_python_versions_agree() -> None:
-    """What the package asks for, what the stable interface of the extension is built for, and what is checked."""
+    """Required Python version, version of the stable interface of the extension, and checked versions."""
     project = _toml("pyproject.toml")
     assert project["project"]["requires-python"] == ">=3.11"
     assert "abi3-py311" in _toml("Cargo.toml")["workspace"]["dependencies"]["pyo3"]["features"]
@@ -93,19 +93,19 @@ def _imports() -> dict[str, set[str]]:
     return found
 
 
-def test_what_is_imported_is_installed_with_the_package() -> None:
-    """`pip install .` alone brings what every module, the command line and the pictures need."""
+def test_imported_packages_are_dependencies() -> None:
+    """`pip install .` installs the requirements of every module, the command line and the figures."""
     needed = {DISTRIBUTION_OF.get(name, name).lower(): places for name, places in _imports().items()}
     missing = {name: sorted(places) for name, places in needed.items() if name not in _requirements()}
-    # What an extra brings is imported in one place, which says how to install it where it is not there.
-    assert missing == {"distributed": ["sweep/workers.py"], "emcee": ["identification/sampling.py"]}
+    # Packages of an extra are imported in one place, whose error says how to install them.
+    assert missing == {"distributed": ["sweep/run.py"], "emcee": ["identification/sampling.py"]}
     extras = _toml("pyproject.toml")["project"]["optional-dependencies"]
     for extra, package in (("dask", "dask[distributed]"), ("sampling", "emcee")):
         assert all(any(line.startswith(package) for line in extras[name]) for name in (extra, "test"))
     assert {"numpy", "scipy"} <= needed.keys()
 
 
-def test_what_is_installed_is_imported() -> None:
+def test_dependencies_are_imported() -> None:
     unused = _requirements() - {DISTRIBUTION_OF.get(name, name).lower() for name in _imports()}
     assert not unused, f"dependencies that no module imports: {sorted(unused)}"
 
@@ -114,7 +114,7 @@ def test_the_extra_for_tests_brings_the_tools() -> None:
     assert {"pytest", "pytest-benchmark", "hypothesis", "mpmath", "mypy", "ruff", "maturin"} <= _requirements("test")
 
 
-def test_sdist_holds_all_it_is_built_from(tmp_path: Path) -> None:
+def test_sdist_contains_all_build_inputs(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "maturin", "sdist", "--out", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode != 0:

@@ -1,4 +1,4 @@
-"""The protocol of results: tables, numbers, the renderers, and that every class keeps to it."""
+"""The protocol of results: tables, numbers, the renderers, and its implementation by every class."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import receptance
 from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
 from receptance.identification import Identification
 from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.figure import finished, surface
 from receptance.report.notes import grouped
 from receptance.report.plain import plain
 from receptance.report.table import interval, joined, number
@@ -41,6 +43,16 @@ class Found(Result):
 
     def data(self) -> dict[str, Any]:
         return {"values": np.array(self.values), "pair": 1 + 2j}
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        return finished(surface(ax, 1.0, 1.0))
+
+
+class FoundThings(Results[Found]):
+    heading = "Results"
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        return finished(surface(ax, 1.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +79,8 @@ def test_numbers_and_intervals() -> None:
     assert Column("k", "N/m").heading == "k\n[N/m]"
 
 
-def test_tables_say_what_does_not_fit() -> None:
-    with pytest.raises(ValueError, match="table 'T': 2 columns, and a row of 1 cells"):
+def test_tables_state_omitted_content() -> None:
+    with pytest.raises(ValueError, match="table 'T': a row has 1 cells, expected 2"):
         Table("T", ("a", "b"), [("x",)])
     table = Table("T", ("a", "b", Column("c")), [("x", "", 1.0), ("y", None, 2.0)])
     assert table.without_empty().headings == ["a", "c"]
@@ -87,7 +99,7 @@ def test_text_keeps_every_number_at_any_width(width: int) -> None:
     assert not any(line.endswith(" ") for line in text.splitlines())
 
 
-def test_text_and_html_show_findings_notes_and_where_a_campaign_comes_from() -> None:
+def test_text_and_html_show_findings_notes_and_campaign_path() -> None:
     provenance = Provenance(title="Tests & more", file="c.toml", description="made up", seed=3)
     found = Found(notes=("a: first", "a: second", "alone: here", "<script>"), provenance=provenance)
     text = found.summary(80)
@@ -114,11 +126,11 @@ def test_notes_of_many_sources_are_counted() -> None:
     notes = [f"measurements.m{i}: {text}" for i in range(6) for text in ("simulated", "few lines")]
     shown = list(grouped(["before", *notes, "other: alone"]))
     assert shown[:4] == ["before", "measurements.m0:", "  simulated", "  few lines"]
-    assert shown[-2:] == ["other: alone", "notes of 3 more are in the JSON"]
+    assert shown[-2:] == ["other: alone", "the notes of 3 more sources are in the JSON"]
     assert len(shown) == 1 + 3 * 3 + 2
 
 
-def test_dictionaries_are_what_json_holds() -> None:
+def test_dictionaries_equal_their_json() -> None:
     found = Found(provenance=Provenance(title="T", file="c.toml", seed=1, settings={"starts": 8})).to_dict()
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert list(found) == ["campaign", "file", "values", "pair", "notes", "settings", "seed", "versions"]
@@ -129,7 +141,7 @@ def test_dictionaries_are_what_json_holds() -> None:
 
 
 def test_results_of_one_kind_are_a_mapping_and_a_result() -> None:
-    both = Results({"one": Found(), "two": Found(name="joint.k_theta")}, notes=["of both"])
+    both = FoundThings({"one": Found(), "two": Found(name="joint.k_theta")}, notes=["of both"])
     assert list(both) == ["one", "two"]
     assert both["two"].name == "joint.k_theta"
     (table,) = both.tables()
@@ -149,7 +161,7 @@ def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
         assert right not in own.axes
         own.canvas.draw()  # a dollar sign in a label is no formula
         assert len(result.plot().axes) == panels
-    with pytest.raises(ValueError, match="ax has no place in a grid"):
+    with pytest.raises(ValueError, match="ax is not part of a grid"):
         profiles.plot(Figure().add_axes((0.1, 0.1, 0.8, 0.8)))
 
 
@@ -173,7 +185,7 @@ def _classes() -> list[type]:
     return list(found.values())
 
 
-def test_every_result_keeps_to_the_protocol() -> None:
+def test_every_result_implements_the_protocol() -> None:
     """A class declares tables, sentences and data; only `Result` renders."""
     classes = _classes()
     results = [one for one in classes if issubclass(one, Result) and one not in (Result, Results)]

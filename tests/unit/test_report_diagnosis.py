@@ -1,4 +1,4 @@
-"""The report of a diagnosis: complete, escaped, without network, and alive in a browser."""
+"""The report of a diagnosis: complete, escaped, without network, and rendered in a browser."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LABEL = "</script><img src=x onerror=alert(2)> {:.0f}"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
-def assembled(overhang: float, *masses: PointMass) -> Assembly:
+def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
@@ -44,22 +44,22 @@ def assembled(overhang: float, *masses: PointMass) -> Assembly:
 
 @pytest.fixture(scope="module")
 def verdict() -> Any:
-    """A sensor of one gram that nobody told the model of."""
+    """A sensor of one gram that is not in the model."""
     rng = np.random.default_rng(SEED)
     observations = [
         MeasuredFRF(
-            assembly=assembled(overhang),
+            assembly=make_assembly(overhang),
             frequency_hz=LINES,
-            receptance=assembled(overhang, PointMass(mass=1e-3)).receptance(LINES)
+            receptance=make_assembly(overhang, PointMass(mass=1e-3)).receptance(LINES)
             * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
             standard_deviation=0.01,
             label=LABEL.format(1e3 * overhang),
         )
         for overhang in (0.05, 0.07, 0.09)
     ]
-    sensed = assembled(0.08, PointMass(mass=1e-3)).natural_frequencies(6000.0)[:1]
+    sensed = make_assembly(0.08, PointMass(mass=1e-3)).natural_frequencies(6000.0)[:1]
     observations.append(
-        MeasuredFrequencies(assembly=assembled(0.08), frequency_hz=sensed, standard_deviation_hz=2.0, label="peak")
+        MeasuredFrequencies(assembly=make_assembly(0.08), frequency_hz=sensed, standard_deviation_hz=2.0, label="peak")
     )
     bounds = {"k_y": (1e6, 1e11), "k_theta": (1e2, 1e8), "c_y": (1e-1, 1e6), "c_theta": (1e-4, 1e3)}
     unknowns = [Unknown(address=f"joint.{name}", lower=low, upper=high) for name, (low, high) in bounds.items()]
@@ -71,7 +71,7 @@ def page(verdict: Any) -> str:
     return diagnosis_html(verdict, title=TITLE)
 
 
-def test_modes_are_off_by_what_the_sensor_does(verdict: Any) -> None:
+def test_mode_deviation_by_the_sensor(verdict: Any) -> None:
     """Against natural frequencies of both assemblies, calculated beside the data."""
     assert verdict.verdict == "named"
     before = {one.label: one for one in residuals_by_mode(verdict.selection.base)}
@@ -80,7 +80,7 @@ def test_modes_are_off_by_what_the_sensor_does(verdict: Any) -> None:
     assert all(abs(one.frequency_percent) < 0.05 for one in after)
     assert max(abs(one.frequency_percent) for one in before.values()) > 0.3
     own = before[LABEL.format(90)]
-    true = assembled(0.09, PointMass(mass=1e-3)).natural_frequencies(6000.0)[0]
+    true = make_assembly(0.09, PointMass(mass=1e-3)).natural_frequencies(6000.0)[0]
     assert own.measured_hz == pytest.approx(true, rel=1e-3)
     assert np.isnan(before["peak"].damping_percent)
 
@@ -90,13 +90,13 @@ def test_curves_are_those_of_the_fitted_models(verdict: Any) -> None:
         np.testing.assert_allclose(one.modelled, assembly.receptance(one.frequency_hz), rtol=1e-6)
 
 
-def test_it_says_all(page: str, verdict: Any) -> None:
+def test_page_is_complete(page: str, verdict: Any) -> None:
     for words in (
-        "The model lacks something, and the data say what.",
-        "What is left at each mode",
+        "The model is inadequate, and the data identify the cause.",
+        "Residuals at each mode",
         "Evidence for each cause alone",
-        "Which causes look alike",
-        "How this was done",
+        "Similar causes in these data",
+        "Settings and versions",
         "sensor_mass",
         "Size, with 95 % interval: mass ",
         " g (",
@@ -108,14 +108,14 @@ def test_it_says_all(page: str, verdict: Any) -> None:
     assert 'id="figure-frequencies"' in page
 
 
-def test_what_people_wrote_is_text(page: str) -> None:
+def test_user_text_is_escaped(page: str) -> None:
     assert "<script>alert(1)" not in page
     assert "<img src=x" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; &#34;mill&#34; äöü 端" in page
 
 
-def test_nothing_points_elsewhere(page: str) -> None:
-    """Outside the scripts there is no address; inside them nothing may be loaded (the page's own policy)."""
+def test_page_has_no_external_links(page: str) -> None:
+    """Outside the scripts there is no address; inside them loading is forbidden (the page's own policy)."""
     loading: list[str] = []
 
     class Attributes(HTMLParser):
@@ -127,7 +127,7 @@ def test_nothing_points_elsewhere(page: str) -> None:
     assert "default-src 'none'" in page
 
 
-def test_it_is_written_whole(tmp_path: Path, verdict: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_is_written_completely(tmp_path: Path, verdict: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_diagnosis(tmp_path / "report.html", verdict)
     assert path.read_text(encoding="utf-8").endswith("</html>\n") or path.read_text(encoding="utf-8").endswith(
         "</html>"
@@ -135,8 +135,8 @@ def test_it_is_written_whole(tmp_path: Path, verdict: Any, monkeypatch: pytest.M
     assert [one.name for one in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_a_browser_shows_it(tmp_path: Path, verdict: Any) -> None:
-    """Headless: every figure is drawn, no script fails, nothing is refused, which is what a fetch would be."""
+def test_page_renders_in_a_browser(tmp_path: Path, verdict: Any) -> None:
+    """Headless: every figure is drawn, no script fails, and no request is blocked."""
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         pytest.skip(f"none of {', '.join(BROWSERS)} is installed, so the report was not opened")
@@ -150,16 +150,16 @@ def test_a_browser_shows_it(tmp_path: Path, verdict: Any) -> None:
     figures = re.findall(r'id="figure-[\w-]+"', run.stdout)
     assert len(figures) >= 5
     assert run.stdout.count('class="main-svg"') >= len(figures), "a figure was not drawn"
-    said = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
-    assert not said, said
+    errors = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
+    assert not errors, errors
 
 
-def test_natural_frequencies_alone_and_nothing_that_explains_them(tmp_path: Path) -> None:
-    """An overhang each that is longer than it was said, by turns: no cause of the list does that."""
+def test_natural_frequencies_without_an_explanation(tmp_path: Path) -> None:
+    """Overhangs that deviate from the stated ones with alternating sign: no cause of the list explains it."""
     observations = [
         MeasuredFrequencies(
-            assembly=assembled(overhang),
-            frequency_hz=assembled(overhang + off).natural_frequencies(9000.0)[:2],
+            assembly=make_assembly(overhang),
+            frequency_hz=make_assembly(overhang + off).natural_frequencies(9000.0)[:2],
             standard_deviation_hz=0.3,
             label=f"{1e3 * overhang:.0f} mm",
         )
@@ -171,9 +171,9 @@ def test_natural_frequencies_alone_and_nothing_that_explains_them(tmp_path: Path
     ]
     verdict = diagnose(observations, unknowns, causes=["tool_density", "collet_mass"], most=1, held_out=True)
     assert verdict.verdict == "unexplained"
-    said, page = verdict.summary(1000), diagnosis_html(verdict)
-    assert "if all standard deviations were" in said
-    assert "if believed" in said
+    output, page = verdict.summary(1000), diagnosis_html(verdict)
+    assert "if all standard deviations were" in output
+    assert "with it" in output
     for words in ("By evidence", "comes nearest", "held-out modes", "in numbers", "as given", " at 1"):
         assert words in page, words
     for words in ("damping (%)", "level (dB)", "phase (°)", "noise alone stays"):

@@ -22,7 +22,7 @@ from receptance import (
     damped_modes,
     identify,
 )
-from receptance.campaign.writer import attachment_table
+from receptance.campaign.writing import attachment_table
 
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
 HOLDER = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
@@ -81,7 +81,7 @@ def test_natural_and_damped_frequencies_are_where_the_coupled_receptance_peaks()
     np.testing.assert_allclose(damped_modes(light, 9e3).frequency_hz, found, rtol=1e-6)
 
 
-def test_axial_motion_has_it_along_the_axis() -> None:
+def test_axial_motion_includes_the_resonator() -> None:
     bar = Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")
     one = Resonator(mass=0.02, k_y=5e5, c_y=1.0, part="bar", position="end", name="absorber")
     assembly = Assembly([bar], [one], motion="axial")
@@ -117,7 +117,7 @@ def test_mass_and_stiffness_are_identified() -> None:
         ({"c_y": -1.0}, r"Resonator 'absorber': c_y is -1"),
     ],
 )
-def test_values_without_meaning_are_refused(changes: dict[str, float], message: str) -> None:
+def test_invalid_values_are_refused(changes: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Resonator(**{"mass": 0.03, "k_y": 1e6, "name": "absorber", **changes})
 

@@ -24,7 +24,7 @@ def table() -> MeasuredPart:
     )
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_round_trip(tmp_path: Path) -> None:
     write_spindle(tmp_path / "s.npz", table())
     found = read_spindle(tmp_path / "s.npz", name="nose")
     np.testing.assert_array_equal(found.frequency_hz, LINES)
@@ -51,7 +51,7 @@ def test_an_frf_matrix_of_another_program(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.covariance[:, 2, 2].real, 1e-4 * np.abs(part.matrix[:, 0, 1]) ** 2)
 
 
-def test_a_damaged_file_is_an_error_that_names_it(tmp_path: Path) -> None:
+def test_damaged_files(tmp_path: Path) -> None:
     """Truncated files and files with wrong bytes: a ValueError with the file's name, or what was written."""
     path = tmp_path / "damaged.npz"
     write_spindle(path, table())
@@ -74,7 +74,7 @@ def test_a_damaged_file_is_an_error_that_names_it(tmp_path: Path) -> None:
 
 
 def test_mistakes_name_the_file(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"expected an ending \.npz"):
+    with pytest.raises(ValueError, match=r"expected the suffix \.npz"):
         write_spindle(tmp_path / "s.csv", table())
     (tmp_path / "s.npz").write_bytes(b"nothing of that kind")
     with pytest.raises(ValueError, match=r"s\.npz"):
@@ -86,7 +86,7 @@ def test_mistakes_name_the_file(tmp_path: Path) -> None:
         read_spindle(tmp_path / "tip.npz")
 
 
-def test_damaged_files_of_ours_name_the_file(tmp_path: Path) -> None:
+def test_invalid_contents_name_the_file(tmp_path: Path) -> None:
     """Every byte in turn: what is read is what was written, or the file is refused with its name."""
     path = tmp_path / "s.npz"
     write_spindle(path, table())

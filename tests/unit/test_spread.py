@@ -1,4 +1,4 @@
-"""The joint spread along an insertion, as a person writes it."""
+"""The joint spread along an insertion: public class."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_values_are_read_and_replaced() -> None:
 @pytest.mark.parametrize(
     "address", ["joint.shank", "joint.shank.length", "joint.bore.density", "joint.points", "joint.sleeve.core.density"]
 )
-def test_what_is_no_parameter_is_said(address: str) -> None:
+def test_invalid_parameter_is_an_error(address: str) -> None:
     assembly = make()
     for call in (
         assembly.get,
@@ -106,8 +106,8 @@ def test_what_is_no_parameter_is_said(address: str) -> None:
         ({"shank": CARBIDE}, TypeError, "shank is Material.*, expected a Section"),
         ({"k_y": -1.0}, ValueError, "k_y is -1, expected zero or more N/m"),
         ({"c_theta": np.nan}, ValueError, "c_theta is nan"),
-        ({"k_y": 0.0, "c_y": 0.0}, ValueError, "k_y and c_y are both zero, so nothing holds the translation"),
-        ({"points": 1, "k_theta": 0.0, "c_theta": 0.0}, ValueError, "one point alone leaves the rotation free"),
+        ({"k_y": 0.0, "c_y": 0.0}, ValueError, "k_y and c_y are both zero, so the translation is free"),
+        ({"points": 1, "k_theta": 0.0, "c_theta": 0.0}, ValueError, "rotation about the one point is free"),
         ({"points": 0}, ValueError, "points is 0, expected a whole number from 1 to 1000 or None"),
         ({"points": 2.0}, TypeError, "points is 2.0, expected a whole number"),
         ({"points": True}, TypeError, "points is True, expected a whole number"),
@@ -119,7 +119,7 @@ def test_what_is_no_parameter_is_said(address: str) -> None:
         ),
     ],
 )
-def test_what_has_no_meaning_is_refused(changes: dict[str, Any], error: type[Exception], words: str) -> None:
+def test_invalid_values_are_refused(changes: dict[str, Any], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         SpreadJoint(**{**GOOD, **changes}, name="joint")
 
@@ -129,20 +129,20 @@ def test_what_has_no_meaning_is_refused(changes: dict[str, Any], error: type[Exc
     [
         ({"outer_diameter": 0.0}, "Section: outer_diameter is 0"),
         ({"inner_diameter": 0.5}, "Section: inner_diameter is 0.5 m, expected less than"),
-        ({"core": STEEL}, "Section: core is given but inner_diameter is 0"),
+        ({"core": STEEL}, "Section: core is given and inner_diameter is 0"),
         ({"shear": "none"}, "Section: shear is 'none'"),
     ],
 )
-def test_sections_say_what_is_wrong(changes: dict[str, Any], words: str) -> None:
+def test_section_errors_describe_the_mistake(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Section(**{"outer_diameter": 0.02, "material": STEEL, **changes})
 
 
-def test_it_stands_between_two_parts() -> None:
+def test_spread_joint_connects_two_parts() -> None:
     joint = SpreadJoint(**GOOD)
     with pytest.raises(ValueError, match="must begin and end with a Part"):
         Assembly([TOOL, joint])
-    with pytest.raises(ValueError, match="both joints, with nothing between"):
+    with pytest.raises(ValueError, match="both joints, expected a part between"):
         Assembly([TOOL, joint, PointJoint(k_y=1e8, k_theta=1e4), HOLDER])
     assert list(Assembly([TOOL, joint, HOLDER]).elements) == ["tool", "joint", "holder"]
 
@@ -154,7 +154,7 @@ def test_a_joint_that_only_dashpots_hold_has_no_modes() -> None:
         assembly.natural_frequencies(1e4)
 
 
-def test_it_goes_with_point_joints_in_one_assembly() -> None:
+def test_spread_and_point_joints_in_one_assembly() -> None:
     """The point joint's reduction holds the overlap as it is."""
     spindle = Part([Segment(length=0.1, outer_diameter=0.06, material=STEEL)], name="spindle")
     taper = PointJoint(k_y=1e9, k_theta=1e6, name="taper")
@@ -162,11 +162,11 @@ def test_it_goes_with_point_joints_in_one_assembly() -> None:
     planes = assembly.reduced_to_joint("taper", LINES).planes()
     assert planes.shape == (16, LINES.size), "an overlap is no power series"
     np.testing.assert_allclose(planes[0] + 1j * planes[1], assembly.receptance(LINES), rtol=1e-9)
-    with pytest.raises(ValueError, match="there is no joint 'insertion'"):
+    with pytest.raises(ValueError, match="has no PointJoint 'insertion'"):
         assembly.reduced_to_joint("insertion", LINES)
 
 
-def test_equal_halves_of_the_tool_change_nothing() -> None:
+def test_splitting_the_tool_leaves_results_unchanged() -> None:
     halves = Part([Segment(length=0.025, outer_diameter=0.012, material=CARBIDE)] * 2, name="tool")
     split = Assembly([halves, SpreadJoint(**GOOD, name="joint"), HOLDER])
     np.testing.assert_allclose(split.receptance(LINES), make().receptance(LINES), rtol=1e-10)

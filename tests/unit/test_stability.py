@@ -1,4 +1,4 @@
-"""Cuts, tip modes and lobes: what they refuse, and what they say."""
+"""Cuts, tip modes and lobes: errors and notes."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ SPEEDS = np.arange(4000.0, 30000.0, 100.0)
         ({"feed": "climb"}, "feed is 'climb', expected one of down, up"),
     ],
 )
-def test_cuts_that_do_not_exist(changes: dict[str, Any], words: str) -> None:
+def test_invalid_cuts(changes: dict[str, Any], words: str) -> None:
     with pytest.raises((ValueError, TypeError), match=words):
         Milling(**{"teeth": 2, "k_t": 6e8, "k_n": 2e8, **changes})
 
 
-def test_turning_refuses() -> None:
+def test_turning_errors() -> None:
     with pytest.raises(ValueError, match="angle_deg is 90, expected between"):
         Turning(k=1e9, angle_deg=90.0)
 
@@ -54,18 +54,18 @@ def test_turning_refuses() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"damping_ratio": [0.0, 0.1]}, r"damping_ratio\[0\] is 0, expected over 0"),
+        ({"damping_ratio": [0.0, 0.1]}, r"damping_ratio\[0\] is 0, expected between 0 and 1"),
         ({"frequency_hz": [100.0, -1.0]}, r"frequency_hz\[1\] is -1"),
         ({"shapes": [[1.0, np.nan], [0.0, 1.0]]}, r"shapes\[0, 1\] is nan, expected finite"),
         ({"shapes": [[1.0, 1.0]]}, r"expected \(k,\), \(k,\) and \(k, 2\)"),
     ],
 )
-def test_modes_that_do_not_exist(changes: dict[str, Any], words: str) -> None:
+def test_invalid_modes(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         TipModes(**{"frequency_hz": [1.0, 2.0], "damping_ratio": [0.1, 0.1], "shapes": np.eye(2), **changes})
 
 
-def test_the_mean_of_the_force_is_its_integral() -> None:
+def test_mean_force_equals_its_integral() -> None:
     """Closed form against a sum over fine steps, with entry and exit within the step."""
     angle = np.linspace(0.3, 2.9, 200_001)
     middle = 0.5 * (angle[1:] + angle[:-1])
@@ -92,17 +92,17 @@ def test_lobes_from_measured_frfs() -> None:
 @pytest.mark.parametrize(
     ("x", "words"),
     [
-        (None, "neither x nor y was given"),
+        (None, "x and y are both None"),
         (FRF(frequency_hz=LINES, values=np.ones((LINES.size, 2, 1))), r"x has entries \(2, 1\)"),
         (FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0], decay_rate=5.0), "exponential window of 5"),
     ],
 )
-def test_frfs_that_do_not_serve(x: FRF | None, words: str) -> None:
+def test_unsuitable_frfs(x: FRF | None, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         receptance_matrix(x)
 
 
-def test_lines_that_do_not_match() -> None:
+def test_mismatched_lines() -> None:
     x = FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0])
     y = FRF(frequency_hz=LINES + 0.25, values=TIP.receptance(LINES)[:, 1, 1])
     with pytest.raises(ValueError, match="y shares 0 lines with the other FRFs"):
@@ -137,7 +137,7 @@ def test_bands_from_draws() -> None:
     share = np.mean(more >= safe, axis=0)
     assert abs(share.mean() - 0.9) < 0.04, share
     assert lobes.best(probability=0.9)[1] <= lobes.best()[1]
-    with pytest.raises(ValueError, match="200 draws cannot show a probability"):
+    with pytest.raises(ValueError, match="there are 200 draws, expected at least 1000"):
         lobes.stable_depth(0.999)
     figure = replace(lobes, probability=0.9, name="three teeth").plot()
     assert [axes.get_ylabel() for axes in figure.axes] == ["depth of cut (mm)", "chatter (Hz)"]
@@ -146,9 +146,9 @@ def test_bands_from_draws() -> None:
     np.testing.assert_array_equal(turned.depth[::-1], lobes.depth)
 
 
-def test_what_lobes_refuse_and_note() -> None:
+def test_invalid_lobes_and_notes() -> None:
     values = TIP.receptance(LINES)
-    with pytest.raises(ValueError, match="no draws of the receptance"):
+    with pytest.raises(ValueError, match="there are no draws"):
         stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS).stable_depth()
     with pytest.raises(ValueError, match="3 draws, expected at least 20"):
         stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS, draws=[values] * 3)
@@ -161,11 +161,14 @@ def test_what_lobes_refuse_and_note() -> None:
         stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS)
     below = LINES[LINES < 900.0]
     note = stability_lobes(CUT, below, TIP.receptance(below), speeds_rpm=SPEEDS).notes
-    assert any("the limit lies at an end of the lines" in line or "no line can chatter" in line for line in note)
+    assert any(
+        "chatter frequency is at an end of the lines" in line or "no line has a stability limit" in line
+        for line in note
+    )
 
 
-def test_semi_discretisation_refuses() -> None:
-    with pytest.raises(ValueError, match="expected a whole number from 4 to 2000; at speeds this low"):
+def test_semi_discretisation_errors() -> None:
+    with pytest.raises(ValueError, match="expected a whole number from 4 to 2000; use stability_lobes"):
         floquet_multiplier(CUT, TIP, speed_rpm=50.0, depth=1e-3)
     with pytest.raises(ValueError, match="expected finite depths in m, zero or more"):
         floquet_multiplier(CUT, TIP, speed_rpm=5000.0, depth=-1e-3)
@@ -181,7 +184,7 @@ def test_without_a_cut_the_structure_decays() -> None:
 
 
 def test_pieces_of_very_different_depth() -> None:
-    # Nothing lies between a half and a fifth of the largest 1/depth.
+    # No value is between a half and a fifth of the largest 1/depth.
     lines = np.array([1000.0, 1010.0, 1500.0, 2000.0, 2010.0])
     depth, phase = np.array([[1.0], [1.0], [np.inf], [10.0], [10.0]]), np.full((5, 1), np.pi)
     # One and a half waves of 1005 Hz, then of 2005 Hz, between two teeth.

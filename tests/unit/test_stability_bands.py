@@ -46,7 +46,7 @@ def test_limits_against_one_speed_at_a_time() -> None:
         assert limit == pytest.approx(1.0 / inverse.max(), rel=1e-6)
 
 
-def test_the_spread_of_a_coefficient_is_that_of_the_limit() -> None:
+def test_relative_spread_of_the_limit_equals_that_of_the_coefficient() -> None:
     cut = Turning(k=1e9)
     cuts = cut.drawn(400, k=0.1, seed=1)
     g = TIP.receptance(LINES)[:, 0, 0]
@@ -59,7 +59,7 @@ def test_the_spread_of_a_coefficient_is_that_of_the_limit() -> None:
     assert len({one.k_n for one in CUT.drawn(5, k_t=0.1)}) == 1
 
 
-def test_probabilities_and_depths_are_each_others_inverse() -> None:
+def test_probability_and_depth_are_inverse_functions() -> None:
     cuts = CUT.drawn(200, k_t=0.1, k_n=0.2, seed=2)
     lobes = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=SPEEDS, cuts=cuts)
     for probability in (0.5, 0.9, 0.99):
@@ -107,7 +107,7 @@ def test_draws_of_a_measured_receptance_have_its_variance() -> None:
             own = part[:, :, column]
             assert np.mean(own[:, 1:] * own[:, :-1]) / np.mean(own**2) == pytest.approx(alike, abs=0.02)
     assert not receptance_draws(x, y, draws=1)[0, :, 0, 1].any()
-    # Lines that are correlated unequally, each as it says.
+    # Lines with unequal correlation, each as stated.
     unequal = x.with_(correlated_lines=np.where(np.arange(LINES.size) < LINES.size // 2, 8.0, 1.0))
     drawn = np.log(receptance_draws(unequal, draws=60, seed=1)[:, :, 0, 0] / values[:, 0, 0]).real
     half = LINES.size // 2
@@ -118,7 +118,7 @@ def test_draws_of_a_measured_receptance_have_its_variance() -> None:
 
 @pytest.mark.slow
 def test_the_true_limit_lies_above_the_stable_depth() -> None:
-    """Of noisy measurements of one tip at least as many as promised give a depth that is truly stable."""
+    """Noisy measurements of one tip give a stable depth with at least the stated probability."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     truth = TIP.receptance(LINES)
@@ -177,17 +177,17 @@ def test_semi_discretised_limits_of_draws() -> None:
     [
         (lambda lobes: lobes.stable_probability([1.0, 2.0]), r"depth has shape \(2,\), expected one number"),
         (lambda _: CUT.drawn(0), "draws is 0, expected a whole number of at least 1"),
-        (lambda _: CUT.drawn(5, k_t=-0.1), "the spread of k_t is -0.1"),
+        (lambda _: CUT.drawn(5, k_t=-0.1), "the standard deviation of k_t is -0.1"),
         (lambda _: _with_cuts(CUT.drawn(3)), "3 draws, expected at least 20"),
-        (lambda _: _with_cuts([Turning(k=1e9)] * 20), "expected a cut of the kind and the teeth"),
-        (lambda _: _with_cuts(CUT.drawn(21), [TIP.receptance(LINES)] * 20), "21 cuts for 20 draws"),
+        (lambda _: _with_cuts([Turning(k=1e9)] * 20), "expected the type and the number of teeth"),
+        (lambda _: _with_cuts(CUT.drawn(21), [TIP.receptance(LINES)] * 20), "21 cuts and 20 draws"),
         (
             lambda _: receptance_draws(FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0])),
-            "x has no variance, so nothing is known of its errors",
+            "x has no variance, expected an FRF with log_variance",
         ),
     ],
 )
-def test_what_bands_refuse(call: Any, words: str) -> None:
+def test_invalid_bands(call: Any, words: str) -> None:
     lobes = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=SPEEDS, cuts=CUT.drawn(20))
     with pytest.raises(ValueError, match=words):
         call(lobes)

@@ -45,7 +45,7 @@ def largest(h: Any) -> Any:
     return np.abs(h).max(axis=1)
 
 
-def test_a_grid_counts_its_last_parameter_fastest() -> None:
+def test_last_grid_parameter_varies_fastest() -> None:
     found = as_grid(sweep(pair(), GRID, FrequencyResponse(frequency_hz=LINES)))
     assert found["receptance"].dims == ("joint.k_y", "tool.segment[0].length", "frequency_hz")
     for i, k_y in enumerate(GRID.axes[0]):
@@ -88,7 +88,7 @@ def test_every_output_of_a_candidate_is_that_of_its_assembly() -> None:
         assert found["least_depth"].values[i] <= found["stable_depth"].values[i].min() * (1.0 + 1e-9)
 
 
-def test_the_misfit_is_what_identify_minimises_twice_over() -> None:
+def test_misfit_is_twice_the_cost_of_identify() -> None:
     truth = pair()
     rng = np.random.default_rng(5)
     noise = 0.01 * (rng.standard_normal(60) + 1j * rng.standard_normal(60))
@@ -113,7 +113,7 @@ def test_the_misfit_is_what_identify_minimises_twice_over() -> None:
     assert found[1] < found[0]
 
 
-def test_what_is_no_model_is_marked_and_ends_nothing() -> None:
+def test_invalid_candidates_are_marked_and_the_sweep_continues() -> None:
     found = sweep(
         pair(), Listed({"tool.segment[0].outer_diameter": [0.02, -0.02, 0.03]}),
         [FrequencyResponse(frequency_hz=LINES), NaturalFrequencies(upper_hz=5000.0)],
@@ -124,7 +124,7 @@ def test_what_is_no_model_is_marked_and_ends_nothing() -> None:
     assert np.isfinite(found["receptance"].values[[0, 2]]).all()
 
 
-def test_several_assemblies_are_a_dimension() -> None:
+def test_several_assemblies_add_a_dimension() -> None:
     found = sweep(
         {"short": pair(0.08), "long": pair(0.12)},
         Listed({"joint.k_y": [1e8, 2e8]}),
@@ -136,7 +136,7 @@ def test_several_assemblies_are_a_dimension() -> None:
 
 
 @pytest.mark.parametrize("method", ["random", "sobol", "latin hypercube"])
-def test_a_candidate_is_drawn_from_its_number_alone(method: Any) -> None:
+def test_draw_depends_only_on_seed_and_number(method: Any) -> None:
     print(f"seed {SEED}")
     seed = SEED
     distributions = {
@@ -183,11 +183,11 @@ def test_a_latin_hypercube_has_one_candidate_in_each_interval_of_every_parameter
         (lambda: Sampled({"a": stats.norm()}, count=0, seed=0), "count is 0"),
         (lambda: NaturalFrequencies(upper_hz=-1.0), "upper_hz"),
         (lambda: StableDepth(cut=3, frequency_hz=LINES), "expected Milling"),  # type: ignore[arg-type]
-        (lambda: Misfit([]), "no observation"),
+        (lambda: Misfit([]), "observations is empty"),
         (lambda: sweep(pair(), GRID, FrequencyResponse(frequency_hz=LINES, reduce=np.abs)), "reduce returned"),
     ],
 )
-def test_mistakes_are_answered_in_words(make: Any, words: str) -> None:
+def test_mistakes_give_messages(make: Any, words: str) -> None:
     with pytest.raises((TypeError, ValueError), match=words):
         make()
 
@@ -198,14 +198,14 @@ def test_results_too_large_for_memory_are_refused_before_any_work() -> None:
         Memory(Definition.of(pair(), many, FrequencyResponse(frequency_hz=LINES)), None)
 
 
-def test_progress_is_told_after_each_block() -> None:
-    told: list[Any] = []
-    sweep(pair(), GRID, NaturalFrequencies(upper_hz=2e3), block=5, progress=told.append)
-    assert [one.done for one in told] == [5, 10, 12]
-    assert told[-1].remaining_seconds == 0.0
+def test_progress_is_reported_after_each_block() -> None:
+    reported: list[Any] = []
+    sweep(pair(), GRID, NaturalFrequencies(upper_hz=2e3), block=5, progress=reported.append)
+    assert [one.done for one in reported] == [5, 10, 12]
+    assert reported[-1].remaining_seconds == 0.0
 
 
-def test_blocks_are_soon_done_whatever_a_candidate_takes() -> None:
+def test_block_duration_is_limited() -> None:
     speeds = np.linspace(5000.0, 20000.0, 200)
     measured = MeasuredFRF(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES))
     cut = Milling(teeth=2, k_t=6e8, k_n=2e8)

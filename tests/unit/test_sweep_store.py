@@ -36,8 +36,8 @@ from receptance.sweep import (
     open_sweep,
     sweep,
 )
-from receptance.sweep.chunks import Chunks
-from receptance.sweep.workers import Waiting
+from receptance.sweep.disk import Chunks
+from receptance.sweep.run import Waiting
 
 LINES = np.linspace(200.0, 4000.0, 50)
 
@@ -48,13 +48,13 @@ def pair() -> Assembly:
     return Assembly([Part([tool], name="tool"), joint, Part([tool], name="holder")])
 
 
-def measured() -> Misfit:
+def measure() -> Misfit:
     return Misfit(
         MeasuredFRF(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES), standard_deviation=0.01)
     )
 
 
-def drawn(count: int) -> Sampled:
+def draw(count: int) -> Sampled:
     ranges = {"joint.k_y": stats.loguniform(1e7, 1e9), "joint.k_theta": stats.loguniform(1e4, 1e6)}
     return Sampled(ranges, count=count, seed=3)
 
@@ -69,8 +69,8 @@ def same(one: xr.Dataset, other: xr.Dataset) -> None:
         np.testing.assert_array_equal(one[name].values, other[name].values)
 
 
-def test_a_store_holds_what_memory_holds(tmp_path: Path) -> None:
-    outputs = [FrequencyResponse(frequency_hz=LINES), NaturalFrequencies(upper_hz=5000.0), measured()]
+def test_store_equals_result_in_memory(tmp_path: Path) -> None:
+    outputs = [FrequencyResponse(frequency_hz=LINES), NaturalFrequencies(upper_hz=5000.0), measure()]
     models = {"one": pair(), "other": pair().replace({"tool.segment[0].length": 0.12})}
     kept = sweep(models, GRID, outputs, store=tmp_path / "s.zarr", block=4)
     same(kept, sweep(models, GRID, outputs))
@@ -80,14 +80,14 @@ def test_a_store_holds_what_memory_holds(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["s.zarr"]
 
 
-def test_a_run_that_was_killed_is_gone_on_with(tmp_path: Path) -> None:
+def test_killed_run_is_resumed(tmp_path: Path) -> None:
     store = tmp_path / "killed.zarr"
     script = """
         import sys, time
         sys.path.insert(0, sys.argv[1])
         import unit.test_sweep_store as own
         from receptance.sweep import sweep
-        sweep(own.pair(), own.drawn(600), own.measured(), store=sys.argv[2], block=7,
+        sweep(own.pair(), own.draw(600), own.measure(), store=sys.argv[2], block=7,
               progress=lambda told: (print(told.done, flush=True), time.sleep(0.05)))
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(store)]
@@ -106,33 +106,33 @@ def test_a_run_that_was_killed_is_gone_on_with(tmp_path: Path) -> None:
         part = open_sweep(store)
     there = int(part["valid"].values.sum())
     assert 0 < there < 600
-    told: list[Any] = []
-    whole = sweep(pair(), drawn(600), measured(), store=store, progress=told.append)
-    assert told[0].resumed > 0
-    assert told[-1].done == 600
-    same(whole, sweep(pair(), drawn(600), measured()))
+    reported: list[Any] = []
+    whole = sweep(pair(), draw(600), measure(), store=store, progress=reported.append)
+    assert reported[0].resumed > 0
+    assert reported[-1].done == 600
+    same(whole, sweep(pair(), draw(600), measure()))
 
 
-def test_an_interruption_keeps_what_is_done(tmp_path: Path) -> None:
-    def stop(told: Any) -> None:
-        if told.done >= 30:
+def test_interruption_keeps_finished_blocks(tmp_path: Path) -> None:
+    def stop(reported: Any) -> None:
+        if reported.done >= 30:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        sweep(pair(), drawn(100), measured(), store=tmp_path / "s", block=10, progress=stop)
-    told: list[Any] = []
-    found = sweep(pair(), drawn(100), measured(), store=tmp_path / "s", progress=told.append)
-    assert told[0].resumed == 30
-    assert len(told) == 7
-    same(found, sweep(pair(), drawn(100), measured()))
+        sweep(pair(), draw(100), measure(), store=tmp_path / "s", block=10, progress=stop)
+    reported: list[Any] = []
+    found = sweep(pair(), draw(100), measure(), store=tmp_path / "s", progress=reported.append)
+    assert reported[0].resumed == 30
+    assert len(reported) == 7
+    same(found, sweep(pair(), draw(100), measure()))
     # A finished one is only opened.
-    told.clear()
-    same(sweep(pair(), drawn(100), measured(), store=tmp_path / "s", progress=told.append), found)
-    assert not told
+    reported.clear()
+    same(sweep(pair(), draw(100), measure(), store=tmp_path / "s", progress=reported.append), found)
+    assert not reported
 
 
-def test_a_disk_that_is_full_ends_the_sweep_and_not_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    put = Chunks._put
+def test_full_disk_ends_the_sweep_and_keeps_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put = Chunks._write_chunk
     written: list[Path] = []
 
     def full(self: Chunks, path: Path, *rest: Any) -> None:
@@ -142,16 +142,16 @@ def test_a_disk_that_is_full_ends_the_sweep_and_not_the_store(tmp_path: Path, mo
         put(self, path, *rest)
 
     with monkeypatch.context() as until:
-        until.setattr(Chunks, "_put", full)
+        until.setattr(Chunks, "_write_chunk", full)
         with pytest.raises(OSError, match="no space left"):
-            sweep(pair(), drawn(100), measured(), store=tmp_path / "s", block=10)
+            sweep(pair(), draw(100), measure(), store=tmp_path / "s", block=10)
     same(
-        sweep(pair(), drawn(100), measured(), store=tmp_path / "s").load(),
-        sweep(pair(), drawn(100), measured()),
+        sweep(pair(), draw(100), measure(), store=tmp_path / "s").load(),
+        sweep(pair(), draw(100), measure()),
     )
 
 
-def test_tasks_are_several_blocks_where_these_are_short_and_single_ones_at_the_end() -> None:
+def test_short_blocks_are_grouped_into_tasks() -> None:
     blocks = [(number, 10 * number, 10 * number + 10) for number in range(100)]
     waiting = Waiting(blocks, under_way=4)
     tasks = list(waiting.first())
@@ -170,26 +170,26 @@ def test_tasks_are_several_blocks_where_these_are_short_and_single_ones_at_the_e
     assert len(large.take()) == 1
 
 
-def test_a_store_of_another_sweep_is_not_touched(tmp_path: Path) -> None:
+def test_store_of_another_sweep_is_unchanged(tmp_path: Path) -> None:
     store = tmp_path / "s"
-    found = sweep(pair(), drawn(20), measured(), store=store).load()
+    found = sweep(pair(), draw(20), measure(), store=store).load()
     others: list[tuple[Any, ...]] = [
-        (pair().replace({"tool.segment[0].length": 0.11}), drawn(20), measured(), "model"),
-        (pair(), drawn(21), measured(), "candidates"),
-        (pair(), drawn(20), NaturalFrequencies(upper_hz=1e3), "output misfit, output natural_frequency"),
+        (pair().replace({"tool.segment[0].length": 0.11}), draw(20), measure(), "model"),
+        (pair(), draw(21), measure(), "candidates"),
+        (pair(), draw(20), NaturalFrequencies(upper_hz=1e3), "output misfit, output natural_frequency"),
     ]
     for model, candidates, output, words in others:
-        with pytest.raises(SweepError, match=f"another sweep: it differs in {words}"):
+        with pytest.raises(SweepError, match=f"different sweep: it differs in {words}"):
             sweep(model, candidates, output, store=store)
-    with pytest.raises(SweepError, match="begun with blocks of"):
-        sweep(pair(), drawn(20), measured(), store=store, block=3)
+    with pytest.raises(SweepError, match="started with blocks of"):
+        sweep(pair(), draw(20), measure(), store=store, block=3)
     same(open_sweep(store), found)
     (tmp_path / "folder").mkdir()
     with pytest.raises(SweepError, match="no sweep"):
-        sweep(pair(), drawn(20), measured(), store=tmp_path / "folder")
+        sweep(pair(), draw(20), measure(), store=tmp_path / "folder")
     assert not list((tmp_path / "folder").iterdir())
     with pytest.raises(SweepError, match="there is no folder"):
-        sweep(pair(), drawn(20), measured(), store=tmp_path / "none" / "s")
+        sweep(pair(), draw(20), measure(), store=tmp_path / "none" / "s")
     with pytest.raises(SweepError, match="there is no sweep"):
         open_sweep(tmp_path / "nothing")
 
@@ -201,10 +201,10 @@ def test_two_runs_do_not_write_to_one_store(tmp_path: Path) -> None:
 
     def second(_: Any) -> None:
         for name in ("real/s", "folder/s", "link"):
-            with pytest.raises(SweepError, match="another run writes"):
-                sweep(pair(), drawn(20), measured(), store=tmp_path / name, block=5)
+            with pytest.raises(SweepError, match="another run is writing"):
+                sweep(pair(), draw(20), measure(), store=tmp_path / name, block=5)
 
-    sweep(pair(), drawn(20), measured(), store=tmp_path / "link", block=5, progress=second)
+    sweep(pair(), draw(20), measure(), store=tmp_path / "link", block=5, progress=second)
     assert (tmp_path / "link").is_symlink()
     assert [path.name for path in (tmp_path / "real").iterdir()] == ["s"]
 
@@ -219,70 +219,70 @@ DAMAGES: dict[str, Any] = {
 
 @pytest.mark.parametrize("words", DAMAGES)
 @pytest.mark.parametrize("name", ["misfit", "receptance", "joint.k_y"])
-def test_chunks_that_the_disk_damaged_are_told_and_evaluated_again(tmp_path: Path, name: str, words: str) -> None:
-    store, outputs = tmp_path / "s", [measured(), FrequencyResponse(frequency_hz=LINES)]
-    expected = sweep(pair(), drawn(20), outputs, store=store, block=5).load()
+def test_damaged_chunks_are_noted_and_recomputed(tmp_path: Path, name: str, words: str) -> None:
+    store, outputs = tmp_path / "s", [measure(), FrequencyResponse(frequency_hz=LINES)]
+    expected = sweep(pair(), draw(20), outputs, store=store, block=5).load()
     chunk = store / name / "c" / "2"
     chunk = chunk / "0" if name == "receptance" else chunk
     DAMAGES[words](chunk)
     found = open_sweep(store)
     np.testing.assert_array_equal(found["valid"].values, expected["valid"].values)
     place = chunk.relative_to(store).as_posix()
-    with pytest.raises(SweepError, match=f"{store}: the chunk {place} is {words}.*run the same sweep again"):
+    with pytest.raises(SweepError, match=f"{store}: the chunk {place} is {words}.*run the same sweep"):
         found[name].load()
-    told: list[Any] = []
+    reported: list[Any] = []
     with pytest.warns(
         ReceptanceWarning, match=f"{store}: the chunk {place} is {words}.*5 candidates are evaluated again"
     ):
-        same(sweep(pair(), drawn(20), outputs, store=store, progress=told.append), expected)
-    assert told[0].resumed == 15
+        same(sweep(pair(), draw(20), outputs, store=store, progress=reported.append), expected)
+    assert reported[0].resumed == 15
     same(open_sweep(store), expected)
 
 
-def test_a_block_without_its_last_chunk_was_never_finished(tmp_path: Path) -> None:
-    expected = sweep(pair(), drawn(20), measured(), store=tmp_path / "s", block=5).load()
+def test_block_without_its_last_chunk_is_unfinished(tmp_path: Path) -> None:
+    expected = sweep(pair(), draw(20), measure(), store=tmp_path / "s", block=5).load()
     (tmp_path / "s" / "valid" / "c" / "3").unlink()
     with pytest.warns(ReceptanceWarning, match="5 of 20 candidates are missing"):
         found = open_sweep(tmp_path / "s").load()
     assert not found["valid"][15:].any()
     assert np.isnan(found["misfit"][15:]).all()
-    same(sweep(pair(), drawn(20), measured(), store=tmp_path / "s"), expected)
+    same(sweep(pair(), draw(20), measure(), store=tmp_path / "s"), expected)
 
 
 @pytest.mark.parametrize("damage", [lambda text: "", lambda text: text[:-100], lambda text: text.replace("{", "[", 3)])
 def test_a_damaged_description_names_the_store_and_leaves_no_lock(tmp_path: Path, damage: Any) -> None:
     store = tmp_path / "s"
-    sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=store)
+    sweep(pair(), draw(20), FrequencyResponse(frequency_hz=LINES), store=store)
     (store / "frequency_hz" / "c" / "0").unlink()
     with pytest.raises(SweepError, match=f"{store}: the chunk frequency_hz/c/0 is missing; remove the store"):
-        sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=store)
+        sweep(pair(), draw(20), FrequencyResponse(frequency_hz=LINES), store=store)
     (store / "zarr.json").write_text(damage((store / "zarr.json").read_text()))
     for _ in range(2):
         with pytest.raises(SweepError, match=f"{store}"):
-            sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=store)
+            sweep(pair(), draw(20), FrequencyResponse(frequency_hz=LINES), store=store)
         with pytest.raises(SweepError, match=f"{store}"):
             open_sweep(store)
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
 
 
-def test_what_a_killed_creation_left_is_removed(tmp_path: Path) -> None:
+def test_remains_of_a_killed_creation_are_removed(tmp_path: Path) -> None:
     script = """
         import os, signal, sys
         sys.path.insert(0, sys.argv[1])
         import unit.test_sweep_store as own
         import zarr
         zarr.consolidate_metadata = lambda path: os.kill(os.getpid(), signal.SIGKILL)
-        own.sweep(own.pair(), own.drawn(600), own.measured(), store=sys.argv[2])
+        own.sweep(own.pair(), own.draw(600), own.measure(), store=sys.argv[2])
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
     assert any(path.name.endswith(".part") for path in tmp_path.iterdir())
-    sweep(pair(), drawn(20), measured(), store=tmp_path / "s")
+    sweep(pair(), draw(20), measure(), store=tmp_path / "s")
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
 
 
 def test_a_store_opens_in_xarray_without_warnings(tmp_path: Path) -> None:
-    kept = sweep(pair(), drawn(20), FrequencyResponse(frequency_hz=LINES), store=tmp_path / "s", block=7)
+    kept = sweep(pair(), draw(20), FrequencyResponse(frequency_hz=LINES), store=tmp_path / "s", block=7)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         plain = xr.open_zarr(tmp_path / "s", chunks=None)
@@ -298,7 +298,7 @@ def test_a_disk_without_space_names_the_chunk(tmp_path: Path) -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
         output = own.FrequencyResponse(frequency_hz=own.LINES)
-        own.sweep(own.pair(), own.drawn(400), output, store=sys.argv[2], block=200)
+        own.sweep(own.pair(), own.draw(400), output, store=sys.argv[2], block=200)
     """
     store = tmp_path / "s"
     # Python would cut its own files of bytecode as well.
@@ -307,7 +307,7 @@ def test_a_disk_without_space_names_the_chunk(tmp_path: Path) -> None:
     assert re.search(rf"OSError: .*{store}/receptance/c/[01]/0", ended.stderr), ended.stderr
     assert not list(store.rglob("*.part"))
     output = FrequencyResponse(frequency_hz=LINES)
-    same(sweep(pair(), drawn(400), output, store=store), sweep(pair(), drawn(400), output))
+    same(sweep(pair(), draw(400), output, store=store), sweep(pair(), draw(400), output))
 
 
 SCALE, NAMES = 2.0, {"factor": 1.0}
@@ -382,20 +382,18 @@ CHANGES = {
 def test_a_changed_function_is_another_sweep(tmp_path: Path, what: str) -> None:
     def run(source: str) -> xr.Dataset:
         output = FrequencyResponse(frequency_hz=LINES, reduce=made(source), name="peak")
-        return sweep(pair(), drawn(6), output, store=tmp_path / "s")
+        return sweep(pair(), draw(6), output, store=tmp_path / "s")
 
     before, after = CHANGES[what]
     first = run(before).load()
     same(run(before), first)
-    with pytest.raises(SweepError, match="another sweep: it differs in output peak"):
+    with pytest.raises(SweepError, match="different sweep: it differs in output peak"):
         run(after)
 
 
-def test_what_a_function_closes_over_and_refers_to_is_part_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_closure_and_globals_identify_a_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def run(reduce: Any, name: str) -> None:
-        sweep(pair(), drawn(6), FrequencyResponse(frequency_hz=LINES, reduce=reduce), store=tmp_path / name)
+        sweep(pair(), draw(6), FrequencyResponse(frequency_hz=LINES, reduce=reduce), store=tmp_path / name)
 
     run(peak(2.0), "closure")
     run(peak(2.0), "closure")
@@ -409,18 +407,18 @@ def test_what_a_function_closes_over_and_refers_to_is_part_of_it(
         (np.vectorize(abs, signature="(n)->()"), "global"),
     ]
     for reduce, name in others:
-        with pytest.raises(SweepError, match="another sweep: it differs in output receptance"):
+        with pytest.raises(SweepError, match="different sweep: it differs in output receptance"):
             run(reduce, name)
     monkeypatch.setattr(weighted, "__defaults__", (LINES[::-1],))
-    with pytest.raises(SweepError, match="another sweep"):
+    with pytest.raises(SweepError, match="different sweep"):
         run(weighted, "default")
     monkeypatch.setitem(NAMES, "factor", 1.5)
     for reduce, name in ((scaled, "global"), (peak(2.0), "closure")):
-        with pytest.raises(SweepError, match="another sweep"):
+        with pytest.raises(SweepError, match="different sweep"):
             run(reduce, name)
 
 
-def test_a_changed_module_of_the_users_own_is_another_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changed_user_module_is_another_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     for number, differs in (("3", False), ("3", False), ("4", True)):
@@ -429,13 +427,13 @@ def test_a_changed_module_of_the_users_own_is_another_sweep(tmp_path: Path, monk
         reduce = made("import sweep_helpers\ndef reduce(h): return sweep_helpers.one(h)")
         output = FrequencyResponse(frequency_hz=LINES, reduce=reduce, name="peak")
         if differs:
-            with pytest.raises(SweepError, match="another sweep: it differs in output peak"):
-                sweep(pair(), drawn(6), output, store=tmp_path / "s")
+            with pytest.raises(SweepError, match="different sweep: it differs in output peak"):
+                sweep(pair(), draw(6), output, store=tmp_path / "s")
         else:
-            sweep(pair(), drawn(6), output, store=tmp_path / "s")
+            sweep(pair(), draw(6), output, store=tmp_path / "s")
 
 
-def test_a_function_is_the_same_in_the_next_process(tmp_path: Path) -> None:
+def test_function_identity_persists_across_processes(tmp_path: Path) -> None:
     script = """
         import sys
         import numpy as np
@@ -446,7 +444,7 @@ def test_a_function_is_the_same_in_the_next_process(tmp_path: Path) -> None:
             assert "large" in NAMES
             return own.scaled(h) + own.Weighted(own.LINES)(h) * np.pi + (1 if NAMES & {"a", "b", "c"} else 0)
         output = own.FrequencyResponse(frequency_hz=own.LINES, reduce=reduce)
-        own.sweep(own.pair(), own.drawn(6), output, store=sys.argv[2])
+        own.sweep(own.pair(), own.draw(6), output, store=sys.argv[2])
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
     for seed in ("1", "2"):
@@ -461,24 +459,24 @@ def test_a_function_that_cannot_be_compared_is_refused_before_the_work(tmp_path:
             return abs(h).max(axis=1)
 
     output = FrequencyResponse(frequency_hz=LINES, reduce=reduce, name="peak")
-    assert sweep(pair(), drawn(6), output).sizes["candidate"] == 6
+    assert sweep(pair(), draw(6), output).sizes["candidate"] == 6
     with pytest.raises(SweepError, match=r"output peak: <unlocked _thread.lock .* has no content .* without a store"):
-        sweep(pair(), drawn(6), output, store=tmp_path / "s")
+        sweep(pair(), draw(6), output, store=tmp_path / "s")
     assert not list(tmp_path.iterdir())
 
 
 def test_the_version_of_the_program_is_compared(tmp_path: Path) -> None:
-    kept = sweep(pair(), drawn(6), measured(), store=tmp_path / "s").load()
+    kept = sweep(pair(), draw(6), measure(), store=tmp_path / "s").load()
     text = (tmp_path / "s" / "zarr.json").read_text()
     own = kept.attrs["receptance"]
     (tmp_path / "s" / "zarr.json").write_text(text.replace(f'"receptance": "{own}"', '"receptance": "0.0.1"'))
-    with pytest.raises(SweepError, match=f"begun with receptance 0.0.1, and this is {own}"):
-        sweep(pair(), drawn(6), measured(), store=tmp_path / "s")
+    with pytest.raises(SweepError, match=f"started with receptance 0.0.1, and this is {own}"):
+        sweep(pair(), draw(6), measure(), store=tmp_path / "s")
     assert open_sweep(tmp_path / "s").attrs["receptance"] == "0.0.1"
 
 
 class Twice(Output):
-    """An output of the user's own."""
+    """A custom output."""
 
     factor = 2.0
 
@@ -495,12 +493,12 @@ class Twice(Output):
         return []
 
 
-def test_an_output_of_the_users_own_is_its_code_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sweep(pair(), drawn(6), Twice(), store=tmp_path / "s")
-    sweep(pair(), drawn(6), Twice(), store=tmp_path / "s")
+def test_custom_output_is_identified_by_its_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sweep(pair(), draw(6), Twice(), store=tmp_path / "s")
+    sweep(pair(), draw(6), Twice(), store=tmp_path / "s")
     monkeypatch.setattr(Twice, "factor", 3.0)
-    with pytest.raises(SweepError, match="another sweep: it differs in output own"):
-        sweep(pair(), drawn(6), Twice(), store=tmp_path / "s")
+    with pytest.raises(SweepError, match="different sweep: it differs in output own"):
+        sweep(pair(), draw(6), Twice(), store=tmp_path / "s")
 
 
 class Bent:
@@ -514,29 +512,29 @@ class Bent:
         return 1e7 * (1.0 + shares + self.bend * np.sin(np.pi * (shares - 0.01) / (0.98 / 8)))
 
 
-def test_distributions_that_differ_between_their_quantiles_are_others(tmp_path: Path) -> None:
+def test_distributions_are_distinguished_between_quantiles(tmp_path: Path) -> None:
     for bend in (0.0, 0.01):
         candidates = Sampled({"joint.k_y": Bent(bend)}, count=60, seed=1)
         if not bend:
-            sweep(pair(), candidates, measured(), store=tmp_path / "s")
+            sweep(pair(), candidates, measure(), store=tmp_path / "s")
             continue
-        with pytest.raises(SweepError, match=r"another sweep: its candidate 0 has joint\.k_y = "):
-            sweep(pair(), candidates, measured(), store=tmp_path / "s")
+        with pytest.raises(SweepError, match=r"different sweep: its candidate 0 has joint\.k_y = "):
+            sweep(pair(), candidates, measure(), store=tmp_path / "s")
 
 
-def test_a_grid_is_what_as_grid_takes() -> None:
-    with pytest.raises(SweepError, match="no grid"):
-        as_grid(sweep(pair(), drawn(5), measured()))
+def test_grid_accepts_input_of_as_grid() -> None:
+    with pytest.raises(SweepError, match="not a grid"):
+        as_grid(sweep(pair(), draw(5), measure()))
 
 
 def _in_child(queue: Any) -> None:
-    queue.put(sweep(pair(), drawn(50), measured(), threads=2)["misfit"].values)
+    queue.put(sweep(pair(), draw(50), measure(), threads=2)["misfit"].values)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_forked_process_sweeps_as_its_parent() -> None:
-    before = sweep(pair(), drawn(50), measured(), threads=2)["misfit"].values
+    before = sweep(pair(), draw(50), measure(), threads=2)["misfit"].values
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
     child = context.Process(target=_in_child, args=(queue,))
@@ -549,28 +547,28 @@ def test_a_forked_process_sweeps_as_its_parent() -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_workers_that_die_change_no_number(tmp_path: Path) -> None:
+def test_killed_workers_do_not_change_results(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    expected = sweep(pair(), drawn(3000), measured())
+    expected = sweep(pair(), draw(3000), measure())
     killed: list[int] = []
     with (
         distributed.LocalCluster(
             n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
         ) as cluster,
-        # Not the default one, which is another's business.
+        # Not the default one.
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         workers = client.run(os.getpid)
 
-        def kill(told: Any) -> None:
-            if told.done >= 500 and not killed:
+        def kill(reported: Any) -> None:
+            if reported.done >= 500 and not killed:
                 killed.append(next(iter(workers.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
         found = sweep(
-            pair(), drawn(3000), measured(), store=tmp_path / "s", block=50, client=client, progress=kill
+            pair(), draw(3000), measure(), store=tmp_path / "s", block=50, client=client, progress=kill
         ).load()
-        again = sweep(pair(), drawn(3000), measured(), block=70, client=client)
+        again = sweep(pair(), draw(3000), measure(), block=70, client=client)
     assert killed
     same(found, expected)
     same(again, expected)

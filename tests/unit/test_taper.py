@@ -63,7 +63,7 @@ def test_bonded_is_the_limit(holder: Holder) -> None:
 
 
 @pytest.mark.slow
-def test_direct_fit_across_comes_back_from_the_ordinary_start(holder: Holder) -> None:
+def test_direct_lateral_fit_converges_from_the_default_start(holder: Holder) -> None:
     f = np.arange(500.0, 6200.0, 20.0)
     places = (Coordinate("holder", 0.01), Coordinate("holder", 0.05))
     values = holder.radial(**RADIAL).receptance(f, response=places, excitation=places[:1])
@@ -73,7 +73,7 @@ def test_direct_fit_across_comes_back_from_the_ordinary_start(holder: Holder) ->
     assert set(fit.intervals) == set(fit.standard_errors) == set(RADIAL)
 
 
-def test_direct_fit_along_comes_back_from_the_ordinary_start(holder: Holder) -> None:
+def test_direct_axial_fit_converges_from_the_default_start(holder: Holder) -> None:
     """In a narrow band about one mode, in which a smeared copy of the lines has no room."""
     near = np.arange(4000.0, 5800.0, 20.0)
     axial = FRF(
@@ -84,7 +84,7 @@ def test_direct_fit_along_comes_back_from_the_ordinary_start(holder: Holder) -> 
 
 def test_a_holder_is_checked(holder: Holder) -> None:
     assert pickle.loads(pickle.dumps(holder)) == holder
-    with pytest.raises(ValueError, match="the big end nearer to the tip"):
+    with pytest.raises(ValueError, match="expected 0 <= big_end"):
         Holder(part=holder.part, big_end=0.1, small_end=0.05)
     with pytest.raises(ValueError, match="contact is 'glued', expected one of spread, fading, ends"):
         holder.axial(1e9, contact="glued")  # type: ignore[arg-type]
@@ -96,13 +96,13 @@ def test_a_holder_is_checked(holder: Holder) -> None:
     assert core.youngs_modulus == STEEL.youngs_modulus * 1e9
 
 
-def test_a_shape_chooses_or_says_why_not() -> None:
+def test_shape_selects_or_gives_the_reason() -> None:
     body = Body(mass=4.5, inertia=0.01)
     true = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=5e8)
     modes = true.undamped_modes()
     ratio = modes.ratio(0.06, 0.0)
     given = {"first": 0.06, "second": 0.0, "ratio": (complex(ratio[0]), complex(ratio[1]))}
-    for error, count, words in (((0.01, 0.01), 1, "chooses"), ((50.0, 50.0), 2, "does not tell")):
+    for error, count, words in (((0.01, 0.01), 1, "chooses"), ((50.0, 50.0), 2, "does not decide")):
         shape = Shape(**given, standard_error=error)
         found = radial_from_modes(body, 0.02, -0.08, modes.frequency_hz, shape=shape)
         assert len(found.solutions) == count
@@ -112,12 +112,12 @@ def test_a_shape_chooses_or_says_why_not() -> None:
     strange = Shape(first=0.06, second=0.0, ratio=(5.0, -3.0), standard_error=(0.01, 0.01))
     found = radial_from_modes(body, 0.02, -0.08, modes.frequency_hz, shape=strange)
     assert len(found.solutions) == 2
-    assert "that of neither joint" in found.statement
+    assert "contradicts both joints" in found.statement
     assert radial_from_modes(body, 0.02, -0.08, modes.frequency_hz).nearest is None
 
 
 def test_laws_are_chosen_by_the_data() -> None:
-    """What made the values is found in most draws, and the interval of the exponent holds it."""
+    """The true law is found in most draws, and the interval of the exponent contains the truth."""
     random = np.random.default_rng(SEED)
     print(f"seed {SEED}")
     force = np.arange(26.0)
@@ -141,11 +141,11 @@ def test_laws_are_chosen_by_the_data() -> None:
         assert name != "power" or held >= 34
 
 
-def test_series_say_what_they_show() -> None:
+def test_series_state_their_findings() -> None:
     force = np.arange(26.0)
     errors = np.full(26, 0.01)
     noise = 0.01 * np.random.default_rng(SEED).standard_normal(26)
-    # What is left of the noise without a straight line and a parabola has no trend at all.
+    # Noise without its straight line and parabola has no trend.
     straight_less = noise - np.polynomial.Polynomial.fit(force, noise, 2)(force)
     flat = ForceSeries(name="c", force=force, values=5.0 + straight_less, standard_errors=errors)
     assert flat.trend().direction == flat.slope_trend().direction == "not determined"
@@ -159,7 +159,7 @@ def test_series_say_what_they_show() -> None:
     assert "straight line" in straight.sentence()
     curved = replace(straight, values=5.0 + (force / 25.0) ** 2 + straight_less)
     assert curved.slope_trend().direction == "rises"
-    assert "faster and faster" in curved.sentence()
+    assert "the slope increases with force" in curved.sentence()
     low, high = curved.slope_trend().interval
     assert low < 2.0 < high
     # Scatter that the errors do not explain widens intervals.
@@ -175,7 +175,7 @@ def test_a_shape_needs_two_points() -> None:
         Shape(first=0.05, second=0.05, ratio=(1.0, 1.0))
 
 
-def test_more_than_critical_damping_is_no_mode() -> None:
+def test_overdamped_motion_is_not_a_mode() -> None:
     for ratio in (1.2, -0.01):
         with pytest.raises(ValueError, match="damping_ratio"):
             axial_from_mode(Body(mass=4.5, inertia=0.01), 4800.0, ratio)
@@ -187,9 +187,9 @@ def test_mistakes_in_series() -> None:
         ForceSeries(name="k", force=force[:5], values=values[:5], standard_errors=errors[:5])
     with pytest.raises(ValueError, match="different lengths"):
         ForceSeries(name="k", force=np.arange(7.0), values=values, standard_errors=errors)
-    with pytest.raises(ValueError, match="does not ascend"):
+    with pytest.raises(ValueError, match="not ascending"):
         ForceSeries(name="k", force=force[::-1], values=values, standard_errors=errors)
-    with pytest.raises(ValueError, match="not above zero"):
+    with pytest.raises(ValueError, match="must be more than zero"):
         ForceSeries(name="k", force=force, values=values, standard_errors=0.0 * errors)
     with pytest.raises(ValueError, match="step_kn is 3"):
         bt50.run(3)

@@ -1,4 +1,4 @@
-"""Transfer: splits, what is held out stays unseen, what cannot be predicted, intervals, forms."""
+"""Transfer: splits, exclusion of held-out data, unpredictable quantities, intervals, forms."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LENGTHS = (0.05, 0.06, 0.08)
 LINES = np.linspace(300.0, 6000.0, 400)
 
 
-def assembled(length: float, **joint: float) -> Assembly:
+def make_assembly(length: float, **joint: float) -> Assembly:
     """Return a tool of some overhang in a holder."""
     tool = Part([Segment(length=length, outer_diameter=0.0127, material=CARBIDE)], name="tool")
     sections = [Segment(length=x, outer_diameter=d, material=STEEL) for x, d in ((0.05, 0.04), (0.08, 0.05))]
@@ -39,9 +39,9 @@ def assembled(length: float, **joint: float) -> Assembly:
 
 def frequencies(length: float, spread: float | None = 1.0, **joint: float) -> MeasuredFrequencies:
     """Return exact natural frequencies, rounded."""
-    modes = assembled(length, **joint).natural_frequencies(2e4)[:2]
+    modes = make_assembly(length, **joint).natural_frequencies(2e4)[:2]
     return MeasuredFrequencies(
-        assembly=assembled(length),
+        assembly=make_assembly(length),
         frequency_hz=modes,
         standard_deviation_hz=spread,
         configuration=f"{1e3 * length:.0f} mm",
@@ -56,9 +56,9 @@ def responses(seed: int = 0, noise: float = 0.01) -> list[MeasuredFRF]:
         scatter = noise * (rng.standard_normal(LINES.size) + 1j * rng.standard_normal(LINES.size))
         found.append(
             MeasuredFRF(
-                assembly=assembled(length),
+                assembly=make_assembly(length),
                 frequency_hz=LINES,
-                receptance=assembled(length).receptance(LINES) * np.exp(scatter),
+                receptance=make_assembly(length).receptance(LINES) * np.exp(scatter),
                 standard_deviation=noise,
                 configuration=f"{1e3 * length:.0f} mm",
             )
@@ -77,7 +77,7 @@ DAMPINGS = [
 MODES = [frequencies(length) for length in LENGTHS]
 
 
-def test_every_configuration_is_held_out_once_and_not_seen() -> None:
+def test_every_configuration_is_held_out_once() -> None:
     found = transfer(MODES, STIFFNESSES, starts=1)
     assert [split.held_out for split in found.splits] == [("50 mm",), ("60 mm",), ("80 mm",)]
     for split, one in zip(found.splits, MODES, strict=True):
@@ -101,14 +101,14 @@ def test_a_wrong_held_out_measurement_is_outside_its_interval() -> None:
     assert found.bias_percent == pytest.approx(np.mean([mode.error_percent for mode in found.modes]))
 
 
-def test_one_for_all_and_groups() -> None:
+def test_single_and_grouped_configurations() -> None:
     found = transfer(MODES, STIFFNESSES, splits="one-for-all", starts=1)
     assert [split.fitted for split in found.splits] == [("50 mm",), ("60 mm",), ("80 mm",)]
     assert all(len(split.held_out) == 2 for split in found.splits)
     assert transfer(MODES, STIFFNESSES, splits=["50 mm"], starts=1).splits[0].held_out == ("50 mm",)
 
 
-def test_a_clamping_of_its_own_widens_the_interval_by_its_tolerance() -> None:
+def test_separate_clamping_widens_the_interval_by_its_tolerance() -> None:
     clampings = [
         Tolerance(
             name=f"overhang {o.configuration}",
@@ -119,7 +119,7 @@ def test_a_clamping_of_its_own_widens_the_interval_by_its_tolerance() -> None:
     ]
     bare = transfer(MODES, STIFFNESSES, splits=["80 mm"], starts=1).modes[0]
     free = transfer(MODES, STIFFNESSES, splits=["80 mm"], tolerances=clampings, starts=1).modes[0]
-    _, slope = assembled(0.08).natural_frequency_derivatives(1e4, ["tool.segment[0].length"])
+    _, slope = make_assembly(0.08).natural_frequency_derivatives(1e4, ["tool.segment[0].length"])
     assert bare.deviation_hz is not None
     assert free.deviation_hz is not None
     assert free.deviation_hz > np.hypot(bare.deviation_hz, 0.99e-4 * abs(slope[0, 0]))
@@ -130,20 +130,20 @@ def test_receptances_with_their_bands() -> None:
     assert len(found.frfs) == 3
     for frf in found.frfs:
         # Noise of 1 % in magnitude is 0.087 dB.
-        assert 0.07 < frf.distance_decibel < 0.12
-        assert 0.88 < frf.share_inside <= 1.0
-        low, high = frf.predicted.band(0.95)
-        assert np.all(low <= np.abs(frf.predicted.receptance))
-        assert np.all(np.abs(frf.predicted.receptance) <= high)
+        assert 0.07 < frf.rms_decibel < 0.12
+        assert 0.88 < frf.share_within(0.95) <= 1.0
+        low, high = frf.band(0.95)
+        assert np.all(low <= np.abs(frf.receptance))
+        assert np.all(np.abs(frf.receptance) <= high)
     assert {mode.configuration for mode in found.modes} == {"50 mm", "60 mm", "80 mm"}
     assert all(abs(mode.error_percent) < 0.2 for mode in found.modes)
     again = transfer(responses(), [*STIFFNESSES, *DAMPINGS], starts=1, draws=60)
-    assert np.array_equal(again.frfs[0].predicted.drawn, found.frfs[0].predicted.drawn), "draws have a seed"
+    assert np.array_equal(again.frfs[0].drawn, found.frfs[0].drawn), "draws have a seed"
 
 
-def test_drawn_and_linear_bands_agree_where_little_is_open() -> None:
+def test_drawn_and_linear_bands_agree_for_small_uncertainty() -> None:
     fit = identify(responses(noise=1e-3), [*STIFFNESSES, *DAMPINGS], starts=1)
-    longer = assembled(0.09)
+    longer = make_assembly(0.09)
     away = np.linspace(300.0, 600.0, 5)
     linear = fit.predict_receptance(longer, away)
     drawn = fit.predict_receptance(longer, away, draws=1500, seed=1)
@@ -154,17 +154,17 @@ def test_drawn_and_linear_bands_agree_where_little_is_open() -> None:
     assert np.all(high / low > np.exp(2 * 1.95 * 0.01))
 
 
-def test_a_receptance_of_what_is_not_determined_is_open() -> None:
-    rigid = assembled(0.06, k_theta=1e9)
+def test_receptance_of_undetermined_parameters_has_an_open_band() -> None:
+    rigid = make_assembly(0.06, k_theta=1e9)
     mode = MeasuredFrequencies(
         assembly=rigid, frequency_hz=rigid.natural_frequencies(5e3)[:1], standard_deviation_hz=5.0
     )
     fit = identify([mode, mode], STIFFNESSES, starts=1)
-    wide = fit.predict_receptance(assembled(0.06), [3e3]).scatter.total
+    wide = fit.predict_receptance(make_assembly(0.06), [3e3]).scatter.total
     assert wide[0] > 0.1
 
 
-def test_scatter_is_estimated_where_none_is_given() -> None:
+def test_missing_scatter_is_estimated() -> None:
     rng = np.random.default_rng(3)
     measured = [frequencies(length, spread=None) for length in (0.04, 0.05, 0.06, 0.07, 0.08)]
     measured = [
@@ -185,8 +185,8 @@ def test_scatter_is_estimated_where_none_is_given() -> None:
 def test_laws_are_extrapolated_and_individual_parts_widen() -> None:
     measured = [
         MeasuredFrequencies(
-            assembly=assembled(0.06),
-            frequency_hz=assembled(0.06, k_theta=8e4 * (torque / 40.0) ** 0.5).natural_frequencies(2e4)[:2],
+            assembly=make_assembly(0.06),
+            frequency_hz=make_assembly(0.06, k_theta=8e4 * (torque / 40.0) ** 0.5).natural_frequencies(2e4)[:2],
             standard_deviation_hz=0.5,
             configuration=f"{torque:g} N m",
             conditions={"torque": torque},
@@ -200,13 +200,13 @@ def test_laws_are_extrapolated_and_individual_parts_widen() -> None:
         last = transfer(measured, [k_y, law], splits=["80 N m"], starts=1).modes[0]
         assert abs(last.error_percent) < 0.05
         if individual:
-            _, slope = assembled(0.06, k_theta=8e4 * 2**0.5).natural_frequency_derivatives(1e4, ["joint.k_theta"])
+            _, slope = make_assembly(0.06, k_theta=8e4 * 2**0.5).natural_frequency_derivatives(1e4, ["joint.k_theta"])
             assert last.deviation_hz > 0.99 * 0.05 * 8e4 * 2**0.5 * slope[0, 0]
 
 
-def test_what_cannot_be_predicted_is_said() -> None:
+def test_unpredictable_quantities_are_reported() -> None:
     other = Part([Segment(length=0.05, outer_diameter=0.01, material=CARBIDE)], name="tool")
-    lonely = Assembly([other, PointJoint(k_y=1e8, k_theta=1e4, name="other"), assembled(0.05).elements["holder"]])
+    lonely = Assembly([other, PointJoint(k_y=1e8, k_theta=1e4, name="other"), make_assembly(0.05).elements["holder"]])
     alone = MeasuredFrequencies(
         assembly=lonely,
         frequency_hz=lonely.natural_frequencies(2e4)[:2],
@@ -220,7 +220,7 @@ def test_what_cannot_be_predicted_is_said() -> None:
     assert "not predicted: lonely" in found.summary()
 
 
-def test_a_band_that_cannot_be_drawn_is_linear_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_linear_band_replaces_impossible_draws_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     from receptance.identification.prediction import Forecast
 
     def none_has_a_model(self: Forecast, count: int, seed: int) -> list[Assembly | None]:
@@ -231,7 +231,7 @@ def test_a_band_that_cannot_be_drawn_is_linear_and_says_so(monkeypatch: pytest.M
     assert found.notes == (
         "80 mm: its band is linear, because only 0 of 200 vectors drawn from the posterior have a model",
     )
-    assert found.frfs[0].share_inside > 0.88
+    assert found.frfs[0].share_within(0.95) > 0.88
 
 
 def test_bad_input_is_refused() -> None:
@@ -271,8 +271,8 @@ def test_forms() -> None:
 def test_noise_is_no_peak(stated: float | None) -> None:
     """Where the response is below the noise, the highest of its lines are not listed as measured peaks."""
     lines = np.linspace(300.0, 9000.0, 1500)
-    true = assembled(0.06).receptance(lines)
-    elastic = assembled(0.06).natural_frequencies(9000.0)
+    true = make_assembly(0.06).receptance(lines)
+    elastic = make_assembly(0.06).natural_frequencies(9000.0)
     given = None if stated is None else np.full(lines.size, stated)
     clean = [peak.measured_hz for peak in match_peaks(lines, true, true, given)]
     assert clean == pytest.approx(elastic, rel=2e-3)

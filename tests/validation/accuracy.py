@@ -41,11 +41,13 @@ def base_seed() -> int:
 
 @dataclass
 class Tally:
-    """What one quantity reached at one kind of place."""
+    """Accuracy of one quantity at one kind of position."""
 
     entries: int = 0
     lines: int = 0
     lines_over: int = 0
+    models_over: set[str] = field(default_factory=set)
+    """Models with such lines; the lines of one model are not independent."""
     worst_error: float = 0.0
     worst_over: float = 0.0
     """Largest error among the entries that break the rule."""
@@ -69,6 +71,7 @@ class Tally:
         self.worst_ratio_by_kind[kind] = max(self.worst_ratio_by_kind.get(kind, 0.0), float(ratio.max()))
         if over.any():
             self.lines_over += 1
+            self.models_over.add(label.split(":", 1)[0])
             self.worst_over = max(self.worst_over, float(error[over].max()))
             self.offenders.append(f"ratio {ratio.max():.3g}, error {error[over].max():.3g}: {label}")
 
@@ -117,7 +120,7 @@ class Report:
         }
 
     def text(self) -> str:
-        """Return a table for people."""
+        """Return the results as a text table."""
         head = (
             f"accuracy: seed {self.seed}, {self.cases} models, {self.lines} lines, {self.seconds:.0f} s, "
             f"{_core.instruction_set()}, {os.cpu_count()} cores"
@@ -148,7 +151,7 @@ def relative_error(found: NDArray[np.complex128], reference: NDArray[np.complex1
 
 
 def allowed_error(error: FloatArray, tolerance: float, sensitivity: Any) -> FloatArray:
-    """Return what the rule allows; `sensitivity(n_draws)` is asked for only where the plain tolerance is broken."""
+    """Return the allowed error; `sensitivity(n_draws)` is computed only where the plain tolerance is exceeded."""
     allowed = np.full(error.shape, tolerance)
     for draws in (FEW_DRAWS, MANY_DRAWS):
         if np.all(error <= allowed):

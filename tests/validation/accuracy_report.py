@@ -13,7 +13,7 @@ from validation import accuracy, plain_formulations
 
 
 def main() -> None:
-    """Measure, print, and write JSON if asked."""
+    """Measure, print, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=accuracy.base_seed())
     parser.add_argument("--cases", type=int, default=accuracy.DEFAULT_CASES)

@@ -1,7 +1,7 @@
 """Do 95 % intervals of a campaign hold the truth? `python tests/validation/campaign_coverage.py --seeds 2 3 4 5`.
 
 Every draw takes the example free-free, lets all its dimensions, materials and sensors err by their tolerances,
-measures these structures with noise and identifies the joint as the campaign file says. Counted is how often the
+measures these structures with noise and identifies the joint by the campaign file. Counted is how often the
 intervals of the four joint parameters, of two natural frequencies of the held-out overhang, and of the peaks of its
 measured FRF hold the truth, against 95 % by an exact binomial test.
 """
@@ -85,23 +85,23 @@ def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str
     errs = {name: float(rng.standard_normal()) for name in names}
     measurements, structures = {}, {}
     for name, measured in read.measurements.items():
-        seen = measured.observation
-        assert isinstance(seen, MeasuredFRF)
-        true = seen.assembly.replace(FREE_FREE_JOINT)
+        data = measured.observation
+        assert isinstance(data, MeasuredFRF)
+        true = data.assembly.replace(FREE_FREE_JOINT)
         values: dict[str, float] = {}
         for error, moved in measured.effects.items():
             for address, size in moved.items():
                 values[address] = values.get(address, true.get(address)) + errs[error] * size
         structures[name] = true = true.replace(values)
-        h = true.receptance(seen.frequency_hz, response=seen.response, excitation=seen.excitation)
+        h = true.receptance(data.frequency_hz, response=data.response, excitation=data.excitation)
         noise = NOISE * (rng.standard_normal(h.size) + 1j * rng.standard_normal(h.size))
         again = MeasuredFRF(
-            assembly=seen.assembly,
-            frequency_hz=seen.frequency_hz,
+            assembly=data.assembly,
+            frequency_hz=data.frequency_hz,
             receptance=h * np.exp(noise),
             standard_deviation=NOISE,
-            response=seen.response,
-            excitation=seen.excitation,
+            response=data.response,
+            excitation=data.excitation,
             label=name,
         )
         measurements[name] = replace(measured, observation=again)

@@ -197,7 +197,7 @@ def report(outcomes: list[Outcome]) -> tuple[dict[str, object], str]:
 
 
 def main() -> None:
-    """Measure, print, write JSON if asked; the exit code is 1 where a claim does not hold."""
+    """Measure, print, write JSON if requested; the exit code is 1 if a requirement is not met."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=200)

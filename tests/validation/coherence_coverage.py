@@ -51,7 +51,7 @@ def draw_joint(rng: np.random.Generator) -> dict[str, float]:
 
 
 def measure_frf(rng: np.random.Generator, joint: dict[str, float], averages: int, pooled: bool) -> FRF:
-    """Return the accelerance that an analyser gives, with the variance that coherence and averages tell."""
+    """Return the accelerance that an analyser gives, with the variance from coherence and averages."""
     exact = hammer_joint.Structure(**joint).receptance(LINES) * (2j * np.pi * LINES) ** 2
     level = 10.0 ** (rng.uniform(-40.0, -20.0) / 20.0) * float(np.median(np.abs(exact)))
     force = rng.uniform(0.4, 1.0, averages)[:, None] * np.exp(-((LINES / 9000.0) ** 2))
@@ -115,7 +115,7 @@ def report(found: NDArray[np.float64]) -> tuple[list[dict[str, Any]], str]:
 
 
 def main() -> None:
-    """Measure, print, write JSON if asked; the exit code is 1 where a coverage is rejected."""
+    """Measure, print, write JSON if requested; the exit code is 1 where a coverage is rejected."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=800)

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import hammer
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import TimeRecords, estimate_frf
+from receptance.measurement import HammerRecords, estimate_frf
 
 LEVEL = 0.95
 REJECTED_AT = 0.01
@@ -32,7 +32,7 @@ PARTS = ("magnitude", "phase", "both")
 
 @dataclass(frozen=True)
 class Case:
-    """What is drawn and how it is estimated."""
+    """Drawn structure and settings of the estimate."""
 
     name: str
     estimator: str = "H1"
@@ -54,7 +54,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run found on its line: the error of the logarithm over its stated standard deviation."""
+    """Result of one run on its line: the error of the logarithm over its stated standard deviation."""
 
     deviation: complex
     freedom: float
@@ -96,7 +96,7 @@ def run_once(case: Case, seed: tuple[int, ...]) -> Outcome | None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         frf = estimate_frf(
-            TimeRecords(
+            HammerRecords(
                 force=records.force,
                 response=records.response,
                 sample_rate_hz=structure.sample_rate_hz,
@@ -154,7 +154,7 @@ class Report:
         return any(share.p_value < REJECTED_AT for share in self.shares().values())
 
     def text(self) -> str:
-        """Return the numbers for people."""
+        """Return the results as text."""
         lines = [f"{self.case.name}; seed {self.seed}, {self.without_line} runs had no usable line"]
         for part, share in self.shares().items():
             low, high = share.interval
@@ -205,7 +205,7 @@ def measure(case: Case, seed: int, runs: int) -> Report:
 
 
 def main() -> None:
-    """Measure, print, write JSON if asked; the exit code is 1 where 95 % is rejected."""
+    """Measure, print, write JSON if requested; the exit code is 1 where 95 % is rejected."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=int, default=200)

@@ -48,7 +48,7 @@ class Outcome:
 
 
 def measure(seed: int, case: int) -> list[Outcome]:
-    """Return what the intervals of one campaign say."""
+    """Return the coverage of the intervals of one campaign."""
     campaign = simulate_campaign(np.random.default_rng([seed, case]))
     found = identify(
         campaign.observations,
@@ -105,7 +105,7 @@ def report(outcomes: list[Outcome]) -> tuple[list[dict[str, Any]], str]:
 
 
 def main() -> None:
-    """Measure, print, write JSON if asked; the exit code is 1 where a coverage or a rank statistic is rejected."""
+    """Measure, print, write JSON if requested; the exit code is 1 where a coverage or a rank statistic is rejected."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=100)

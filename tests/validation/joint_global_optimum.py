@@ -103,7 +103,7 @@ def measure(seed: int, case: int) -> Outcome:
 
 
 def main() -> None:
-    """Measure, print, write JSON if asked; the exit code is 1 where under 99 % reach the best optimum."""
+    """Measure, print, write JSON if requested; the exit code is 1 where under 99 % reach the best optimum."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=100)

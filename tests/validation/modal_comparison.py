@@ -1,4 +1,4 @@
-"""Modal estimates of others on modes that are known, beside ours: `python tests/validation/modal_comparison.py`.
+"""Modal estimates of other programs and of the library on known modes: `python tests/validation/modal_comparison.py`.
 
 Needs `pip install sdypy-EMA` and SciPy 1.15 or later, which the project does not; docs/modal.md shows what it prints.
 Three modes, the first two 2 % apart, four responses, white noise of some share of the rms value.

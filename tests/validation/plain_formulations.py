@@ -130,7 +130,7 @@ def random_chain(rng: np.random.Generator) -> Tables:
         node += 1
         if number in joined:
             spring = draw.spring(rng, 2 * np.pi * 1e3, damped=lossy)
-            # Ordinary joints: the textbook formulations are to be seen at their ordinary work.
+            # Ordinary joints: the textbook formulations are compared in their usual range.
             spring[:3] = [
                 float(np.exp(rng.uniform(*np.log((1e6, 1e9))))),
                 float(np.exp(rng.uniform(*np.log((1e3, 1e6))))),
@@ -158,7 +158,7 @@ class Evidence:
         }  # fmt: skip
 
     def text(self) -> str:
-        """Return a table for people."""
+        """Return the results as a text table."""
         heads = "".join(f"{f'{low:g}-{high:g} Hz':>22}" for low, high in DECADES_HZ)
         lines = [
             f"tip receptance of {self.chains} random chains (seed {self.seed}): share of cases within the rule "

@@ -1,8 +1,8 @@
 """Verdicts of `diagnose` on the BT50 study's rigid holder. `python tests/validation/taper_verdicts.py --seeds N`.
 
 For each seed of hits and noise the study's virtual FRFs at a few forces are diagnosed with all causes of the catalogue:
-along, across, or both together. Printed are the verdict, the causes of every explanation, those that cannot be told
-apart, the misfit as a multiple of noise and floor, and the body's Young's modulus (the rig has 208 GPa).
+along, across, or both together. Printed are the verdict, the causes of every explanation, those that are
+indistinguishable, the misfit as a multiple of noise and floor, and the body's Young's modulus (the rig has 208 GPa).
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from receptance.studies import bt50
 MOTIONS = ("axial", "radial", "both")
 
 
-def certain(verdict: Verdict) -> list[str]:
+def named_causes(verdict: Verdict) -> list[str]:
     """Return the causes of every explanation."""
     return [one.id for one in verdict.causes if one.id not in verdict.ambiguous_between]
 
 
-def described(verdict: Verdict) -> str:
+def verdict_line(verdict: Verdict) -> str:
     """Return a verdict in one line."""
     after = "" if verdict.adequacy_after is None else f" to {verdict.adequacy_after.misfit:.2f}"
-    said = f"{verdict.verdict}: {' + '.join(certain(verdict)) or 'nothing'}"
+    text = f"{verdict.verdict}: {' + '.join(named_causes(verdict)) or 'nothing'}"
     if verdict.ambiguous_between:
-        said += f" with one of {', '.join(verdict.ambiguous_between)}"
-    said += f"; misfit {verdict.adequacy.misfit:.0f}{after}"
+        text += f" with one of {', '.join(verdict.ambiguous_between)}"
+    text += f"; misfit {verdict.adequacy.misfit:.0f}{after}"
     for cause in verdict.causes:
-        if cause.id == "flexible_body" and cause.id in certain(verdict):
+        if cause.id == "flexible_body" and cause.id in named_causes(verdict):
             ((_, low, high),) = cause.parameters.values()
-            said += f"; E {200.0 * 10.0**low:.1f} to {200.0 * 10.0**high:.1f} GPa"
-    return said
+            text += f"; E {200.0 * 10.0**low:.1f} to {200.0 * 10.0**high:.1f} GPa"
+    return text
 
 
 def main() -> None:
@@ -49,9 +49,9 @@ def main() -> None:
         for seed in range(own.seed, own.seed + own.seeds):
             began = time.process_time()
             verdict, *_ = bt50.diagnose_rigid(motion, 2, seed, levels=own.levels)
-            causes = " + ".join(sorted(certain(verdict))) or "nothing"
+            causes = " + ".join(sorted(named_causes(verdict))) or "nothing"
             count.setdefault(motion, Counter())[f"{verdict.verdict} {causes}"] += 1
-            print(f"{motion}, seed {seed}: {described(verdict)}; {time.process_time() - began:.0f} s", flush=True)
+            print(f"{motion}, seed {seed}: {verdict_line(verdict)}; {time.process_time() - began:.0f} s", flush=True)
     for name, found in count.items():
         print(f"{name}: {', '.join(f'{n} of {own.seeds} {what}' for what, n in found.most_common())}")
 

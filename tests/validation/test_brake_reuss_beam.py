@@ -1,7 +1,7 @@
 """The Brake-Reuss beam, a lap joint with three bolts: github.com/mattiacenedese/BRBtesting, GPL-3.0.
 
 Hammer record HammerImpact.mat: three accelerometers in m/s^2 at 12.8 kHz, without the force. The authors ask to cite
-Mech. Syst. Signal Process. 166 (2022) 108401 and 108402. The file is read where it lies and is not part of the project.
+Mech. Syst. Signal Process. 166 (2022) 108401 and 108402. The file is read in place and is not part of the project.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def test_sensors_agree(channels, first_mode):
             assert np.all(away < allowed)
 
 
-def test_width_of_the_band_does_not_decide(channels, first_mode):
+def test_result_is_independent_of_band_width(channels, first_mode):
     """Half the band has half the blocks; the curve is the same where it does not bend within one of these."""
     narrow = ring_down(channels["acc1"], RATE, low_hz=70.0, high_hz=90.0)
     assert narrow.time_s.size < first_mode.time_s.size

@@ -1,4 +1,4 @@
-"""The BT50 study: its rig against the finite elements that made it, and what issue 6 wants shown, on virtual data."""
+"""The BT50 study: its rig against finite elements, and the results required by issue 6, on virtual data."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def virtual(study: dict[str, Any]) -> dict[str, Any]:
     return own
 
 
-def test_the_packaged_rig_is_what_the_finite_elements_say() -> None:
+def test_packaged_rig_agrees_with_finite_elements() -> None:
     """Both ends of the force, poles and residues as in the file; a mesh twice as fine changes little."""
     text = (resources.files("receptance.examples") / "virtual_rig.csv").read_text(encoding="utf-8")
     assert "not measured" in text.splitlines()[0]
@@ -58,7 +58,7 @@ def test_the_packaged_rig_is_what_the_finite_elements_say() -> None:
     assert [rig.force_kn for rig in load_rig()][::2] == list(bt50_rig.FORCES_KN)
 
 
-def test_the_holder_as_drawn_weighs_what_the_finite_elements_weigh() -> None:
+def test_holder_mass_agrees_with_finite_elements() -> None:
     holder = virtual_rig.holder()
     mesh = bt50_rig.Mesh()
     mass = mesh.rods()[0]
@@ -72,7 +72,7 @@ def test_the_holder_as_drawn_weighs_what_the_finite_elements_weigh() -> None:
     assert (holder.big_end, holder.small_end) == pytest.approx((bt50_rig.BIG_END, bt50_rig.SMALL_END), rel=1e-12)
 
 
-def test_the_rig_is_known_where_it_is_hit_and_seen() -> None:
+def test_rig_has_the_measured_coordinates() -> None:
     rig = load_rig()[0]
     with pytest.raises(ValueError, match="only"):
         rig.receptance([100.0], response=Coordinate("holder", 0.07))
@@ -157,7 +157,7 @@ def test_damping_at_20_hz(virtual: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 def test_trends_are_those_of_the_rig(virtual: dict[str, Any]) -> None:
-    """Exponents 1.6 and 0.6 of the contact come back, though neither was assumed; a straight line is refused."""
+    """Exponents 1.6 and 0.6 of the contact are recovered without being assumed; a straight line is refused."""
     trends = virtual["trends"]
     for name, slope, exponent, tolerance in (("k_z1", "rises", 1.6, 0.05), ("k_x1", "falls", 0.6, 0.03)):
         own = trends[f"elastic {name}"]
@@ -182,7 +182,7 @@ def test_where_damping_matters(virtual: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_published_is_kept_apart(study: dict[str, Any], virtual: dict[str, Any]) -> None:
+def test_published_values_are_separate(study: dict[str, Any], virtual: dict[str, Any]) -> None:
     assert study["study"] == "bt50"
     assert "virtual" in study["provenance"]
     assert study["published"]["axial_stiffness_n_per_m"] == [4.8e9, 5.0e9]
@@ -223,7 +223,7 @@ def test_intervals_of_the_direct_fit_cover(motion: str, summarise: Callable[[str
         )
         with warnings.catch_warnings():
             # Lines at which a weakly damped joint still rings are then not usable, and not used.
-            warnings.filterwarnings("ignore", ".*(has not died away|on the force)", ReceptanceWarning)
+            warnings.filterwarnings("ignore", ".*(has not decayed|on the force)", ReceptanceWarning)
             hits = find_hits(records)
             frf, left_out = estimate_frf(hits, **ESTIMATE), without_each(hits, **ESTIMATE)
         if motion == "axial":

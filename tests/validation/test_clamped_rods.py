@@ -17,7 +17,7 @@ def study() -> dict[str, Any]:
 
 
 def test_rigid_clamp_is_a_cantilever(study: dict[str, Any]) -> None:
-    """Euler-Bernoulli, beta L = 1.8751 (lambda^4 EI / (rho A L^4)); shear takes off a percent of a slender rod."""
+    """Euler-Bernoulli, beta L = 1.8751 (lambda^4 EI / (rho A L^4)); shear lowers it by 1 % for a slender rod."""
     rigid_hz = {rod["name"]: rod["rigid_clamp_hz"] for rod in study["rods"]}
     material = clamped_rods.ALUMINIUM
     for name, segments in clamped_rods.RODS.items():
@@ -31,7 +31,7 @@ def test_rigid_clamp_is_a_cantilever(study: dict[str, Any]) -> None:
     assert rigid_hz == pytest.approx({"b": 312.6, "c": 573.7, "d": 414.2}, abs=0.1)
 
 
-def test_clamp_gives_its_rod_back(study: dict[str, Any]) -> None:
+def test_clamp_is_recovered_from_its_rod(study: dict[str, Any]) -> None:
     assert len(study["identified"]) == 6
     for clamp in study["identified"]:
         low, high = clamp["interval"]
@@ -41,7 +41,7 @@ def test_clamp_gives_its_rod_back(study: dict[str, Any]) -> None:
             assert moved.natural_frequencies(1e3)[0] == pytest.approx(reading, abs=1e-3)
 
 
-def test_predictions_carry_the_reading_error(study: dict[str, Any]) -> None:
+def test_predictions_include_the_reading_error(study: dict[str, Any]) -> None:
     assert len(study["predictions"]) == 12
     for one in study["predictions"]:
         low, high = one["interval_hz"]
@@ -51,7 +51,7 @@ def test_predictions_carry_the_reading_error(study: dict[str, Any]) -> None:
 
 
 def test_wider_reading_error_leaves_the_stiff_side_open() -> None:
-    """Rod d reads 16.2 Hz below its rigid clamp: +-20 Hz cannot tell its clamp from a rigid one."""
+    """Rod d reads 16.2 Hz below its rigid clamp: +-20 Hz cannot distinguish its clamp from a rigid one."""
     study = clamped_rods.study(20.0)
     found = {(clamp["rod"], clamp["assumption"]): clamp["interval"] for clamp in study["identified"]}
     assert found["d", "rotation"][1] is None
@@ -63,7 +63,7 @@ def test_wider_reading_error_leaves_the_stiff_side_open() -> None:
 
 
 def test_common_clamp(study: dict[str, Any]) -> None:
-    """What is said of one clamp for all rods is what a search over its stiffness finds."""
+    """The result for one clamp for all rods equals a search over its stiffness."""
     for clamp in study["common_clamp"]:
         assert clamp["least_worst_hz"] <= max(abs(error) for error in clamp["error_hz"].values()) + 1e-9
         assert clamp["explains"] is (clamp["least_worst_hz"] <= 5.0)
@@ -85,6 +85,6 @@ def test_same_seed_same_result(study: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("error", [0.0, -1.0, math.nan, 500.0])
-def test_reading_error_without_meaning(error: float) -> None:
+def test_invalid_reading_error(error: float) -> None:
     with pytest.raises(ValueError, match="reading error"):
         clamped_rods.study(error)

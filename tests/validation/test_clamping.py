@@ -31,13 +31,13 @@ def test_torque_is_decided_for_every_diameter(study: dict[str, Any]) -> None:
         assert change == pytest.approx(one["change_percent"], abs=2.0)
 
 
-def test_a_coarser_resolution_takes_the_verdict_back() -> None:
-    """Printed ten times more coarsely, table 4 could not tell the growth of the thinnest tool from noise."""
+def test_coarse_resolution_withdraws_the_verdict() -> None:
+    """Printed ten times more coarsely, table 4 does not resolve the growth of the thinnest tool."""
     coarse = er32.Resolution(fine_hz=10.0, coarse_hz=100.0)
     trends = er32.find_trends(er32.identify_joints(er32.load(), coarse, starts=1, seed=0), 135.0)
-    told = {t["diameter_mm"]: t["exceeds"] for t in trends["torque"] if t["quantity"] == "k_y"}
-    assert told[7.94] is False
-    assert told[9.53] is True
+    exceeds = {t["diameter_mm"]: t["exceeds"] for t in trends["torque"] if t["quantity"] == "k_y"}
+    assert exceeds[7.94] is False
+    assert exceeds[9.53] is True
 
 
 def _law_of(exponent: float, rng: np.random.Generator) -> clamping.FittedLaw:
@@ -60,14 +60,14 @@ def _law_of(exponent: float, rng: np.random.Generator) -> clamping.FittedLaw:
 
 
 @pytest.mark.slow
-def test_a_law_that_is_there_is_found_and_one_that_is_not_is_not() -> None:
+def test_only_an_existing_law_is_found() -> None:
     rng = np.random.default_rng(23)
     hits = 0
     for exponent in (0.0, 0.3):
         laws = [_law_of(exponent, rng) for _ in range(10)]
         hits += sum(law.interval[0] < exponent < law.interval[1] for law in laws)
-        told = sum(law.told for law in laws)
-        assert told >= 9 if exponent else told <= 2
+        significant = sum(law.significant for law in laws)
+        assert significant >= 9 if exponent else significant <= 2
     # Three of twenty outside a 95 % interval happen in 7.5 %, four in 1.6 %.
     assert hits >= 17
 
@@ -78,7 +78,7 @@ def test_torque_of_one_tool_is_judged() -> None:
     joints = er32.identify_joints(er32.load(), resolution, starts=1, seed=0)
     one = clamping.study_torque(joints, er32.find_trends(joints, 135.0), resolution, 11.11)
     assert one["more_than_resolution"]
-    assert one["law"]["told"]
+    assert one["law"]["significant"]
     assert one["law"]["change_percent"][0] == pytest.approx(one["change_percent"], abs=2.0)
 
 
@@ -111,7 +111,7 @@ def test_insertion_finds_the_springs_in_series_and_has_a_control(study: dict[str
 
 
 @pytest.mark.parametrize(("exponent", "ratio"), [(1.0, 8), (3.0, 62)])
-def test_what_eq_15_needs(exponent: float, ratio: int) -> None:
+def test_data_required_by_eq_15(exponent: float, ratio: int) -> None:
     needed = clamping.needed_ratio(exponent)
     assert round(needed) == ratio
     whole, half = needed / (1.0 + needed), needed * 0.5**exponent / (1.0 + needed * 0.5**exponent)
@@ -129,7 +129,7 @@ def test_material_has_a_control_and_every_error_an_effect(study: dict[str, Any])
 
 
 @pytest.mark.slow
-def test_damping_matters_free_and_not_in_the_machine(study: dict[str, Any]) -> None:
+def test_damping_is_significant_only_free_free(study: dict[str, Any]) -> None:
     for test, allowed in study["damping"]["allowed_factor"].items():
         errors = [case["real_percent"] for case in study["damping"]["cases"] if case["test"] == test]
         machine = test.startswith("in the machine")
@@ -138,5 +138,5 @@ def test_damping_matters_free_and_not_in_the_machine(study: dict[str, Any]) -> N
         assert (allowed > 1.0) is machine
 
 
-def test_claims_are_quoted_for_every_study() -> None:
+def test_every_study_quotes_published_statements() -> None:
     assert set(clamping.CLAIMS) == {"insertion", "material", "damping", "torque", "diameter"}

@@ -57,7 +57,7 @@ def test_random_collets_against_fifty_digits(summarise: Summarise) -> None:
     summarise("collets against fifty digits", f"seed {SEED}, {CASES} models: drive points {worst:.1e}", worst)
 
 
-def test_no_natural_frequency_of_a_collet_is_missed() -> None:
+def test_all_natural_frequencies_of_a_collet_are_found() -> None:
     rng = np.random.default_rng([SEED, 1])
     for _ in range(12):
         tables = collet(rng, lossy=False)
@@ -66,7 +66,7 @@ def test_no_natural_frequency_of_a_collet_is_missed() -> None:
         np.testing.assert_allclose(found / (2 * np.pi), expected, rtol=1e-6, err_msg=f"seed {SEED}")
 
 
-def test_series_without_mass_to_the_last_digits() -> None:
+def test_massless_series_to_rounding_error() -> None:
     """k1 k2 / (k1 + k2), eq. 15, at springs a million times apart as well."""
     w = 2.0 * np.pi * np.array([3.0, 90.0, 1300.0, 8000.0]) + 0j
     for k1, k2 in ((8e8, 5e8), (1e6, 1e12), (1e12, 1e6)):

@@ -54,7 +54,7 @@ def test_published_predictions(form: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("diameter", DIAMETERS)
 @pytest.mark.parametrize("torque", [95.0, 115.0, 135.0, 155.0])
-def test_identified_joint_is_the_papers(
+def test_identified_joint_equals_the_published_joint(
     form: dict[str, Any], published: er32.Published, diameter: float, torque: float
 ) -> None:
     """Table 4; at 135 N m table 5 has the same stiffnesses."""
@@ -69,7 +69,7 @@ def test_identified_joint_is_the_papers(
         assert joint["k_y"] == pytest.approx(setup.k_y, rel=0.15)
 
 
-def test_identified_joint_gives_the_frequencies_back(form: dict[str, Any], published: er32.Published) -> None:
+def test_identified_joint_reproduces_the_frequencies(form: dict[str, Any], published: er32.Published) -> None:
     for joint in form["identified"]:
         diameter = joint["diameter_mm"]
         assembly = er32.assembly(diameter, published.mount(diameter).overhang_mm, joint["k_y"], joint["k_theta"])
@@ -77,7 +77,7 @@ def test_identified_joint_gives_the_frequencies_back(form: dict[str, Any], publi
         np.testing.assert_allclose(assembly.natural_frequencies(15e3)[:2], printed, rtol=1e-6)
 
 
-def test_intervals_hold_what_would_be_printed_alike(form: dict[str, Any], published: er32.Published) -> None:
+def test_intervals_contain_values_of_equal_printed_digits(form: dict[str, Any], published: er32.Published) -> None:
     random = np.random.default_rng(4)
     for joint in form["identified"][::5]:
         diameter = joint["diameter_mm"]
@@ -117,7 +117,7 @@ def test_an_interval_may_be_open(published: er32.Published) -> None:
 
 
 def test_transfer(form: dict[str, Any]) -> None:
-    """Table 2's measured frequencies; the paper says of its own predictions that all but one are within 2 %."""
+    """Table 2's measured frequencies; in the paper all its predictions but one are within 2 %."""
     rows = form["transfer"]["rows"]
     errors = [row["error_percent"] for row in rows]
     assert form["transfer"]["rms_percent"] == pytest.approx(math.sqrt(sum(e * e for e in errors) / 20.0))
@@ -127,7 +127,7 @@ def test_transfer(form: dict[str, Any]) -> None:
 
 
 def test_parameter_sets(form: dict[str, Any]) -> None:
-    """Figures 8 to 10: what the paper says of each of table 3's sets at 114, 63 and 24 mm."""
+    """Figures 8 to 10: statements of the paper on each of table 3's sets at 114, 63 and 24 mm."""
     sets = {item["set"]: item for item in form["parameter_sets"]}
     error = {
         (name, row["overhang_mm"], row["mode"]): abs(row["error_percent"])
@@ -135,20 +135,20 @@ def test_parameter_sets(form: dict[str, Any]) -> None:
         for row in item["errors"]
     }
     assert all(error[name, 114.2, 1] < 3.0 for name in sets)
-    assert not sets["curve_fitted"]["betrayed"]
-    assert [name for name, item in sets.items() if item["betrayed"]] == ["manual_1", "manual_2", "manual_3"]
+    assert not sets["curve_fitted"]["refuted"]
+    assert [name for name, item in sets.items() if item["refuted"]] == ["manual_1", "manual_2", "manual_3"]
     # Set 3 fails at 63 mm even in the first mode, set 1 misses the second mode there, set 2 is lost at 24 mm.
-    assert sets["manual_3"]["first_betrayal_of_first_mode"]["overhang_mm"] == 62.6
-    betrayed = {(name, row["overhang_mm"], row["mode"]) for name, item in sets.items() for row in item["betrayed_by"]}
-    assert ("manual_1", 62.6, 2) in betrayed
-    assert ("manual_1", 62.6, 1) not in betrayed
-    assert sets["manual_2"]["first_betrayal_of_first_mode"]["overhang_mm"] == 23.8
+    assert sets["manual_3"]["first_refutation_of_first_mode"]["overhang_mm"] == 62.6
+    refuted = {(name, row["overhang_mm"], row["mode"]) for name, item in sets.items() for row in item["refuted_by"]}
+    assert ("manual_1", 62.6, 2) in refuted
+    assert ("manual_1", 62.6, 1) not in refuted
+    assert sets["manual_2"]["first_refutation_of_first_mode"]["overhang_mm"] == 23.8
     for item in sets.values():
         assert abs(item["worst_error_percent"]) == max(abs(row["error_percent"]) for row in item["errors"])
 
 
 def test_trends(form: dict[str, Any], published: er32.Published) -> None:
-    """Table 4: k_y and k_theta grow with torque for every tool; section "Clamping torque" says so of 11.11 mm."""
+    """Table 4: k_y and k_theta grow with torque for every tool; section "Clamping torque" states it for 11.11 mm."""
     trends = form["trends"]
     for trend in trends["torque"]:
         name, diameter = trend["quantity"], trend["diameter_mm"]
@@ -171,7 +171,7 @@ def test_trends(form: dict[str, Any], published: er32.Published) -> None:
 
 
 def test_trends_within_a_coarse_resolution(published: er32.Published) -> None:
-    """With readings in steps of 50 Hz nothing of the torque is left."""
+    """With readings in steps of 50 Hz the effect of the torque is not resolved."""
     joints = er32.identify_joints(published, er32.Resolution(50.0, 500.0), starts=1, seed=0)
     trends = er32.find_trends(joints, TORQUE)["torque"]
     assert not any(trend["exceeds"] for trend in trends if trend["quantity"] == "k_theta")
@@ -185,7 +185,7 @@ def test_bias_of_the_long_tools(form: dict[str, Any]) -> None:
     assert 0.0 <= form["long_first_mode_bias_p_value"] <= 1.0
     z = bias["mean_percent"] / bias["mean_deviation_percent"]
     assert bias["p_value"] == pytest.approx(math.erfc(abs(z) / math.sqrt(2.0)))
-    # What is shared does not average out; readings and overhangs alone leave no room for chance.
+    # Shared errors do not average out; readings and overhangs alone leave no room for chance.
     assert bias["p_value_without_shared"] < 1e-6 < bias["p_value"]
     assert bias["mean_correlation"] > 0.5
     # The paper's own predictions, from table 2.
@@ -193,7 +193,7 @@ def test_bias_of_the_long_tools(form: dict[str, Any]) -> None:
 
 
 def test_simulation_agrees_with_propagation(form: dict[str, Any]) -> None:
-    """The whole procedure done again by chance scatters as the slopes say, within what the draws can tell."""
+    """The whole procedure done again by chance scatters as linearised, within the error of the draws."""
     bias = form["long_first_mode_bias"]
     ratio = bias["simulation"]["deviation_percent"] / bias["mean_deviation_percent"]
     assert ratio == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * DRAWS))
@@ -234,17 +234,17 @@ def test_overhang_slope_is_that_of_the_model() -> None:
     np.testing.assert_allclose(slope, np.log(up / down) / 2e-3, rtol=1e-5)
 
 
-def test_inference_is_called_what_it_is(form: dict[str, Any]) -> None:
+def test_inferred_values_are_labelled(form: dict[str, Any]) -> None:
     assert form["inferred"]["frequencies"] == 30
     assert form["inferred"]["rms_percent"] < 0.5
-    # Twelve quantities from thirty frequencies: most of the shape is not determined, and it is said.
+    # Twelve quantities from thirty frequencies: most of the shape is not determined, as the note states.
     assert form["inferred"]["combinations_known"] < 12
-    said = " ".join(item["text"] for item in form["findings"])
-    assert "not published" in said
-    assert "consistency, not validation" in said
+    output = " ".join(item["text"] for item in form["findings"])
+    assert "not published" in output
+    assert "consistency, not validation" in output
 
 
-def test_the_paper_disagrees_with_itself(form: dict[str, Any], published: er32.Published) -> None:
+def test_inconsistencies_of_the_paper(form: dict[str, Any], published: er32.Published) -> None:
     """Text beside figure 6 against tables 4 and 5, tables 1 and 2 against table 5."""
     keys = ("what", "diameter_mm", "first", "second")
     found = {tuple(item[key] for key in keys) for item in form["disagreements"]}
@@ -267,7 +267,7 @@ def test_same_seed_same_result(form: dict[str, Any]) -> None:
     assert other["percent"] == pytest.approx(form["long_first_mode_bias"]["percent"], abs=1e-4)
 
 
-def test_json_has_the_promised_keys(form: dict[str, Any]) -> None:
+def test_json_has_the_documented_keys(form: dict[str, Any]) -> None:
     assert {"settings", "seed", "versions", "inferred", "trends", "disagreements", "findings"} <= form.keys()
     assert len(form["identified"]) == 20
     for row in form["identified"]:
@@ -294,6 +294,6 @@ def test_sign_test(negative: int, p_value: float) -> None:
         ({"chance": er32.ChanceModel(overhang_mm=math.nan)}, "overhang_mm is nan"),
     ],
 )
-def test_settings_without_meaning(settings: dict[str, Any], words: str) -> None:
+def test_invalid_settings(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         er32.ER32Settings(**settings)

@@ -21,7 +21,7 @@ from receptance import (
     identify,
 )
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import TimeRecords, estimate_frf
+from receptance.measurement import HammerRecords, estimate_frf
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "7"))
 RUNS = 24
@@ -50,7 +50,7 @@ def structure():
     return hammer_joint.Structure(**{address.split(".")[1]: value for address, value in TRUE.items()})
 
 
-def test_the_simulated_structure_is_the_one_that_is_identified():
+def test_simulated_and_identified_structures_agree():
     lines = np.linspace(200.0, 12e3, 500)
     assembly = model(**{address.split(".")[1]: value for address, value in TRUE.items()})
     for decay_rate in (0.0, DECAY_RATE):
@@ -69,7 +69,7 @@ def test_the_packaged_hammer_campaign_is_adequate(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_joint_is_unbiased_with_an_exponential_window_that_is_known(summarise):
+def test_joint_is_unbiased_with_a_known_exponential_window(summarise):
     """Where the shift of the lines is left out, all of the window is taken for damping of the joint."""
     bench = hammer_joint.Bench(structure())
     assembly = model(k_y=3e8, k_theta=2e5, c_y=300.0, c_theta=0.2)
@@ -77,7 +77,7 @@ def test_the_joint_is_unbiased_with_an_exponential_window_that_is_known(summaris
     generator = np.random.default_rng(SEED)
     for _ in range(RUNS):
         force, response = bench.strike(generator, 10, 200.0, -60.0, -50.0)
-        records = TimeRecords(
+        records = HammerRecords(
             force=force,
             response=response,
             sample_rate_hz=bench.sample_rate_hz,

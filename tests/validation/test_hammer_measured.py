@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from receptance.io import read_time_series
-from receptance.measurement import TimeRecords, find_hits
+from receptance.measurement import HammerRecords, find_hits
 from receptance.measurement.windows import make_windows
 
 FILE = Path(__file__).resolve().parents[3] / "shared" / "measured" / "uff_io" / "UFFFiles.jl" / "dataset58_time.unv"
@@ -20,7 +20,7 @@ def hits():
     # The file has no response; noise stands in for it, which is not looked at here.
     response = np.random.default_rng(1).standard_normal(len(series.values))
     return find_hits(
-        TimeRecords(
+        HammerRecords(
             force=series.values[:, 0],
             response=response,
             sample_rate_hz=series.sample_rate_hz,
@@ -29,7 +29,7 @@ def hits():
     )
 
 
-def test_one_hit_is_found_and_its_ringing_is_not_a_double_hit(hits):
+def test_ringing_of_one_hit_is_not_a_double_hit(hits):
     assert len(hits.hits) == len(hits.kept) == 1
     hit = hits.kept[0]
     assert hit.peak == pytest.approx(114.8, abs=0.3)  # as recorded; less an offset of -0.15 N

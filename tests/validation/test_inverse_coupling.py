@@ -1,4 +1,4 @@
-"""Inverse coupling of receptances that a reference of fifty digits has made."""
+"""Inverse coupling of receptances from a reference of fifty digits."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ TIP, NOSE = (0, 0), (2, 0)
 PLACES = {TIP: Coordinate("tool", 0.0), NOSE: Coordinate("holder", 0.0)}
 
 
-def described() -> Assembly:
-    """Return the assembly with a joint of which nothing is right."""
+def make_model() -> Assembly:
+    """Return the assembly with wrong values of all joint parameters."""
     carbide, steel = (
         Material(youngs_modulus=e, density=rho, poisson_ratio=nu, loss_factor=loss)
         for (e, rho, nu), loss in zip((CARBIDE, STEEL), LOSSES, strict=True)
@@ -35,7 +35,7 @@ def described() -> Assembly:
     return Assembly([tool, PointJoint(k_y=1e10, k_theta=1e7, name="joint"), Part(sections, name="holder")])
 
 
-def test_the_joint_of_the_reference_comes_back() -> None:
+def test_reference_joint_is_recovered() -> None:
     tables = make(
         [
             segment(0, 1, 0.062, 0.012, CARBIDE, loss_factor=LOSSES[0]),
@@ -50,7 +50,7 @@ def test_the_joint_of_the_reference_comes_back() -> None:
     pairs = [(0, 0), (1, 0), (1, 1)]
     found = invert_coupling([
         MeasuredFRF(
-            assembly=described(),
+            assembly=make_model(),
             frequency_hz=LINES_HZ,
             receptance=h[:, r, e],
             response=PLACES[points[r]],
@@ -64,13 +64,13 @@ def test_the_joint_of_the_reference_comes_back() -> None:
     true = k + 1j * w[:, None, None] * c
     size = np.sqrt(np.abs(np.einsum("nii->ni", true)))
     off = np.abs(found.stiffness - true) / (size[:, :, None] * size[:, None, :])
-    # What the core and the rounding of the reference leave, grown as the condition number says.
+    # Errors of the core and the reference, times the condition number.
     assert np.all(off <= 1e-12 * found.condition[:, None, None]), off / found.condition[:, None, None]
     assert off.max() < 1e-8
 
 
 @pytest.mark.slow
-def test_one_start_from_it_leads_to_the_optimum(summarise: Callable[[str, str, object], None]) -> None:
+def test_one_start_converges_to_the_optimum(summarise: Callable[[str, str, object], None]) -> None:
     """Three tips, the errors of all parts unknown to the inversion: the fit ends where that from the truth does."""
     rows = []
     for number in range(CAMPAIGNS):
@@ -89,5 +89,5 @@ def test_one_start_from_it_leads_to_the_optimum(summarise: Callable[[str, str, o
     summarise("inverse coupling", text, {"reached": reached, "of": CAMPAIGNS})
     print(text, rows)
     assert reached >= CAMPAIGNS - 1
-    # One that goes astray has said so.
+    # A fit that ends elsewhere has a note.
     assert all(good or rms > 3.0 for rms, good in rows)

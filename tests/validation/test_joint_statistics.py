@@ -52,10 +52,10 @@ def drawn_from_the_prior(
 
 @pytest.mark.parametrize(
     ("stated", "blank_drawn", "calibrated"),
-    # With tolerances the fit estimates a factor of the noise, so that understated noise leaves its intervals honest.
+    # With tolerances the fit estimates a factor of the noise, so that understated noise does not reduce the coverage.
     [(1.0, True, True), (0.25, True, True), (1.0, False, True), (0.25, False, False)],
 )
-def test_ranks_of_profiles_are_uniform_and_those_of_overconfident_ones_are_not(stated, blank_drawn, calibrated):
+def test_profile_ranks_are_uniform_only_for_calibrated_profiles(stated, blank_drawn, calibrated):
     rng = np.random.default_rng(SEED)
     ranks = []
     for _ in range(30):
@@ -82,7 +82,7 @@ def test_simulation_based_calibration_of_posterior_draws(summarise):
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth(summarise):
+def test_intervals_contain_the_truth(summarise):
     outcomes = [one for case in range(60) for one in joint_coverage.measure(SEED, case)]
     rows, text = joint_coverage.report(outcomes)
     summarise("joint coverage", f"seed {SEED}, 60 campaigns\n{text}", rows)
@@ -93,7 +93,7 @@ def test_intervals_hold_the_truth(summarise):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pooled", [True, False])
-def test_intervals_hold_the_truth_where_the_noise_is_estimated(pooled, summarise):
+def test_intervals_contain_the_truth_with_estimated_noise(pooled, summarise):
     """Data of finite elements; variances from coherence, as they are or pooled over neighbouring lines."""
     found = np.array([coherence_coverage.scores(SEED, case, pooled=pooled) for case in range(200)])
     rows, text = coherence_coverage.report(found)

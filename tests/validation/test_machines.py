@@ -1,4 +1,4 @@
-"""docs/studies/machines.py: what is found on two virtual machines, and where prediction fails."""
+"""docs/studies/machines.py: results on two virtual machines, and failures of prediction."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_spindles_and_tools(study: dict[str, Any]) -> None:
         assert [one["tool"] for one in case["tools_line_by_line"]] == [one["tool"] for one in case["tools"]]
 
 
-def test_short_tools_fail_where_the_spindle_is_not_known(study: dict[str, Any]) -> None:
+def test_short_tools_fail_with_an_unknown_spindle(study: dict[str, Any]) -> None:
     for case in study["virtual"]:
         assert min(one["true_hz"] for one in case["short"]) > machines.BAND_HZ[1]
         below = [one["usable"] for one in case["reach"] if 1000.0 <= one["low_hz"] < 5000.0]

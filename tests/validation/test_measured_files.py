@@ -1,4 +1,4 @@
-"""Files that others measured and wrote, read where they lie: ../shared/measured, with PROVENANCE.txt beside them."""
+"""Measured files of other programs in ../shared/measured, with PROVENANCE.txt beside them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series
-from receptance.io.uff.sets import Function, data_sets
+from receptance.io.uff.datasets import Function, data_sets
 
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "measured"
 UFF = MEASURED / "uff_io" / "UFFFiles.jl"
@@ -50,7 +50,7 @@ def test_eight_layouts_read_the_same_in_text_and_binary(case: int) -> None:
     assert (text.binary, binary.binary) == (False, True)
     assert text.ordinate.dtype == binary.ordinate.dtype
     assert text.ordinate.size == (801 if case in (3, 4, 7, 8) else 1602)
-    # What text holds: six digits in single precision and of abscissae, 13 in double precision.
+    # Precision of text files: six digits in single precision and of abscissae, 13 in double precision.
     digits = 6 if case <= 4 else 13
     assert within_digits(binary.abscissa, text.abscissa, 6)
     assert np.array_equal(rounded(binary.ordinate.real, digits), text.ordinate.real)
@@ -58,7 +58,7 @@ def test_eight_layouts_read_the_same_in_text_and_binary(case: int) -> None:
 
 
 def test_uneven_double_precision_binaries_are_standard() -> None:
-    """Their abscissa is single precision, as the standard says: pyuff, which takes it for double, has the mistake."""
+    """Their abscissa is single precision, as in the standard; pyuff reads it as double, which is wrong."""
     binary = {case: functions(UFF / f"dataset58_case{case}_binary.unv")[0] for case in range(1, 9)}
     assert np.array_equal(binary[6].abscissa, binary[2].abscissa)
     assert np.array_equal(binary[8].abscissa, binary[4].abscissa)
@@ -71,7 +71,7 @@ def test_uneven_double_precision_binaries_are_standard() -> None:
 @pytest.mark.parametrize("case", range(1, 9))
 @pytest.mark.parametrize("kind", ["ascii", "binary"])
 def test_eight_layouts_as_frfs(case: int, kind: str) -> None:
-    """The files say acceleration per force, and no unit: there is neither a data set 164 nor a label."""
+    """The files state acceleration per force, without a unit: there is neither a data set 164 nor a label."""
     path = UFF / f"dataset58_case{case}_{kind}.unv"
     with pytest.raises(FileFormatError, match=r"line 2: neither a data set 164 .* unit='m/s\^2/N'"):
         read(path)
@@ -81,11 +81,11 @@ def test_eight_layouts_as_frfs(case: int, kind: str) -> None:
     assert frf.form == "accelerance"
     assert frf.labels == (("1:+1",), ("22:+1",))
     assert bool(frf.notes) == real
-    with pytest.raises(FileFormatError, match="to overrule the file give quantity"):
+    with pytest.raises(FileFormatError, match="to override the file give quantity"):
         read(path, unit="m/N")
 
 
-def test_pyuff_agrees_where_it_reads_right() -> None:
+def test_pyuff_agrees_where_it_is_correct() -> None:
     pyuff = pytest.importorskip("pyuff")
     compared = 0
     for path in sorted([*UFF.glob("*58*"), *PYUFF.glob("*.uff")]):
@@ -115,7 +115,7 @@ def test_pyuff_agrees_where_it_reads_right() -> None:
 
 @pytest.mark.parametrize("name", ["dataset58_FRF.unv", "dataset58_FRF_UTF.unv"])
 def test_hammer_frf_and_its_coherence(name: str) -> None:
-    """The label says receptance, the unit mobility or nonsense, the numbers are accelerances: nothing is guessed."""
+    """The label is receptance, the unit mobility or invalid, the values accelerances: this is an error."""
     with pytest.raises(FileFormatError, match=r"dataset58_FRF.*, line 2: the (file contradicts itself|axis label)"):
         read(UFF / name)
     with pytest.raises(FileFormatError, match="quantity"):
@@ -126,13 +126,13 @@ def test_hammer_frf_and_its_coherence(name: str) -> None:
     assert frf.labels == ((".1.Z-",), (".56.Z",))
     assert frf.coherence is not None
     assert np.median(frf.coherence) == pytest.approx(0.998, abs=5e-4)
-    assert any("overruled" in note for note in frf.notes)
+    assert any("overridden" in note for note in frf.notes)
     alone = read(UFF / "dataset58_coh.unv")
     assert isinstance(alone, Coherence)
     assert np.array_equal(alone.values, frf.coherence)
 
 
-def test_hammer_force_and_other_time_records() -> None:
+def test_time_series() -> None:
     force = read_time_series(UFF / "dataset58_time.unv", sample_rate_hz=2048.0)
     assert force.quantities == ("force",)
     assert np.abs(force.values).max() == pytest.approx(114.8, abs=0.05)
@@ -153,7 +153,7 @@ def test_hammer_force_and_other_time_records() -> None:
     assert packed.units == ("(V^2)",)
 
 
-def test_units_of_data_set_164_are_honoured() -> None:
+def test_units_of_data_set_164() -> None:
     """Inch and pound force: an accelerance of 1 in/s2 per lbf is 0.0254 / 4.448 m/s2 per N."""
     frf = read_frf(UFF / "dataset151_164_58_55.unv")
     (stored,) = functions(UFF / "dataset151_164_58_55.unv")
@@ -161,7 +161,7 @@ def test_units_of_data_set_164_are_honoured() -> None:
     assert np.allclose(frf.values[:, 0, 0], stored.ordinate * 0.0254 / 4.4482216152605, rtol=1e-9)
 
 
-def test_two_records_and_signs_beyond_ascii() -> None:
+def test_two_records_and_labels_beyond_ascii() -> None:
     both = read(UFF / "dataset58_ufb.ufb", unit="SI")
     assert isinstance(both, FRF)
     assert (both.shape, both.labels) == ((801, 2, 1), (("1:+1", "1:+2"), ("22:+1",)))
@@ -173,8 +173,8 @@ def test_two_records_and_signs_beyond_ascii() -> None:
     ("path", "message"),
     [
         (PYUFF / "dataset_milestone_in_header.uff", r"line 21: the data set ends after 42 of the 2508876 numbers"),
-        (PYUFF / "meas_point_1.txt", r"line 1: this line has no columns between"),
-        (PYUFF / "TestLab 161 164 18 15 82.uff", r"line 2: there is no time record, FRF or coherence"),
+        (PYUFF / "meas_point_1.txt", r"line 1: this line has no columns separated by"),
+        (PYUFF / "TestLab 161 164 18 15 82.uff", r"line 2: there is no time series, FRF or coherence"),
         (PYUFF / "sample_dataset58_psd.uff", r"it holds power spectral density"),
         (UFF / "dataset58_spectrum.unv", r"it holds spectrum"),
         (UFF / "dataset55_bad_format.unv", r"line 2: .* it holds data set 55"),
@@ -182,7 +182,7 @@ def test_two_records_and_signs_beyond_ascii() -> None:
         (MEASURED / "modelab_freefree_beam" / "setup.csv", r"line 1: of the \d+ columns none is named"),
     ],
 )
-def test_files_that_are_refused(path: Path, message: str) -> None:
+def test_refused_files(path: Path, message: str) -> None:
     with pytest.raises(FileFormatError, match=message) as caught:
         read(path)
     assert path.name in str(caught.value)
@@ -203,7 +203,7 @@ def test_every_universal_file_is_read_or_refused_with_a_place(folder: Path) -> N
 
 @pytest.mark.parametrize("case", [3, 8])
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.995])
-def test_cut_off_files_name_the_place(case: int, share: float, tmp_path: Path) -> None:
+def test_truncated_files(case: int, share: float, tmp_path: Path) -> None:
     for kind in ("ascii", "binary"):
         whole = (UFF / f"dataset58_case{case}_{kind}.unv").read_bytes()
         path = tmp_path / f"{kind}.uff"
@@ -234,11 +234,11 @@ def test_peaks_of_the_free_free_beam() -> None:
         assert near.frequency_hz[np.argmax(np.abs(near.values))] == pytest.approx(expected, abs=0.02)
 
 
-def test_the_beam_s_accelerometer_faces_backwards() -> None:
-    """setup.csv: hammer and accelerometer at 0.5 m, axes against each other. The drive-point check says so."""
+def test_the_accelerometer_of_the_beam_is_reversed() -> None:
+    """setup.csv: hammer and accelerometer at 0.5 m, axes against each other. The drive-point check reports it."""
     place = Coordinate("beam", 0.5)
     path = MEASURED / "modelab_freefree_beam" / "Hxysv00004.txt.gz"
-    with pytest.warns(ReceptanceWarning, match="sensor or hammer that faces the other way"):
+    with pytest.warns(ReceptanceWarning, match="reversed sensor or hammer"):
         frf = read_frf(path, responses=place, excitations=place)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -254,29 +254,27 @@ def case(number: int, **options: Any) -> FRF:
     return read_frf(MEASURED / "vibrationtesting_cases" / f"case{number}.mat", **options)
 
 
-def test_analyser_record_without_a_word_of_what_it_is() -> None:
-    with pytest.raises(
-        FileFormatError, match=r"has to be said which of its variables is what.*Hf_coh_chan_2 \(1601x1 single\)"
-    ):
+def test_analyser_record_without_units() -> None:
+    with pytest.raises(FileFormatError, match=r"name its variables and their unit.*Hf_coh_chan_2 \(1601x1 single\)"):
         case(1)
-    with pytest.raises(FileFormatError, match=r"in which unit its FRF is; give it: unit="):
+    with pytest.raises(FileFormatError, match=r"the unit of its FRF; give it, for example unit="):
         case(1, variables=VARIABLES)
 
 
-def test_coherence_above_one_is_refused_in_words() -> None:
+def test_coherence_above_one_is_refused() -> None:
     with pytest.raises(FileFormatError) as caught:
         case(1, variables=VARIABLES, **ACCELERANCE)
     message = str(caught.value)
-    assert "the coherence is 1.246 at 0 Hz (and wrong on 4 more lines)" in message
-    assert "Coherence is the share of the response that the force explains, so it lies between 0 and 1" in message
-    assert "the median coherence, 0.31, is poor as well" in message
+    assert "the coherence at 0 Hz is 1.246 (and outside 0 to 1 on 4 more lines), expected 0 to 1" in message
+    assert "its median is 0.31" in message
+    assert "Coherence is the share of the response's power explained by the force" in message
     assert "ignore_coherence=True" in message
     frf = case(1, variables=VARIABLES, ignore_coherence=True, **ACCELERANCE)
     assert frf.coherence is None
-    assert frf.notes == ("the coherence in the file was left out, as asked for",)
+    assert frf.notes == ("the coherence in the file was ignored on request",)
 
 
-def test_poor_coherence_is_marked() -> None:
+def test_low_coherence_is_noted() -> None:
     with pytest.warns(ReceptanceWarning, match="median coherence is 0.32") as caught:
         frf = case(2, variables=VARIABLES, **ACCELERANCE)
     assert caught[0].filename == __file__, "the warning points to who read the file"
@@ -284,7 +282,7 @@ def test_poor_coherence_is_marked() -> None:
     assert "does not determine a joint" in frf.notes[0]
 
 
-def test_time_records_in_mat_files() -> None:
+def test_time_series_in_mat_files() -> None:
     variables = {"time_s": "Time_domain", "ch1": "Time_chan_1", "ch2": "Time_chan_2"}
     path = MEASURED / "vibrationtesting_cases" / "case1.mat"
     series = read_time_series(path, variables=variables, unit={"ch1": "N", "ch2": "g"}, sample_rate_hz=1280.0)

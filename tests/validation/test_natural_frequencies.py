@@ -68,7 +68,7 @@ class Drawn(NamedTuple):
     label: str
 
 
-def drawn(seed: int, number: int) -> Drawn:
+def draw_model(seed: int, number: int) -> Drawn:
     """Draw a model of any kind, its losses taken out, and a limit that the finite elements can reach."""
     rng = np.random.default_rng([seed, 2, number])
     case = draw.case(rng)
@@ -88,10 +88,10 @@ def drawn(seed: int, number: int) -> Drawn:
 
 
 @pytest.mark.parametrize("part", range(5))
-def test_none_is_missed_in_random_models(part: int, summarise: Summarise) -> None:
+def test_all_natural_frequencies_of_random_models_are_found(part: int, summarise: Summarise) -> None:
     seed, counted, worst, faults = accuracy.base_seed(), 0, 0.0, []
     for number in range(part * MODELS // 5, (part + 1) * MODELS // 5):
-        model, upper, label = drawn(seed, number)
+        model, upper, label = draw_model(seed, number)
         expected = elements.natural_frequencies(model, upper * (1 + GUARD))
         found, _ = natural(model, upper)
         sure = int(np.sum(expected < upper * (1 - GUARD)))
@@ -185,7 +185,7 @@ def test_against_elements_and_poles(model: Tables) -> None:
         lines = 2 * np.pi * f * np.array([1 - 2e-9, 1 - 1e-9, 1 + 1e-9, 1 + 2e-9]) + 0j
         h = _core.Model(0, *model).receptance(_core.Lines(lines), tip, tip, NO_PARAMETERS, 1)[0].real.ravel()
         assert h[1] < 0 < h[2] or h[2] < 0 < h[1]
-        # a pole, and so much of one that nothing else is seen beside it: twice as far, half as large
+        # a pole, and so strong that it dominates its neighbourhood: twice as far, half as large
         np.testing.assert_allclose(h[[0, 3]], h[[1, 2]] / 2, rtol=1e-3)
 
 

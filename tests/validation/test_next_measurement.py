@@ -1,4 +1,4 @@
-"""What a measurement is expected to bring, against refits with that measurement, over random campaigns."""
+"""Expected gain of a measurement, against refits with that measurement, over random campaigns."""
 
 from __future__ import annotations
 

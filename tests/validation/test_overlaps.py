@@ -106,7 +106,7 @@ def test_a_layer_and_points_against_finite_elements() -> None:
 
 @pytest.mark.parametrize("points", [0, 1, 2, 7])
 @pytest.mark.parametrize("k_y", [1e4, 1e7, 1e9, 1e11])
-def test_no_natural_frequency_is_missed(points: int, k_y: float) -> None:
+def test_all_natural_frequencies_are_found(points: int, k_y: float) -> None:
     tables, rows = chain(0.04, (k_y, 1e-4 * k_y, 5.0, 0.0, 0.1), points)
     factors = side_by_side.chain(TOOL, rows[0], HOLDER, cells=5)
     expected = side_by_side.natural_frequencies(*factors, 40e3)
@@ -205,7 +205,7 @@ def test_reciprocity_and_passivity() -> None:
             assert values[0] >= -1e-9 * one * np.abs(h).max(), f"seed {SEED}: {drawn.label}"
 
 
-def test_the_number_of_threads_changes_no_bit() -> None:
+def test_results_are_bitwise_independent_of_threads() -> None:
     tables, rows = chain(0.04, (6e8, 5e4, 30.0, 0.02, 0.03))
     w = 2 * np.pi * np.linspace(10.0, 2e4, 1500) + 0j
     parameters = np.array([[4, 0, 2], [4, 0, 25], [0, 0, 2]], dtype=float)

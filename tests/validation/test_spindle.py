@@ -1,4 +1,4 @@
-"""A spindle from blanks: what comes back without noise, and whether the stated variance covers with it."""
+"""A spindle from blanks: recovery without noise, and coverage of the stated variance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DRAWS = 4
 TERMS = {"y/F": (0, 0), "theta/M": (1, 1), "y/M": (0, 1)}
 
 
-def test_without_noise_the_spindle_comes_back(summarise: Callable[[str, str, object], None]) -> None:
+def test_spindle_is_recovered_without_noise(summarise: Callable[[str, str, object], None]) -> None:
     """To 1e-6 where the condition number allows, with the rest masked: of 12 digits that the responses have, say."""
     true = seen_at_the_plane(make_spindle(), LINES)
     size = np.sqrt(np.abs(true[:, [0, 1], [0, 1]]))
@@ -35,7 +35,7 @@ def test_without_noise_the_spindle_comes_back(summarise: Callable[[str, str, obj
         worst = max(worst, float(off.max()))
         assert found.usable.mean() >= 0.9
         assert off.max() < 1e-6
-    # One that has next to no digits to spare is masked where they do not suffice, and right elsewhere.
+    # An ill-conditioned case is masked on lines without sufficient digits, and accurate elsewhere.
     poor = identify_spindle(at_two_places(make_blank(0.35), 0.3, sd=1e-8), limit=1e-6)
     assert 0.0 < poor.usable.mean() < 0.9
     text = f"largest error of a usable line {worst:.1e}; with 8 digits {100.0 * poor.usable.mean():.0f} % usable"
@@ -50,7 +50,7 @@ def test_the_variance_covers(summarise: Callable[[str, str, object], None]) -> N
         identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=EVERY_SECOND)) for _ in range(DRAWS)
     ]
     count = sum(int(one.usable.sum()) for one in found)
-    said, shares = [], {}
+    ranges, shares = [], {}
     for name, (i, j) in TERMS.items():
         for part in ("real", "imag"):
             hits = 0
@@ -59,11 +59,11 @@ def test_the_variance_covers(summarise: Callable[[str, str, object], None]) -> N
                 hits += int(np.sum(np.abs(off[one.usable]) < 1.959964))
             test = binomtest(hits, count, 0.95)
             ends = test.proportion_ci(0.99, "exact")
-            said.append(f"{name} {part}: {hits / count:.4f} ({ends.low:.4f} to {ends.high:.4f})")
+            ranges.append(f"{name} {part}: {hits / count:.4f} ({ends.low:.4f} to {ends.high:.4f})")
             shares[f"{name} {part}"] = hits / count
-            assert test.pvalue > 0.01, said[-1]
+            assert test.pvalue > 0.01, ranges[-1]
     usable = count / (DRAWS * EVERY_SECOND.size)
-    text = f"seed {SEED}, {count} lines, {100.0 * usable:.1f} % usable: " + "; ".join(said)
+    text = f"seed {SEED}, {count} lines, {100.0 * usable:.1f} % usable: " + "; ".join(ranges)
     summarise("coverage of a spindle's 95 % intervals under 1 % noise", text, shares)
     assert usable > 0.9
 
@@ -85,7 +85,7 @@ def tips_by_finite_elements(lengths: tuple[float, ...], front: float, lines: NDA
 def test_tips_of_several_lengths_cover(
     lengths: tuple[float, ...], summarise: Callable[[str, str, object], None]
 ) -> None:
-    """Data by finite elements, noise of 0.1, 0.3 and 1 %, seeds 0 to 3: no wrong branch, and nothing right refused."""
+    """Data by finite elements, noise of 0.1, 0.3 and 1 %, seeds 0 to 3: no wrong branch, no correct line refused."""
     lines = LINES[::4]
     steel = Material(name="steel", youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3)
     inside, total, ambiguous, usable, runs = 0, 0, 0, 0, 0

@@ -81,7 +81,7 @@ def test_zeroth_order_minimum():
 )
 @pytest.mark.parametrize("teeth", [4, 6, 8])
 def test_both_methods_agree_where_the_mean_force_is_the_force(teeth, shapes):
-    """In a slot with an even number of teeth from four on the coefficients do not vary, whatever the modes."""
+    """In a slot with an even number of teeth from four on the coefficients do not vary, for any modes."""
     second = 1500.0 if shapes[0][1] else 922.0
     damping = [0.011, 0.02 if shapes[0][1] else 0.011]
     tip = TipModes(frequency_hz=[922.0, second], damping_ratio=damping, shapes=shapes)

@@ -26,7 +26,7 @@ def _half_widths(profiles: dict[str, Any]) -> dict[str, float]:
     return {name: profiles[name]["half_width_percent"] for name in STIFFNESSES}
 
 
-def test_by_hand_every_set_passes_in_the_machine_and_free_only_the_right_one() -> None:
+def test_manual_check_rejects_wrong_sets_only_free_free() -> None:
     """The paper's figures 7 and 8, without a fit."""
     tests = {
         test.free: table3.judge_sets(table3.measure(test, table3.Measuring(), table3.TRUTH), None)
@@ -49,13 +49,13 @@ def test_the_machine_alone_leaves_the_joint_open(study: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_intervals_hold_what_was_simulated(study: dict[str, Any]) -> None:
+def test_intervals_contain_the_simulated_values(study: dict[str, Any]) -> None:
     for key in ("machine_alone", "with_free_free", "with_best"):
         assert all(study[key][name]["inside"] for name in STIFFNESSES)
 
 
 @pytest.mark.slow
-def test_every_set_passes_by_hand_in_the_machine_and_only_the_right_one_at_the_noise(study: dict[str, Any]) -> None:
+def test_machine_data_reject_wrong_sets_only_at_noise_level(study: dict[str, Any]) -> None:
     sets = _sets(study, free=False)
     assert [one["name"] for one in sets] == ["curve_fitted", "manual_1", "manual_2", "manual_3"]
     # By hand, as the paper tuned them: within a few per cent of every mode of the band.
@@ -68,7 +68,7 @@ def test_every_set_passes_by_hand_in_the_machine_and_only_the_right_one_at_the_n
 
 
 @pytest.mark.slow
-def test_free_the_manual_sets_fail_by_hand_too(study: dict[str, Any]) -> None:
+def test_manual_sets_fail_free_free(study: dict[str, Any]) -> None:
     """The paper's figure 8: the first mode still fits all of them, the others only the curve-fitted set."""
     fitted, *manual = _sets(study, free=True)
     for one in manual:
@@ -78,7 +78,7 @@ def test_free_the_manual_sets_fail_by_hand_too(study: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_it_proposes_the_free_test_and_that_closes_the_intervals(study: dict[str, Any]) -> None:
+def test_proposed_free_free_test_closes_the_intervals(study: dict[str, Any]) -> None:
     worst = {one["name"]: max(one["half_width_percent"].values()) for one in study["expected"]}
     assert study["expected"][0]["free"]
     assert min(worst.values()) < 10.0
@@ -88,7 +88,7 @@ def test_it_proposes_the_free_test_and_that_closes_the_intervals(study: dict[str
     promised = next(one for one in study["expected"] if one["name"] == table3.FREE.name)["half_width_percent"]
     for name, width in _half_widths(study["with_free_free"]).items():
         assert width < 10.0
-        # What was expected, from joints that the data allow, is no promise that the truth then breaks.
+        # The expectation is over joints that the data allow, so the truth may differ.
         assert width < 2.0 * promised[name]
 
 
@@ -101,7 +101,7 @@ def test_dampings_are_within_a_physical_bound() -> None:
         assert own.lower < table3.TRUTH[f"joint.c_{y}"] < own.upper
 
 
-def test_noise_is_what_coherence_and_averages_make() -> None:
+def test_noise_follows_from_coherence_and_averages() -> None:
     measuring = table3.Measuring(coherence=0.98, averages=10)
     assert measuring.noise == pytest.approx(math.sqrt(0.02 / (2 * 9 * 0.98)))
     one = table3.measure(table3.MACHINE, measuring, table3.TRUTH, np.random.default_rng(5))
@@ -112,7 +112,7 @@ def test_noise_is_what_coherence_and_averages_make() -> None:
 
 
 @pytest.mark.parametrize(("coherence", "averages"), [(1.0, 10), (0.98, 1)])
-def test_noise_without_meaning_is_refused(coherence: float, averages: int) -> None:
+def test_invalid_noise_is_refused(coherence: float, averages: int) -> None:
     with pytest.raises(ValueError, match="expected"):
         table3.Measuring(coherence=coherence, averages=averages)
 
@@ -120,7 +120,7 @@ def test_noise_without_meaning_is_refused(coherence: float, averages: int) -> No
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [101, 102])
 def test_other_errors_and_noise(seed: int) -> None:
-    """Whether a joint as good as rigid (manual 2) is rejected in the machine depends on the draw; free it is."""
+    """Whether a nearly rigid joint (manual 2) is rejected in the machine depends on the draw; free it is."""
     found = table3.study(seed=seed)
     assert found["closes"]
     assert found["expected"][0]["free"]

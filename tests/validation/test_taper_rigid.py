@@ -132,8 +132,8 @@ def test_the_forward_model_with_a_stiff_part_is_the_rigid_model() -> None:
     np.testing.assert_allclose(axial, 1.0 / (5e9 + 1j * w * 1500.0 - w**2 * body.mass), rtol=1e-7)
 
 
-def test_a_body_is_what_its_sections_say() -> None:
-    """A hollow cylinder, L^2 / 12 + (D^2 + d^2) / 16 and splitting it changes nothing; a core is what it is made of."""
+def test_body_follows_its_sections() -> None:
+    """A hollow cylinder, L^2 / 12 + (D^2 + d^2) / 16, independent of splitting; a core adds its contribution."""
     whole = Segment(length=0.1, outer_diameter=0.08, inner_diameter=0.03, material=STEEL)
     body = body_of(Part([whole]))
     assert body.inertia == pytest.approx(whole.mass * (0.01 / 12 + (0.08**2 + 0.03**2) / 16), rel=1e-12)
@@ -144,7 +144,7 @@ def test_a_body_is_what_its_sections_say() -> None:
     assert filled.inertia == pytest.approx(solid.inertia, rel=1e-12)
 
 
-def test_stiffnesses_come_back_and_both_solutions_are_found() -> None:
+def test_stiffnesses_are_recovered_with_both_solutions() -> None:
     """From exact undamped eigenvalues, away from a double root, to 1e-9."""
     worst = 0.0
     for joint, apart in draw(SEED + 1):
@@ -194,7 +194,7 @@ def test_dampings(damping: tuple[float, float], summarise: Callable[[str, str, o
 
 
 def test_no_real_joint_within_the_noise() -> None:
-    """At the double root noise makes the discriminant negative in about half of the draws, and that is said."""
+    """At the double root noise makes the discriminant negative in about half of the draws, as the note states."""
     body = Body(mass=4.5, inertia=0.01)
     z1, z2 = 0.02, -0.08
     k1 = 1e9
@@ -224,7 +224,7 @@ def test_no_real_joint_within_the_noise() -> None:
     far = radial_from_modes(body, z1, z2, [f[0], f[0] * 1.02], frequency_standard_error_hz=[1.0, 1.0])
     assert far.solutions == ()
     assert far.within_noise == {}
-    assert "nor any within their noise" in far.statement
+    assert "not even within their noise" in far.statement
     assert "standard errors" in radial_from_modes(body, z1, z2, [f[0], f[0] * 1.02]).statement
 
 
@@ -285,11 +285,11 @@ def test_mistakes() -> None:
     body = Body(mass=4.5, inertia=0.01)
     with pytest.raises(ValueError, match="expected two ascending frequencies"):
         radial_from_modes(body, 0.02, -0.08, [3000.0, 2000.0])
-    with pytest.raises(ValueError, match="expected two places"):
+    with pytest.raises(ValueError, match="expected two positions"):
         radial_from_modes(body, 0.02, 0.02, [2000.0, 3000.0])
     with pytest.raises(ValueError, match="two positive finite numbers"):
         radial_from_modes(body, 0.02, -0.08, [2000.0])
     with pytest.raises(ValueError, match="k_x1 is 0"):
         RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=0.0, k_x2=1e9)
-    with pytest.raises(ValueError, match="does not oscillate"):
+    with pytest.raises(ValueError, match="a mode is overdamped"):
         RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=1e9, c_x1=1e7, c_x2=1e7).modes()

@@ -13,7 +13,7 @@ import transfer_coverage
 
 
 @pytest.mark.slow
-def test_prediction_intervals_hold_what_was_not_fitted(summarise):
+def test_prediction_intervals_contain_held_out_values(summarise):
     seed, cases = 30, 80
     p_value, text = transfer_coverage.report(seed, [transfer_coverage.measure(seed, case) for case in range(cases)])
     summarise("transfer coverage", text, p_value)

@@ -54,14 +54,14 @@ class Outcome:
 
 def true_assembly(campaign: SimulatedCampaign, index: int) -> Assembly:
     """Return what was measured, with its true joint and errors."""
-    seen = campaign.observations
-    parameters = Parameters(campaign.unknowns(), campaign.tolerances, [place_of(o, i) for i, o in enumerate(seen)])
+    data = campaign.observations
+    parameters = Parameters(campaign.unknowns(), campaign.tolerances, [place_of(o, i) for i, o in enumerate(data)])
     vector = [campaign.truth.get(u.name, campaign.errors.get(u.name)) for u in parameters.unknowns]
-    return parameters.at(place_of(seen[index], index)).apply(seen[index].assembly, np.array(vector))
+    return parameters.at(place_of(data[index], index)).apply(data[index].assembly, np.array(vector))
 
 
 def measure(seed: int, case: int, draws: int = 100) -> Outcome:
-    """Return what the intervals of one campaign say."""
+    """Return the coverage of the intervals of one campaign."""
     rng = np.random.default_rng([seed, case])
     campaign = simulate_campaign(rng, overhangs=3)
     index = int(rng.integers(3))
@@ -84,15 +84,15 @@ def measure(seed: int, case: int, draws: int = 100) -> Outcome:
         held_out.assembly, upper, configuration=held_out.configuration, tolerances=campaign.tolerances
     )
     mode = int(rng.integers(3))
-    linear = replace(frf, predicted=replace(frf.predicted, drawn=frf.predicted.drawn[:0]))
+    linear = replace(frf, drawn=frf.drawn[:0])
     return Outcome(
         case,
         float(true[mode]),
         float(predicted[mode]),
         float(deviation[mode]),
-        frf.share_inside,
-        linear.share_inside,
-        frf.distance_decibel,
+        frf.share_within(LEVEL) or 0.0,
+        linear.share_within(LEVEL) or 0.0,
+        frf.rms_decibel,
     )
 
 

@@ -1,27 +1,32 @@
-"""Measuring campaigns: one TOML file that says what was measured, on what, and what is to be found."""
+"""Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
 from receptance.campaign.campaign import Campaign
-from receptance.campaign.comparison import Peak, PredictedFrequencies, PredictedFRF, Prediction
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.loading import load
-from receptance.campaign.observations import Measurement
+from receptance.campaign.measurements import Measurement
+from receptance.campaign.prediction import PredictedFrequencies, Prediction, forecast_of
 from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.quantities import Condition
+from receptance.campaign.quantities import Condition, Deviation
 from receptance.campaign.schema import field_tables, json_schema
+from receptance.campaign.tolerances import Effects
+from receptance.campaign.writing import extended_text, write_extended
 
 __all__ = [
     "Campaign",
     "CampaignCut",
     "CampaignError",
     "Condition",
+    "Deviation",
+    "Effects",
     "Measurement",
-    "Peak",
-    "PredictedFRF",
     "PredictedFrequencies",
     "Prediction",
     "Problem",
     "Tip",
+    "extended_text",
     "field_tables",
+    "forecast_of",
     "json_schema",
     "load",
+    "write_extended",
 ]

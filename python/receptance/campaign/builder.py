@@ -1,38 +1,33 @@
-"""From the tables of a campaign to materials, parts, joints, unknowns and assemblies."""
+"""Construction of materials, parts, joints, unknowns and assemblies from the tables of a campaign."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from receptance._text import did_you_mean, one_of
-from receptance.assembly import Assembly
-from receptance.beams import Part, Segment
-from receptance.campaign.addresses import kind_of
+from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.element_tables import PLAIN_NUMBER
-from receptance.campaign.priors import prior_of
 from receptance.campaign.problems import path_text
-from receptance.campaign.quantities import parse_share
-from receptance.collet import ColletJoint
-from receptance.coordinates import Coordinate
+from receptance.campaign.quantities import kind_of, parse_share, prior_of
 from receptance.errors import ReceptanceError
-from receptance.fields import Element, Member, Number
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Power
 from receptance.identification.unknowns import Unknown, covered
-from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
-from receptance.materials import STEEL, Material
-from receptance.microslip import MicroslipJoint
-from receptance.modal_parts import ModalPart, Mode
-from receptance.spread import SpreadJoint
-from receptance.taper.body import as_rigid
+from receptance.model.assembly import Assembly
+from receptance.model.beams import STEEL, Material, Part, Segment
+from receptance.model.coordinates import Coordinate
+from receptance.model.distributed import SpreadJoint
+from receptance.model.fields import Element, Member, Number
+from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.terminals import ModalPart, Mode
+from receptance.taper.rigid import as_rigid
 
 if TYPE_CHECKING:
     from receptance.campaign.element_tables import ElementTable
     from receptance.campaign.format import AssemblyTable, CampaignTable, CoordinateTable, UnknownTable
-    from receptance.campaign.lines import Path
+    from receptance.campaign.lines import KeyPath
     from receptance.campaign.problems import Problems
 
 __all__ = [
@@ -42,22 +37,21 @@ __all__ = [
     "Builder",
     "Built",
     "addresses_of",
-    "carrying",
-    "expected",
-    "no_address",
+    "unknown_address",
+    "with_attached",
     "with_sensor",
 ]
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
-"""Sections whose names are first words of addresses."""
+"""Sections whose names begin addresses."""
 JOINTS: dict[str, type[Element]] = {
     "point": PointJoint,
     "spread": SpreadJoint,
     "collet": ColletJoint,
     "micro-slip": MicroslipJoint,
 }
-"""Classes of joints by the `kind` of their tables."""
+"""Class of joint by `kind`."""
 _ATTACHMENTS: dict[str, type[Element]] = {
     "mass": PointMass,
     "ground": GroundSpring,
@@ -78,16 +72,16 @@ _KINDS = (
     "Milling",
     "Turning",
 )
-"""Classes whose messages begin with their name, which the path in the file replaces."""
+"""Classes whose error messages begin with their name; the path in the file replaces it."""
 _LAW = ("power_of", "free", "individual")
-_STAND_IN_HZ = 1000.0
-"""Frequency of a mode until the measured FRFs give its start."""
+_PROVISIONAL_HZ = 1000.0
+"""Natural frequency of a mode before its start value is estimated from the measured FRFs."""
 _Made = TypeVar("_Made")
 
 
 @dataclass
 class Built:
-    """The objects of a campaign; one that is missing here has been reported as a mistake."""
+    """The objects of a campaign by name; objects with mistakes are missing."""
 
     materials: dict[str, Material] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
@@ -100,25 +94,25 @@ class Built:
 
 
 class Builder:
-    """Builds objects from tables: a mistake is added to the list of problems, a warning becomes a note.
+    """Builds objects from tables; mistakes are collected as problems, and warnings as notes.
 
     Parameters
     ----------
     problems : Problems
-        Mistakes are added here.
+        List to which mistakes are added.
     named : dict of str to list of str
-        All names of each section, of tables with mistakes too.
+        All names of each section, including those of tables with mistakes.
     broken : frozenset of str
-        Sections that are missing or no tables: names that would stand there are not checked.
+        Sections that are missing or are not tables; references to them are not checked.
 
     Attributes
     ----------
     built : Built
-        The objects so far.
+        The objects built so far.
     notes : list of str
         Notes for the user.
     warnings : list of str
-        Those of the notes that came as warnings.
+        The notes that were warnings.
     """
 
     def __init__(self, problems: Problems, named: dict[str, list[str]], broken: frozenset[str] = frozenset()) -> None:
@@ -131,8 +125,8 @@ class Builder:
 
     # Mistakes and notes ----------------------------------------------------------------------------------------------
 
-    def make(self, path: Path, build: Callable[..., _Made], /, *arguments: Any, **options: Any) -> _Made | None:
-        """Return what a function returns, or None after its mistake is added."""
+    def make(self, path: KeyPath, build: Callable[..., _Made], /, *arguments: Any, **options: Any) -> _Made | None:
+        """Return the result of a function, or None after its error is added as a mistake."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
@@ -145,33 +139,33 @@ class Builder:
             self.warnings.append(self.notes[-1])
         return made
 
-    def note(self, path: Path, text: str) -> None:
-        """Add a note once; a warning that sums several notes up gives way to them."""
+    def note(self, path: KeyPath, text: str) -> None:
+        """Add a note; an earlier, more general note that contains its text is removed."""
         place = f"{path_text(path)}: "
         text = _without_owner(text)
         self.notes[:] = [note for note in self.notes if not (note.startswith(place) and text in note)]
         self.notes.append(f"{place}{text}")
 
-    def known(self, path: Path, name: str, *sections: str) -> bool:
-        """Return whether a name is in one of some sections; add a mistake if not."""
+    def check_name(self, path: KeyPath, name: str, *sections: str) -> bool:
+        """Return whether one of the sections has a name; add a mistake if not."""
         known = [other for section in sections for other in self.named[section]]
-        if name in known or self.blind(*sections):
+        if name in known or self.incomplete(*sections):
             return True
         what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in sections)
-        self.problems.add(path, f'is "{name}", which is not {what} of this file{expected(name, known)}')
+        self.problems.add(path, f'is "{name}", which is not {what} of this file{instead_of(name, known)}')
         return False
 
-    def blind(self, *sections: str) -> bool:
-        """Return whether one of some sections is missing or no table."""
+    def incomplete(self, *sections: str) -> bool:
+        """Return whether one of the sections is missing or not a table."""
         return not self._broken.isdisjoint(sections)
 
     # Elements --------------------------------------------------------------------------------------------------------
 
     def build(self, campaign: CampaignTable) -> Built:
-        """Build everything that a campaign describes, as far as it is right."""
+        """Build all objects of a campaign that have no mistakes."""
         built = self.built
         for name, table in campaign.materials.items():
-            _keep(built.materials, name, self.element(Material, table, ("materials", name), name=name))
+            _store(built.materials, name, self.element(Material, table, ("materials", name), name=name))
         for name, part in campaign.parts.items():
             rows = [self.segment(("parts", name, "segments", i), row) for i, row in enumerate(part.segments)]
             segments = [segment for segment in rows if segment is not None]
@@ -179,26 +173,36 @@ class Builder:
                 made = Part(segments, name=name)
                 built.parts[name] = as_rigid(made) if part.rigid else made
         for address, unknown in campaign.unknowns.items():
-            _keep(built.unknowns, address, self._unknown(address, unknown, campaign))
+            _store(built.unknowns, address, self._unknown(address, unknown, campaign))
         for name in campaign.modal_parts:
-            _keep(built.modal_parts, name, self._modal_part(name, campaign))
+            _store(built.modal_parts, name, self._modal_part(name, campaign))
         for name, joint in campaign.joints.items():
-            _keep(built.joints, name, self._joint(name, joint))
+            _store(built.joints, name, self._joint(name, joint))
         for name, point in campaign.attachments.items():
-            path: Path = ("attachments", name)
-            _keep(built.attachments, name, self.element(_ATTACHMENTS[point.kind], point, path, name, name=name))
+            path: KeyPath = ("attachments", name)
+            _store(built.attachments, name, self.element(_ATTACHMENTS[point.kind], point, path, name, name=name))
         for name, sensor in campaign.sensors.items():
-            _keep(built.sensors, name, self.element(PointMass, sensor, ("sensors", name), name, name=name))
+            _store(built.sensors, name, self.element(PointMass, sensor, ("sensors", name), name, name=name))
         for name, assembly in campaign.assemblies.items():
-            _keep(built.assemblies, name, self._assembly(name, assembly))
+            _store(built.assemblies, name, self._assembly(name, assembly))
         self._check_unknowns(campaign)
         return built
 
-    def element(self, kind: type[Any], table: ElementTable, path: Path, address: str = "", **given: Any) -> Any:
-        """Return an element of a class from its table, or None after its mistakes are added.
+    def element(self, kind: type[Any], table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
+        """Return an element from its table, or None after its mistakes are added.
 
-        A number that the table does not have and that is unknown is where its fit starts; `address` is the element's
-        own. Fields in `given` are taken as they are.
+        Parameters
+        ----------
+        kind : type
+            Class of the element.
+        table : ElementTable
+            Its table. A missing number that is unknown gets its start value.
+        path : tuple
+            Place of the table in the file.
+        address : str, optional
+            Address of the element.
+        **given
+            Values of fields that are not read from the table.
         """
         values = dict(given)
         for name, declared in kind.declared.items():
@@ -206,7 +210,7 @@ class Builder:
                 continue
             value = getattr(table, name)
             if isinstance(declared, Member) and declared.kind is Material:
-                # A material with a mistake was reported; with steel in its place mistakes of dimensions are found too.
+                # An unknown material was reported; with steel in its place dimensions are checked as well.
                 value = None if value is None else self.built.materials.get(value, STEEL)
             elif isinstance(declared, Member):
                 value = self.element(declared.kind, value, (*path, name), f"{address}.{name}")
@@ -218,7 +222,7 @@ class Builder:
             values[name] = tuple(value) if isinstance(value, list) else value
         return self.make(path, kind, **values)
 
-    def segment(self, path: Path, table: ElementTable) -> Segment | None:
+    def segment(self, path: KeyPath, table: ElementTable) -> Segment | None:
         """Return a segment, or None after its mistakes are added."""
         made: Segment | None = self.element(Segment, table, path)
         return made
@@ -226,17 +230,17 @@ class Builder:
     def _joint(self, name: str, table: ElementTable) -> AnyJoint | None:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
         if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
-            return None  # the mistake of the unknown was reported; that the joint lacks a value only follows from it
+            return None  # a missing value of the joint is only a consequence of the mistake in the unknown
         made: AnyJoint | None = self.element(JOINTS[table.kind], table, ("joints", name), name, name=name)
         return made
 
     def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart | None:
         table = campaign.modal_parts[name]
-        path: Path = ("modal_parts", name)
+        path: KeyPath = ("modal_parts", name)
         modes = []
         for index, row in enumerate(table.modes):
             own, here = f"{name}.mode[{index}]", (*path, "modes", index)
-            given = {} if row.frequency_hz is not None else {"frequency_hz": _STAND_IN_HZ}
+            given = {} if row.frequency_hz is not None else {"frequency_hz": _PROVISIONAL_HZ}
             if given and not table.identify and f"{own}.frequency_hz" not in self.built.unknowns:
                 text = "has no frequency_hz, expected one, or `identify = true` for the whole modal part"
                 self.problems.add(here, text)
@@ -254,17 +258,17 @@ class Builder:
     # Unknowns --------------------------------------------------------------------------------------------------------
 
     def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown | None:
-        path: Path = ("unknowns", address)
+        path: KeyPath = ("unknowns", address)
         if self.problems.at(path):
             return None
         plain = bool(table.moves) or table.multiple is not None
         lower, upper, start = table.lower, table.upper, table.start
         if start is None and not plain:
-            start = _given(address, campaign)
+            start = _joint_value(address, campaign)
             if start is not None and not lower <= start <= upper:
                 self.problems.add(
                     path,
-                    f"has bounds without the {start:g} that the joint is given, expected wider bounds or another start",
+                    f"has bounds that exclude the value {start:g} of the joint, expected wider bounds or another start",
                 )
                 return None
         fields: dict[str, Any] = {"address": address, "lower": lower, "upper": upper, "start": start}
@@ -288,7 +292,7 @@ class Builder:
             fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
         return self._law(path, table, fields)
 
-    def _move(self, path: Path, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
+    def _move(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
         wrong = [
             key for key in ("multiple", "also", "free", "individual", "follows", "exponent") if getattr(table, key)
         ]
@@ -304,13 +308,13 @@ class Builder:
         fields |= {"moves": table.moves, "relative": table.relative, "of": table.power_of or "", "reference": reference}
         return self.make(path, Move, **fields)
 
-    def _reference(self, path: Path, table: UnknownTable) -> float | None:
+    def _reference(self, path: KeyPath, table: UnknownTable) -> float | None:
         if table.reference is None:
             self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
             return None
         return table.reference.value
 
-    def _law(self, path: Path, table: UnknownTable, fields: dict[str, Any]) -> Law | None:
+    def _law(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Law | None:
         powers: tuple[Power, ...] = ()
         if table.power_of is not None:
             reference = self._reference(path, table)
@@ -330,10 +334,10 @@ class Builder:
         return self.make(path, Law, **fields)
 
     def _check_unknowns(self, campaign: CampaignTable) -> None:
-        """Every unknown must be a parameter of some assembly, and no parameter may have two."""
+        """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""
         built = self.built
         if len(built.assemblies) < len(self.named["assemblies"]) or not built.assemblies:
-            return  # an assembly with a mistake may be the one that has it
+            return  # an assembly with a mistake may have the parameter
         measured = {*built.sensors, *(name for one in campaign.measurements.values() for name in one.attachments)}
         claimed: dict[tuple[str, str], str] = {}
         for title, unknown in built.unknowns.items():
@@ -344,7 +348,7 @@ class Builder:
                 found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
                 if not found:
                     first = next(iter(built.assemblies.values()))
-                    text = no_address(address, first, "is a parameter of no assembly")
+                    text = unknown_address(address, first, "is a parameter of no assembly")
                     self.problems.add(("unknowns", title), text)
                 for key in found if address in owned else ():
                     if key in claimed:
@@ -356,7 +360,7 @@ class Builder:
     # Assemblies ------------------------------------------------------------------------------------------------------
 
     def _assembly(self, name: str, table: AssemblyTable) -> Assembly | None:
-        path: Path = ("assemblies", name)
+        path: KeyPath = ("assemblies", name)
         elements: dict[str, Any] = {**self.built.parts, **self.built.joints, **self.built.modal_parts}
         points = self.built.attachments
         if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
@@ -368,31 +372,32 @@ class Builder:
             made = self.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
         return None if made is None else self._set(path, made, table)
 
-    def _set(self, path: Path, assembly: Assembly, table: AssemblyTable) -> Assembly | None:
-        """Return the assembly with the values that its table sets."""
+    def _set(self, path: KeyPath, assembly: Assembly, table: AssemblyTable) -> Assembly | None:
+        """Return the assembly with the values of the key `set`."""
         for address in table.set:
             here = (*path, "set", address)
             own = covered(address, assembly)
             if not own:
-                self.problems.add(here, no_address(address, assembly))
+                self.problems.add(here, unknown_address(address, assembly))
             elif any(own & covered(a, assembly) for one in self.built.unknowns.values() for a in addresses_of(one)):
                 self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
         if self.problems.at((*path, "set")):
             return None
         return self.make((*path, "set"), assembly.replace, table.set) if table.set else assembly
 
-    def place(self, path: Path, table: CoordinateTable, assembly: Assembly) -> Coordinate | None:
-        """Return a coordinate that the assembly has, or None after its mistakes are added."""
+    def place(self, path: KeyPath, table: CoordinateTable, assembly: Assembly) -> Coordinate | None:
+        """Return a coordinate on an assembly, or None after its mistakes are added."""
         if self.problems.at(path):
             return None
         if assembly.motion == "axial" and table.direction.endswith("theta"):
-            text = f'is "{table.direction}", and nothing turns in axial motion; expected "+y"'
+            text = f'is "{table.direction}", but axial motion has no rotation; expected "+y"'
             self.problems.add((*path, "direction"), text)
             return None
         parts = {name: element for name, element in assembly.elements.items() if isinstance(element, Part)}
         name = table.part or next(iter(parts))
         if name not in parts:
-            self.problems.add((*path, "part"), f'is "{name}", which the assembly has not{expected(name, parts)}')
+            text = f'is "{name}", which is not a part of the assembly{instead_of(name, parts)}'
+            self.problems.add((*path, "part"), text)
             return None
         length, position = parts[name].length, table.position
         if position != "end" and position > length * (1.0 + 1e-9):
@@ -403,11 +408,12 @@ class Builder:
         return Coordinate(name, position, direction)
 
     def at_level(
-        self, path: Path, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
+        self, path: KeyPath, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
     ) -> Assembly | None:
-        """Return the assembly with its joints in micro-slip at the level of a measurement, or None with mistakes.
+        """Return the assembly with micro-slip joints at the level of a measurement, or None after a mistake is added.
 
-        The level is a number, and whether it is a force in N, which the `reference_force` of the joints divides.
+        `level` is an amplitude over the reference, or, if its second item is true, a force in N that is divided by the
+        `reference_force` of each joint.
         """
         if level is None:
             return assembly
@@ -418,7 +424,7 @@ class Builder:
             reference = campaign.joints[name].reference_force
             if is_force and reference is None:
                 text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one'
-                self.problems.add(here, f"{text} there")
+                self.problems.add(here, f"{text} in the joint")
                 return None
             if f"{name}.level" in campaign.unknowns:
                 self.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
@@ -430,26 +436,26 @@ class Builder:
         return self.make(here, assembly.replace, levels)
 
 
-def _keep(store: dict[str, Any], name: str, made: Any) -> None:
+def _store(store: dict[str, Any], name: str, made: Any) -> None:
     if made is not None:
         store[name] = made
 
 
 def _misplaced(table: UnknownTable) -> tuple[str, ...]:
-    """Return the key and the text of a mistake: a key that needs another one."""
+    """Return key and text of a mistake if a key is given without the one that it depends on."""
     if table.relative:
-        return "relative", "is given, but nothing that it `moves`"
+        return "relative", "is given without `moves`, expected both or none"
     if table.along is not None and not table.free:
-        return "along", "is given, but it is not `free`, expected `free = true` beside it"
+        return "along", "is given without `free`, expected `free = true` as well"
     if any(getattr(table, key) for key in _LAW):
         return ()
     if table.reference is not None or table.exponent is not None:
         return ("has a reference or an exponent, but no `power_of`",)
-    return ("follows", "is given, but it has no `power_of` and no `individual` part") if table.follows else ()
+    return ("follows", "is given without `power_of` and `individual`, expected one of them") if table.follows else ()
 
 
-def _given(address: str, campaign: CampaignTable) -> float | None:
-    """Return the value that the file gives a parameter of a joint or modal part: its fit starts there by default."""
+def _joint_value(address: str, campaign: CampaignTable) -> float | None:
+    """Return the value of a parameter in the table of its joint or modal part, the default of its start value."""
     owner, *inside, name = address.split(".")
     table: Any = campaign.joints.get(owner, campaign.modal_parts.get(owner))
     for member in inside:
@@ -464,7 +470,7 @@ def _given(address: str, campaign: CampaignTable) -> float | None:
 
 
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:
-    """Return the addresses whose value an unknown is; one that only moves parameters has none."""
+    """Return the addresses of an unknown; a `Move` has none of its own."""
     return () if isinstance(unknown, Move) else unknown.reached
 
 
@@ -472,28 +478,22 @@ def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) ->
     """Return the assembly with the mass of a sensor at a coordinate."""
     if sensor is None:
         return assembly
-    return carrying(assembly, replace(sensor, part=at.part, position=at.position))
+    return with_attached(assembly, replace(sensor, part=at.part, position=at.position))
 
 
-def carrying(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
-    """Return the assembly with more attached to it."""
+def with_attached(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
+    """Return the assembly with further attachments."""
     return Assembly(assembly.elements.values(), [*assembly.attachments.values(), *points], motion=assembly.motion)
 
 
-def no_address(address: str, assembly: Assembly, what: str = "is no parameter of this assembly") -> str:
-    """Return the message about an address that an assembly does not have."""
+def unknown_address(address: str, assembly: Assembly, what: str = "is no parameter of this assembly") -> str:
+    """Return the text of a mistake: an address that an assembly does not have."""
     first = address.split(".", 1)[0] + "."
     own = [name for name in assembly.parameters if name.startswith(first)]
     return f"{what}{did_you_mean(address, assembly.parameters)}; expected {one_of(own or assembly.parameters)}"
 
 
-def expected(name: str, known: Iterable[str]) -> str:
-    """Return the names that are expected in place of one, and the nearest of them."""
-    choices = list(known)
-    return f", expected {one_of(choices)}{did_you_mean(name, choices)}"
-
-
 def _without_owner(text: str) -> str:
-    """Leave out the owner at the beginning of a message of the library: the path names it."""
+    """Return a message of the library without the object at its beginning, which the path names."""
     owner, colon, rest = text.partition(": ")
     return rest if colon and owner.split(" ", 1)[0] in _KINDS else text

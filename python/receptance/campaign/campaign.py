@@ -1,32 +1,40 @@
-"""A campaign: what was measured, on what, and what is to be found."""
+"""A campaign: structures, measurements and unknowns, and the analyses that they allow."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from receptance._files import write_whole
-from receptance.assembly import Assembly
+import numpy as np
+
+from receptance._text import instead_of
 from receptance.campaign.builder import Built
-from receptance.campaign.observations import Measurement
-from receptance.campaign.quantities import Condition
-from receptance.campaign.tolerances import Effects
-from receptance.coordinates import Coordinate
+from receptance.campaign.measurements import Measurement
+from receptance.campaign.problems import CampaignError
+from receptance.campaign.quantities import Condition, Deviation
+from receptance.campaign.tolerances import Effects, inherited_effects
 from receptance.identification import Candidate, Unknown
 from receptance.identification.mapping import Place
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
-    from receptance.campaign.comparison import Prediction
+    from numpy.typing import NDArray
+
     from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.format import CampaignTable
+    from receptance.campaign.prediction import Prediction
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability
 
 __all__ = ["Campaign"]
+
+_SPEEDS = {"mean force": 400, "semi-discretisation": 30}
+"""Number of spindle speeds by default, by `stability.method`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,31 +44,32 @@ class Campaign:
     Attributes
     ----------
     file : Path
-        Where it was read.
+        The campaign file.
     table : CampaignTable
-        The file as it stands, checked; numbers in SI units.
+        Contents of the file, checked; numbers in SI units.
     assemblies : dict of str to Assembly
-        Configurations by name, without sensors. Parameters among the unknowns have their start values.
+        Configurations by name, without sensors. Unknown parameters have their start values.
     measurements : dict of str to Measurement
         Measurements by name.
     unknowns : tuple of Unknown
-        What is to be identified.
+        Parameters to identify.
     effects : dict
-        Tolerances: by assembly, error and address the standard deviation in SI units. Errors of one name are one.
-    conditions : dict
-        By assembly and key: numbers that describe it.
-    places : dict
-        Response and excitation at which assemblies that were not measured are predicted.
+        Errors of each assembly: by assembly, error and address the standard deviation in SI units. Errors with the same
+        name are one error.
+    conditions : dict of str to dict of str to Condition
+        Conditions of each assembly, such as a torque.
+    places : dict of str to tuple of Coordinate
+        Response and excitation at which assemblies without measurements are predicted.
     candidates : dict of str to Candidate
-        Measurements that could be taken next.
+        Candidates for the next measurement.
     cuts : dict of str to CampaignCut
-        Cuts whose stability is asked for.
+        Cuts whose stable depth is computed.
     built : Built
         Materials, parts, joints and attachments, for assemblies that are not in the file.
     templates : dict of str to str
-        Of measurements at the levels of a series: their names in the file, such as "axial {level}".
+        Measurements of a series, and the names of their tables in the file, such as "axial {level}".
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
 
     Examples
     --------
@@ -76,7 +85,7 @@ class Campaign:
     104000.0
     """
 
-    file: FilePath
+    file: Path
     table: CampaignTable
     assemblies: dict[str, Assembly]
     measurements: dict[str, Measurement]
@@ -92,7 +101,7 @@ class Campaign:
 
     @property
     def title(self) -> str:
-        """Its title, or the name of its file."""
+        """Title, or else the name of the file."""
         return self.table.title or self.file.name
 
     def provenance(self, *, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Provenance:
@@ -107,7 +116,7 @@ class Campaign:
 
     @property
     def to_identify(self) -> dict[str, Measurement]:
-        """Measurements that the fit sees."""
+        """Measurements that are used in the fit."""
         return {name: measured for name, measured in self.measurements.items() if not measured.held_out}
 
     @property
@@ -121,13 +130,63 @@ class Campaign:
         measured = {one.assembly for one in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
 
+    @property
+    def highest_frequency(self) -> float | None:
+        """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
+        measured = [float(one.observation.frequency_hz[-1].real) for one in self.measurements.values()]
+        asked = self.table.prediction.upper
+        return max(measured, default=None) if asked is None else asked
+
     def place_of(self, name: str) -> Place:
-        """An assembly with its configuration and conditions, as laws and tolerances need to know it."""
+        """Return an assembly with its configuration and conditions, for laws and tolerances."""
         conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
         return Place(self.assemblies[name], name, "", conditions)
 
+    def inherited_effects(self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]) -> Effects:
+        """Return the errors of an assembly of elements of this campaign that is not in the file.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            Parts, joints and attachments of the campaign, and other parts of its materials.
+        parts : mapping of str to dict
+            Names of the other parts, and the standard deviations of their dimensions by address.
+        """
+        return inherited_effects(assembly, self.table, self.built, parts)
+
+    def select_cuts(self, names: Sequence[str] = ()) -> list[CampaignCut]:
+        """Return cuts by name; by default all.
+
+        Raises
+        ------
+        CampaignError
+            There are no cuts, or there is no such cut.
+        """
+        if not self.cuts:
+            raise CampaignError.about(self.file, "there is no cut, expected [cuts.NAME]")
+        for name in names:
+            if name not in self.cuts:
+                raise CampaignError.about(self.file, f'there is no cut "{name}"{instead_of(name, self.cuts)}')
+        return [self.cuts[name] for name in names] if names else list(self.cuts.values())
+
+    def spindle_speeds(self) -> NDArray[np.float64]:
+        """Return the spindle speeds in rpm for which stable depths are computed.
+
+        Raises
+        ------
+        CampaignError
+            The file has no `stability.speeds`.
+        """
+        asked = self.table.stability
+        if asked.speeds is None:
+            text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
+            raise CampaignError.about(self.file, text)
+        low, high = asked.speeds
+        step = asked.step if asked.step is not None else (high - low) / _SPEEDS[asked.method]
+        return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+
     def tables(self) -> list[Table]:
-        """Return what was measured; the levels of a series in a table of their own."""
+        """Return the measurements; those of a series in a table of their own."""
         groups: dict[str, list[Measurement]] = {}
         rows = []
         for name, one in self.measurements.items():
@@ -159,11 +218,11 @@ class Campaign:
         Raises
         ------
         CampaignError
-            Nothing is unknown, nothing is measured, or more is unknown than measured. It is a ValueError.
+            There are no unknowns or no measurements, or more unknowns than measured values. It is a ValueError.
         ReceptanceError
-            The model has no value at any of the starts.
+            The model cannot be evaluated at any of the starts.
         """
-        from receptance.campaign.identification import identify_campaign
+        from receptance.campaign.run import identify_campaign
 
         return identify_campaign(self, threads=threads, progress=progress)
 
@@ -175,14 +234,15 @@ class Campaign:
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> InverseCouplings:
-        """Solve for the stiffness of joints on each line by itself, by inverse coupling.
+        """Solve for the stiffness of joints on each frequency line, by inverse coupling.
 
-        From the FRFs that are not held out; where there are fewer than unknown terms, for k_theta, then k_y.
+        The FRFs that are not held out are used. With fewer FRFs than unknown terms, k_theta is solved for first, then
+        k_y.
 
         Parameters
         ----------
         joint : str, optional
-            Name of one; by default all that have unknown stiffnesses.
+            Name of a joint; by default all joints with unknown stiffnesses.
         limit : float, optional
             As in `receptance.identification.invert_coupling`.
         threads, progress
@@ -193,7 +253,7 @@ class Campaign:
         CampaignError
             No such joint was measured with an FRF, or the FRFs have no lines in common.
         """
-        from receptance.campaign.inversion import invert_campaign
+        from receptance.campaign.run import invert_campaign
 
         return invert_campaign(self, joint=joint, limit=limit, threads=threads, progress=progress)
 
@@ -205,25 +265,25 @@ class Campaign:
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> NextMeasurement:
-        """Rank the candidates by how well unknowns or predictions are expected to be known with them.
+        """Rank the candidates by the expected uncertainty of unknowns or predictions after each of them.
 
         Parameters
         ----------
         identified : Identification, optional
-            From `identify`, which runs first if it is not given.
+            Result of `identify`; computed if it is not given.
         targets : sequence of str, optional
-            Unknowns, or assemblies, whose natural frequencies are then meant; by default all unknowns.
+            Names of unknowns, or of assemblies for their natural frequencies; by default all unknowns.
         threads, progress
             As in `identify`.
 
         Raises
         ------
         CampaignError
-            There are no candidates, an unknown target, or as in `identify`.
+            There are no candidates, a target does not exist, or as in `identify`.
         """
-        from receptance.campaign.next_step import next_of_campaign
+        from receptance.campaign.run import rank_candidates
 
-        return next_of_campaign(self, identified, targets=targets, threads=threads, progress=progress)
+        return rank_candidates(self, identified, targets=targets, threads=threads, progress=progress)
 
     def predict(
         self,
@@ -232,19 +292,19 @@ class Campaign:
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Prediction:
-        """Predict what is held out and the assemblies that were not measured.
+        """Predict held-out measurements and assemblies without measurements.
 
         Parameters
         ----------
         identified : Identification, optional
-            From `identify`, which runs first if it is not given and anything is unknown.
+            Result of `identify`; computed if it is not given and there are unknowns.
         threads, progress
             As in `identify`.
 
         Raises
         ------
         CampaignError
-            Nothing is held out and every assembly was measured; nothing of it can be predicted; or as in `identify`.
+            No measurement is held out and every assembly was measured; no prediction is possible; or as in `identify`.
         """
         from receptance.campaign.prediction import predict_campaign
 
@@ -258,21 +318,21 @@ class Campaign:
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Stability:
-        """Return the depths up to which cuts are stable over spindle speed, with bands, and recommended speeds.
+        """Compute stable depths of cut over spindle speed with bands, and recommended speeds.
 
         Parameters
         ----------
         identified : Identification, optional
-            From `identify`, which runs first if it is not given, anything is unknown and a tip is predicted.
+            Result of `identify`; computed if it is not given, there are unknowns and a tip is predicted.
         cuts : sequence of str, optional
-            Names of some; by default all.
+            Names of cuts; by default all.
         threads, progress
             As in `identify`.
 
         Raises
         ------
         CampaignError
-            There are no cuts, no such cut, no speeds; or as in `identify`.
+            There are no cuts or no speeds, a cut does not exist, or as in `identify`.
         """
         from receptance.campaign.stability import stability_of_campaign
 
@@ -286,7 +346,7 @@ class Campaign:
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Transfer:
-        """Predict every measured assembly from the others, whatever the roles of the measurements.
+        """Predict every measured assembly from the others; roles of measurements are ignored.
 
         Parameters
         ----------
@@ -300,9 +360,9 @@ class Campaign:
         Raises
         ------
         CampaignError
-            Nothing is unknown, or fewer than two assemblies were measured; or as in `identify`.
+            There are no unknowns, fewer than two assemblies were measured, or as in `identify`.
         """
-        from receptance.campaign.transfer import transfer_campaign
+        from receptance.campaign.run import transfer_campaign
 
         return transfer_campaign(self, splits=splits, draws=draws, threads=threads, progress=progress)
 
@@ -314,58 +374,28 @@ class Campaign:
         threads: int | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Verdict:
-        """Say whether the model is adequate for what was measured, and what it lacks if not.
+        """Test whether the model explains the measurements, and find the cause if it does not.
 
-        All tolerances are fitted, with what is stated as what is known. Improvement is measured on what is held out,
-        or, where nothing is, on assemblies that are left out in turn.
+        Errors of dimensions and materials are fitted with their tolerances as priors. A cause is judged by how much it
+        improves predictions: of held-out measurements, or of assemblies that are left out in turn if none is held out.
 
         Parameters
         ----------
         causes : sequence of Cause and str, optional
             Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
         metrics : mapping of str to callable, optional
-            As in `receptance.diagnosis.diagnose`, on what is held out.
+            As in `receptance.diagnosis.diagnose`, for held-out measurements.
         threads, progress
             As in `identify`.
 
         Raises
         ------
         CampaignError
-            Nothing is unknown, nothing is measured, or measurements have no standard deviations. It is a ValueError.
+            There are no unknowns or no measurements, or measurements have no standard deviations. It is a ValueError.
         """
-        from receptance.campaign.diagnosis import diagnose_campaign
+        from receptance.campaign.run import diagnose_campaign
 
         return diagnose_campaign(self, causes=causes, metrics=metrics, threads=threads, progress=progress)
-
-    def extended_text(self, verdict: Verdict, folder: str | FilePath) -> str:
-        """Return the model that a diagnosis has extended as the text of a campaign file.
-
-        `identify` and `predict` take it like any other campaign; the unknowns begin where the diagnosis ended.
-
-        Parameters
-        ----------
-        verdict : Verdict
-            From `diagnose` of this campaign.
-        folder : path-like
-            Folder of the file; data files are named from there.
-
-        Raises
-        ------
-        ValueError
-            There is no extended model, or a campaign file cannot describe it.
-        """
-        from receptance.campaign.extended import extended_text
-
-        return extended_text(self, verdict, FilePath(folder))
-
-    def write_extended(self, verdict: Verdict, path: str | FilePath) -> FilePath:
-        """Write the model that a diagnosis has extended as a campaign file, completely or not at all.
-
-        Parameters and errors are those of `extended_text`; returns the path.
-        """
-        target = FilePath(path)
-        write_whole({target: self.extended_text(verdict, target.parent).encode("utf-8")})
-        return target
 
     def __repr__(self) -> str:
         counts = [

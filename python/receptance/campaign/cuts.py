@@ -1,40 +1,46 @@
-"""From the cuts of a campaign to coefficients with their spread, and to where the receptance of the tip is from."""
+"""Cuts of a campaign: coefficients with their uncertainty, and the source of the receptance of the tip."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path as FilePath
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from receptance.campaign.data_files import (
+    parse_deviation_share,
+    read_entry,
+    restrict_to_bands,
+    with_stated_variance,
+)
 from receptance.frf import FRF
 from receptance.identification import MeasuredFRF
-from receptance.stability import Milling, Turning
+from receptance.stability import Lobes, Milling, Turning
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from receptance.campaign.builder import Builder
     from receptance.campaign.format import CampaignTable, TipTable
-    from receptance.campaign.lines import Path
-    from receptance.campaign.observations import Measurement
+    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.measurements import Measurement
 
 __all__ = ["CampaignCut", "Tip", "build_cut"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tip:
-    """Where the receptance of a tool tip in one direction comes from.
+    """Source of the receptance of a tool tip in one direction.
 
     Attributes
     ----------
     name : str
-        For people.
+        Free-text label.
     assembly : str
-        Name of the assembly that is predicted; empty where the tip was measured.
+        Name of the assembly that is predicted; empty for a measured tip.
     frf : FRF or None
-        What was measured.
+        Measured FRF.
     file : str
-        Name of the file that it was read from; empty where it is a measurement of the campaign or predicted.
+        File of the FRF; empty for a measurement of the campaign and for a predicted tip.
     """
 
     name: str
@@ -50,13 +56,13 @@ class CampaignCut:
     Attributes
     ----------
     name : str
-        Its name in the file.
+        Name in the file.
     cut : Milling or Turning
         The cut.
     spread : dict of str to float
-        Standard deviations of the logarithms of its coefficients.
+        Standard deviations of the logarithms of the coefficients.
     x, y : Tip
-        The tip in the direction of feed (the chip's thickness in turning) and across it; y is None where it is rigid.
+        Tip in the direction of feed (in turning, of the chip thickness) and across it; y is None if it is rigid.
     """
 
     name: str
@@ -65,8 +71,13 @@ class CampaignCut:
     y: Tip | None = None
     spread: dict[str, float] = field(default_factory=dict)
 
+    def label(self, lobes: Lobes) -> Lobes:
+        """Return lobes with the name, the tips and the coefficients of this cut."""
+        tips = {"x": self.x.name, "y": None if self.y is None else self.y.name}
+        return replace(lobes, name=self.name, tips=tips, spread=self.spread)
+
     def drawn(self, draws: int, seed: int) -> tuple[Milling, ...] | tuple[Turning, ...] | None:
-        """Return cuts that may be the true one; None where the coefficients are exact."""
+        """Return cuts with drawn coefficients; None if the coefficients are exact."""
         if not any(self.spread.values()):
             return None
         return self.cut.drawn(draws, **self.spread, seed=seed)
@@ -77,7 +88,7 @@ def build_cut(
     table: CampaignTable,
     assemblies: Mapping[str, object],
     measurements: Mapping[str, Measurement],
-    folder: FilePath,
+    folder: Path,
     builder: Builder,
 ) -> CampaignCut | None:
     """Return a cut, or None after its mistakes are added."""
@@ -103,11 +114,11 @@ def build_cut(
 
 
 def _tip(
-    path: Path,
+    path: KeyPath,
     table: TipTable,
     assemblies: Mapping[str, object],
     measurements: Mapping[str, Measurement],
-    folder: FilePath,
+    folder: Path,
     builder: Builder,
 ) -> Tip | None:
     given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
@@ -118,7 +129,8 @@ def _tip(
     if table.assembly is not None:
         if table.bands is not None:
             builder.problems.add(
-                (*path, "bands"), "belongs to a file or a measurement, expected `lower` and `upper` under [prediction]"
+                (*path, "bands"),
+                "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead",
             )
             return None
         return (
@@ -141,27 +153,25 @@ def _tip(
     return None if frf is None else Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
 
 
-def _within(path: Path, table: TipTable, frf: FRF | None, builder: Builder) -> FRF | None:
-    """Return the FRF with the lines of the bands alone usable, or None after a mistake is added."""
-    from receptance.campaign import frf_files
-
+def _within(path: KeyPath, table: TipTable, frf: FRF | None, builder: Builder) -> FRF | None:
+    """Return the FRF with only the lines of the bands usable, or None after a mistake is added."""
     if frf is None or table.bands is None:
         return frf
-    return builder.make((*path, "bands"), frf_files.within, frf, table.bands)
+    return builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
 
 
-def _measured(measured: Measurement, builder: Builder, path: Path) -> FRF:
-    """Return a measured FRF of the campaign on the lines that count."""
+def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
+    """Return the FRF of a measurement."""
     seen = measured.observation
     if not isinstance(seen, MeasuredFRF):
-        raise ValueError(f'is "{measured.name}", natural frequencies, expected a measured FRF')
+        raise ValueError(f'is "{measured.name}", natural frequencies; expected a measured FRF')
     if seen.frequency_hz.dtype.kind == "c":
-        raise ValueError(f'is "{measured.name}", with an exponential window, so it is no receptance of the tip')
+        raise ValueError(f'is "{measured.name}", with an exponential window; expected an FRF without one')
     if "theta" in (seen.response.direction, seen.excitation.direction):
-        raise ValueError(f'is "{measured.name}", a rotation or of a moment, expected a translation over a force')
+        raise ValueError(f'is "{measured.name}", a rotation or caused by a moment; expected a translation over a force')
     if measured.sensor is not None:
-        builder.note(path, f"the mass of {measured.sensor} is in it, which was on the tip when it was measured")
-    # The variance of an FRF is that of each line alone.
+        builder.note(path, f"the receptance includes the mass of the sensor {measured.sensor}")
+    # The variance of an FRF is that of one line.
     variance = None if seen.standard_deviation is None else seen.standard_deviation**2 / seen.correlated_lines
     return FRF(
         frequency_hz=seen.frequency_hz,
@@ -172,9 +182,6 @@ def _measured(measured: Measurement, builder: Builder, path: Path) -> FRF:
     )
 
 
-def _read(table: TipTable, folder: FilePath) -> FRF:
-    from receptance.campaign import frf_files
-
-    return frf_files.weighed(frf_files.read(table, folder), frf_files.deviation_share(table.standard_deviation)).to(
-        "receptance"
-    )
+def _read(table: TipTable, folder: Path) -> FRF:
+    share = parse_deviation_share(table.standard_deviation)
+    return with_stated_variance(read_entry(table, folder), share).to("receptance")

@@ -1,4 +1,4 @@
-"""Pydantic models that follow from the declarations of elements, and values whose quantity follows from an address."""
+"""Pydantic models from the declarations of elements, and values with the quantity of their address."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ from pydantic import (
 from pydantic import Field as Key
 
 from receptance._text import shown
-from receptance.campaign.addresses import kind_of, parse_position
-from receptance.campaign.quantities import Amount, Deviation, Spread, parse_deviation
-from receptance.fields import Choice, Count, Element, Field, Member, Number
-from receptance.materials import Material
+from receptance.campaign.quantities import Amount, Deviation, Spread, kind_of, parse_deviation, parse_position
+from receptance.model.beams import Material
+from receptance.model.fields import Choice, Count, Element, Field, Member, Number
 from receptance.units import Quantity, parse
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ PLAIN_NUMBER = Quantity("a number", "", "0.02")
 
 
 class Table(BaseModel):
-    """A table of the file: unknown keys are mistakes, text is not taken for a number."""
+    """A table of the file; unknown keys are mistakes, and text is not converted to numbers."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
@@ -57,10 +56,10 @@ class ElementTable(Table):
     """A table whose keys follow from the declarations of an element."""
 
     origin: ClassVar[tuple[Callable[[Any], type[ElementTable]], Any]]
-    """Function that returns the model, and its argument."""
+    """Function that makes the model, and its argument."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The model is made at run time, so that pickle does not find it by its name.
+        # The model is made at run time, so that pickle cannot import it by name.
         return _restored, (*type(self).origin, self.__getstate__())
 
     if TYPE_CHECKING:
@@ -91,18 +90,18 @@ Position = Annotated[
 
 @dataclass(frozen=True)
 class Of:
-    """Marks a field that is the table of an element.
+    """Marks a field as the table of an element.
 
     Parameters
     ----------
     element : type
         Class of the element.
     tag : str, optional
-        Value of its key `kind`.
+        Value of the key `kind`.
     keys : type, optional
-        A model with keys that only the file has, or has differently.
+        A model with additional or changed keys.
     without : tuple of str, optional
-        Fields of the element that the file does not have.
+        Fields of the element that are not keys.
     name : str, optional
         Name of the model in the JSON schema.
     """
@@ -121,7 +120,7 @@ class Of:
 
 @dataclass(frozen=True)
 class OneKind:
-    """Marks a field that is the table of one of several elements, by its key `kind`."""
+    """Marks a field as the table of one of several elements, selected by the key `kind`."""
 
     choices: tuple[Of, ...]
 
@@ -137,7 +136,7 @@ class OneKind:
 
 @functools.cache
 def table_of(of: Of) -> type[ElementTable]:
-    """Return the model of an element: its fields, and their standard deviations under `tolerance`."""
+    """Return the model of an element: its fields, and their standard deviations as `tolerance`."""
     declared = {
         name: field
         for name, field in of.element.declared.items()
@@ -207,7 +206,7 @@ def tolerance_of(of: Of) -> type[ElementTable]:
 
 @dataclass(frozen=True)
 class _Unread:
-    """A value of the file, and the quantity that it must be; None where the address has none."""
+    """A value of the file that is not read yet, and its address."""
 
     value: Any
     address: str
@@ -220,12 +219,12 @@ class _Unread:
 
 @dataclass(frozen=True)
 class ByAddress:
-    """Marks a dictionary by address: its values, or keys of its tables, are quantities that the address names.
+    """Marks a dictionary by address: its values, or keys of its tables, have the quantity of the address.
 
     Parameters
     ----------
-    keys : str
-        Keys of the tables; without any, the values themselves.
+    *keys : str
+        Keys of the tables; without keys, the values themselves.
     """
 
     keys: tuple[str, ...] = ()
@@ -234,7 +233,7 @@ class ByAddress:
         object.__setattr__(self, "keys", keys)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Give every value its address before it is read."""
+        """Attach the address to every value before validation."""
         return handler.generate_schema(Annotated[source, BeforeValidator(self._marked)])
 
     def _marked(self, given: Any) -> Any:
@@ -254,19 +253,19 @@ class ByAddress:
 
 @dataclass(frozen=True)
 class AtAddress:
-    """Marks a value in a dictionary marked by `ByAddress`: a quantity in SI units, or a standard deviation."""
+    """Marks a value in a dictionary of `ByAddress` as a quantity in SI units, or as a standard deviation."""
 
     deviation: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Read the value as the quantity of its address."""
+        """Read the value with the quantity of its address."""
         del source
         plain: list[dict[str, Any]] = [{"type": "string"}, {"type": "number"}]
         schema = [*plain, {"type": "object", "additionalProperties": {"anyOf": plain}}] if self.deviation else plain
         return handler.generate_schema(Annotated[Any, PlainValidator(self._read), WithJsonSchema({"anyOf": schema})])
 
     def _read(self, given: Any) -> Any:
-        if not isinstance(given, _Unread):  # a value that was read before, of a table that is checked again
+        if not isinstance(given, _Unread):  # read before, in a table that is validated again
             return given
         types = (str, int, float, dict) if self.deviation else (str, int, float)
         if isinstance(given.value, bool) or not isinstance(given.value, types):

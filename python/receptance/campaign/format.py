@@ -1,6 +1,6 @@
-"""The tables of a campaign file, as pydantic models.
+"""Pydantic models of the tables of a campaign file.
 
-Tables of elements (materials, segments, joints, masses) follow from the declarations of the elements; the others are
+Models of elements (materials, segments, joints, masses) are made from the declarations of the elements; the others are
 declared here.
 """
 
@@ -12,15 +12,12 @@ from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Stri
 
 from receptance import units
 from receptance._text import shown
-from receptance.beams import Segment
 from receptance.campaign.element_tables import AtAddress, ByAddress, ElementTable, Of, OneKind, Position, Table
 from receptance.campaign.quantities import Amount, Condition, Deviation, OneOf, Spread, parse_condition, parse_level
-from receptance.collet import ColletJoint
-from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
-from receptance.materials import Material
-from receptance.microslip import MicroslipJoint
-from receptance.modal_parts import ModalPart, Mode
-from receptance.spread import SpreadJoint
+from receptance.model.beams import Material, Segment
+from receptance.model.distributed import SpreadJoint
+from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.terminals import ModalPart, Mode
 from receptance.stability import Milling, Turning
 
 __all__ = [
@@ -44,18 +41,18 @@ __all__ = [
 ]
 
 Word = Annotated[str, StringConstraints(pattern=r"^[^\W\d]\w*$")]
-"""A name that is the first word of addresses."""
+"""A name that begins addresses."""
 Name = Annotated[str, StringConstraints(min_length=1)]
 Written = Annotated[str | float, OneOf(str, int, float, what="text with a number and a unit, or a plain number")]
-"""A quantity as it stands in the file."""
+"""A quantity as text or number of the file."""
 Value = Annotated[float, AtAddress()]
-"""A quantity of the kind that its address names."""
+"""Value of the parameter at an address."""
 ConditionValue = Annotated[
     Condition,
     PlainValidator(parse_condition),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
 ]
-"""A number with a unit, of any kind."""
+"""A number with any unit."""
 Conditions = dict[str, ConditionValue]
 
 # Parts and joints ----------------------------------------------------------------------------------------------------
@@ -163,7 +160,7 @@ class FileFields(Table):
     """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
 
     file: str
-    """file beside the campaign: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
+    """path, relative to the campaign file: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
     format: str | None = None
     """format of the file, if its ending does not determine it"""
     quantity: Literal["receptance", "mobility", "accelerance"] | None = None
@@ -253,7 +250,7 @@ class HammerTable(_Response):
     kind: Literal["hammer records"]
     """`"hammer records"`"""
     file: Annotated[str | list[str], OneOf(str, list, what="the name of a file, or a list of them")]
-    """file beside the campaign with one or several hits, or a list of files: UFF58, CSV, NPZ, MAT, HDF5"""
+    """path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"""
     format: str | None = None
     """format of the files, if their ending does not determine it"""
     force: Channel
@@ -337,7 +334,7 @@ MeasurementTable = Annotated[
 
 class _Possible(Table):
     assembly: str
-    """name of the assembly that would be measured; one that was measured is the same clamping"""
+    """name of the assembly to measure; one that was measured before is in the same clamping"""
     sensor: str | None = None
     """name of the sensor at the response coordinate; none for a laser"""
     response: CoordinateTable = CoordinateTable()
@@ -360,7 +357,7 @@ class CandidateFRFTable(_Possible):
     upper: Frequency
     """highest line"""
     step: Frequency
-    """distance of the lines, which count as independent"""
+    """distance of the lines, whose noise is independent"""
     standard_deviation: str
     """expected standard deviation of the FRF on every line, such as `"2 %"`"""
     floor: str | None = None
@@ -415,14 +412,14 @@ class UnknownTable(Table):
     name: str = ""
     """name in results; by default its address"""
     assemblies: list[str] | None = None
-    """only measurements of these assemblies have it; by default all"""
+    """assemblies that have the unknown; by default all"""
     multiple: float | None = None
     """the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"""
     also: dict[str, float] = Field(default={})
-    """further parameters by address, and their multiples of the unknown"""
+    """further parameters by address, as multiples of the unknown"""
     moves: dict[str, float] = Field(default={})
-    """parameters by address that it moves, whatever else they are made of: v becomes v + n u, with the unknown u and
-    the number n given here; it stands under a name of its own then, and has plain numbers in SI units"""
+    """parameters by address that the unknown changes: v becomes v + n u, with the unknown u and the number n; the
+    unknown then has a name instead of an address, and plain numbers in SI units"""
     relative: bool = False
     """with `moves`: v becomes v exp(n u)"""
     power_of: str | None = None
@@ -455,13 +452,13 @@ class SettingsTable(Table):
     seed: Annotated[int, Field(ge=0)] = 0
     """seed of the starts that are drawn"""
     max_evaluations: Annotated[int, Field(ge=1)] = 200
-    """most evaluations from one start"""
+    """largest number of evaluations from one start"""
     strategy: Literal["direct", "staged"] = "direct"
-    """whether starts go straight into the fit, or are led to it by way of easier ones, from decades off"""
+    """whether the fit begins at the starts, or is preceded by easier fits, for starts that are decades off"""
     profiles: bool = True
-    """whether intervals are computed from profile likelihoods too"""
+    """whether intervals are also computed from profile likelihoods"""
     band_width: str = "5 %"
-    """with the percentage objective, how far a band reaches to either side of its peak"""
+    """half width of the bands of the percentage objective"""
 
 
 class PredictionTable(Table):
@@ -480,18 +477,18 @@ class PredictionTable(Table):
     level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
     """level of the intervals"""
     force: Force | None = None
-    """amplitude of a stepped sine, for FRFs with joints in micro-slip; by default these are at their stated level"""
+    """amplitude of a stepped sine, for FRFs with joints in micro-slip; by default the joints have their own level"""
 
 
 class SeriesTable(Table):
-    """Levels of repeated measurements: tables with `{level}` in their names stand for one table for each."""
+    """Levels of repeated measurements; a table with `{level}` in its name stands for one table for each level."""
 
     over: Name
-    """name of the condition that the levels are of, such as `"drawbar force"`"""
+    """name of the condition, such as `"drawbar force"`"""
     levels: Annotated[list[Written], Field(min_length=1)]
     """the levels, `["0 kN", "1 kN"]`; `{level}` stands for one as it is written, `{value}` for its number alone"""
     hold_out: list[Written] = Field(default=[])
-    """levels whose measurements are held out, written as among the levels"""
+    """levels whose measurements are held out, written as in `levels`"""
 
 
 # Cuts and catalogues ------------------------------------------------------------------------------------------------
@@ -504,18 +501,18 @@ class TipTable(FileFields):
     """The receptance of the tool tip in one direction: one of an assembly, a measurement or a file."""
 
     file: str | None = None  # type: ignore[assignment]
-    """file beside the campaign with the FRF of the tip"""
+    """path of a file with the FRF of the tip"""
     assembly: str | None = None
-    """name of an assembly instead, whose tip is predicted"""
+    """name of an assembly whose tip is predicted"""
     measurement: str | None = None
-    """name of a measured FRF of the campaign instead"""
+    """name of a measured FRF of the campaign"""
     bands: Annotated[list[Band], Field(min_length=1)] | None = None
-    """bands of frequency in which limits are looked for, of a file or a measurement, `[["300 Hz", "4 kHz"]]`; by
-    default all usable lines"""
+    """frequency bands of a file or a measurement in which limits are computed, `[["300 Hz", "4 kHz"]]`; by default all
+    usable lines"""
 
 
 def _across(value: Any) -> Any:
-    """Say what was expected before pydantic names the members of a union in turn."""
+    """Check the value first, for one message instead of one of pydantic for each member of the union."""
     if isinstance(value, (dict, TipTable)) or value in ("as x", "rigid"):
         return value
     raise ValueError(f'is {shown(value)}, expected a table, "as x" or "rigid"')
@@ -523,9 +520,9 @@ def _across(value: Any) -> Any:
 
 class _TurningKeys(ElementTable):
     angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
-    """between the force and the direction of the chip's thickness"""
+    """angle between the force and the direction of the chip thickness"""
     x: TipTable
-    """receptance of the tip in the direction of the chip's thickness"""
+    """receptance of the tip in the direction of the chip thickness"""
 
 
 class _MillingKeys(ElementTable):
@@ -557,42 +554,42 @@ class StabilityTable(Table):
     seed: Annotated[int, Field(ge=0)] = 0
     """seed of the draws"""
     method: Literal["mean force", "semi-discretisation"] = "mean force"
-    """mean of the force over a tooth pitch (zeroth order), or the force as it is, for interrupted cuts"""
+    """mean force over a tooth pitch (zeroth order), or the periodic force, for interrupted cuts"""
     largest_depth: Annotated[float, Amount(units.LENGTH)] | None = None
-    """up to which semi-discretisation looks; by default ten times the lowest limit of the mean force"""
+    """largest depth of semi-discretisation; by default ten times the smallest limit by the mean force"""
 
     @property
     def number_of_draws(self) -> int:
-        """How many draws there are."""
+        """Number of draws."""
         return self.draws or (200 if self.method == "mean force" else 40)
 
 
 class CatalogueSpread(Table):
-    """Standard deviations of the dimensions of every tool of a catalogue; each tool has errors of its own."""
+    """Standard deviations of the dimensions of every tool of a catalogue; the errors of tools are independent."""
 
     overhang: LengthSpread = None
-    """of the overhang"""
+    """standard deviation of the overhang"""
     diameter: LengthSpread = None
-    """of the diameter of the shank"""
+    """standard deviation of the diameter of the shank"""
     effective_diameter: LengthSpread = None
-    """of the effective diameter of the flutes"""
+    """standard deviation of the effective diameter of the flutes"""
 
 
 class CatalogueTable(Table):
-    """Tools and holders in tables of their own, and their machine."""
+    """Tools and holders in CSV files, and their machine."""
 
     tools: str | None = None
-    """CSV file beside the campaign with a tool in each row; by default the one that the command is given"""
+    """CSV file with a tool in each row; not needed if the command names one"""
     holders: str | None = None
-    """CSV file beside the campaign with a segment of a holder in each row; holders may be parts of this file too"""
+    """CSV file with a segment of a holder in each row; parts of this file are holders as well"""
     machine: Annotated[list[str], Field(min_length=1)]
     """names of joints and parts behind the holder, from its joint on"""
     attachments: list[str] = Field(default=[])
     """names of masses and ground springs on these parts"""
     spindle: str | None = None
-    """file beside the campaign with the receptances of a spindle behind all that: from `write_spindle`, or FRFs"""
+    """file with the receptances of a spindle behind the machine: from `write_spindle`, or FRFs"""
     joint: str | None = None
-    """name of the joint between tool and holder, where a row names no other"""
+    """name of the joint between tool and holder, for rows that name none"""
     tolerance: CatalogueSpread = CatalogueSpread()
     """standard deviations of the dimensions of tools"""
 
@@ -640,4 +637,4 @@ class CampaignTable(Table):
     stability: StabilityTable = StabilityTable()
     """speeds and probability of stable depths"""
     catalogue: CatalogueTable | None = None
-    """tools and holders in tables of their own, and their machine"""
+    """tools and holders in CSV files, and their machine"""

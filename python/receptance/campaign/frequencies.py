@@ -1,4 +1,4 @@
-"""Natural frequencies as a campaign gives them: in the file itself or in a CSV table beside it."""
+"""Natural frequencies and damping ratios of a campaign, from the file itself or from a CSV file."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import csv
 import math
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance import units
 from receptance._files import read_whole
 from receptance._text import did_you_mean, one_of, shown
 from receptance.campaign.quantities import Deviation, parse_deviation, parse_share
-from receptance.io.text import doubts_of_end
+from receptance.io.text import truncation_notes
 from receptance.units import parse
 
 if TYPE_CHECKING:
@@ -31,7 +31,17 @@ _HEAD = re.compile(r"\s*(?P<name>\w+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Modes as a campaign gives them: in Hz, ratios as shares, deviations of ratios as shares of them."""
+    """Measured modes.
+
+    Attributes
+    ----------
+    frequency_hz, deviation_hz : list of float
+        Natural frequencies and their standard deviations.
+    modes : list of int or None
+        Numbers of the modes.
+    damping, damping_deviation : list of float or None
+        Damping ratios, NaN if unknown, and their standard deviations relative to them.
+    """
 
     frequency_hz: list[float]
     modes: list[int] | None = None
@@ -41,7 +51,7 @@ class Frequencies:
 
 
 class FrequencyTableError(ValueError):
-    """A table of natural frequencies that cannot be read; the message names the line."""
+    """A CSV file of natural frequencies cannot be read; the message names the line."""
 
 
 def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) -> list[float] | None:
@@ -50,7 +60,7 @@ def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) ->
     Raises
     ------
     ValueError
-        A text that is no standard deviation of a frequency, or a list of another length.
+        A text is not a standard deviation of a frequency, or the list has a different length.
     """
     if written is None:
         return None
@@ -66,27 +76,27 @@ def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) ->
     return found
 
 
-def read_frequencies(path: FilePath) -> Frequencies:
-    """Read a CSV table of natural frequencies.
+def read_frequencies(path: Path) -> Frequencies:
+    """Read a CSV file of natural frequencies.
 
-    The first line names the columns: `frequency [Hz]` (or another unit of frequency), and where they are known `mode`,
+    The first line names the columns: `frequency [Hz]` (or another unit of frequency), and optionally `mode`,
     `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio. Lines that begin with # are
-    remarks.
+    comments.
 
     Raises
     ------
     FrequencyTableError
-        What cannot be read, with its line.
+        A line cannot be read.
     OSError
-        A file that cannot be opened.
+        The file cannot be opened.
     """
     try:
         text = read_whole(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
-    # A last number that was cut off is a number still.
+    # A number at the end of a truncated file is still a number, so that only the missing end of line shows it.
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    doubts_of_end(text, lines)
+    truncation_notes(text, lines)
     rows = [
         (number, cells)
         for number, cells in ((n, _cells(n, line)) for n, line in lines)
@@ -123,7 +133,7 @@ def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
         if name.endswith("_hz") and not unit:
             name, unit = name.removesuffix("_hz"), "Hz"
         if name not in _COLUMNS:
-            # What is like none of the columns is not shown: the file may be anything.
+            # Unknown columns are not quoted: the file may be of any kind.
             near = did_you_mean(name, _COLUMNS)
             what = f' "{cell.strip()}"' if near else ""
             text = f"line {number} names a column{what} that is not known, expected {one_of(_COLUMNS)}{near}"
@@ -155,19 +165,19 @@ def _cell(number: int, name: str, unit: str, cell: str) -> float | int:
         raise FrequencyTableError(f"line {number}: {name} {words}") from None
 
 
-def frequencies_of(table: FrequenciesTable, folder: FilePath) -> Frequencies:
-    """Return what is given of the modes, in the table itself or in the file that it names."""
+def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
+    """Return the measured modes from the table itself or from its CSV file."""
     found = Frequencies(list(table.frequencies or [])) if table.file is None else read_frequencies(folder / table.file)
     return replace(found, modes=table.modes or found.modes)
 
 
 def damping_of(table: FrequenciesTable, given: Frequencies) -> tuple[list[float] | None, list[float] | None]:
-    """Return damping ratios and their standard deviations, as numbers.
+    """Return damping ratios and their standard deviations.
 
     Raises
     ------
     ValueError
-        A text that is no ratio or no standard deviation of one, or a list of another length.
+        A text is not a ratio or a standard deviation, or a list has a different length.
     """
     ratios, spread = given.damping, given.damping_deviation
     if table.damping_ratios is not None:
@@ -193,5 +203,5 @@ def _deviation(written: str | float, ratio: float) -> float:
 
 
 def _positive(deviation: float, ratio: float) -> float:
-    """Return a standard deviation; that of an unknown ratio does not count."""
+    """Return a standard deviation; for an unknown ratio a positive value without effect."""
     return 1.0 if math.isnan(ratio) else deviation

@@ -1,13 +1,13 @@
-"""Where in a TOML text a value stands; `tomllib` reads the values but does not say."""
+"""Line numbers of the tables, keys and list items of a TOML text, which `tomllib` does not give."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
-__all__ = ["Path", "line_of", "lines_of"]
+__all__ = ["KeyPath", "line_of", "lines_of"]
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
@@ -19,13 +19,13 @@ _LONG_LITERAL = re.compile(r"'''.*?'{3,5}(?!')", re.DOTALL)
 _PLAIN = re.compile(r"[^,\]}\n#]+")
 
 
-def lines_of(text: str) -> dict[Path, int]:
+def lines_of(text: str) -> dict[KeyPath, int]:
     r"""Return the line, counted from 1, on which every table, key and list item of a valid TOML text begins.
 
     Parameters
     ----------
     text : str
-        A text that `tomllib` reads: this goes through it again, only for the places.
+        A text that `tomllib` can read.
 
     Examples
     --------
@@ -37,8 +37,8 @@ def lines_of(text: str) -> dict[Path, int]:
     return _Scanner(text.replace("\r\n", "\n")).scan()
 
 
-def line_of(path: Path, lines: dict[Path, int]) -> int | None:
-    """Return the line of a value, or of the table around it where it is not there."""
+def line_of(path: KeyPath, lines: dict[KeyPath, int]) -> int | None:
+    """Return the line of a value, or of the innermost table around it that is in the text."""
     for length in range(len(path), 0, -1):
         if path[:length] in lines:
             return lines[path[:length]]
@@ -49,13 +49,13 @@ class _Scanner:
     def __init__(self, text: str) -> None:
         self.text = text
         self.at = 0
-        self.lines: dict[Path, int] = {}
-        self._counts: dict[Path, int] = {}
-        """How many tables of an array of tables there are so far."""
+        self.lines: dict[KeyPath, int] = {}
+        self._counts: dict[KeyPath, int] = {}
+        """Number of tables so far in each array of tables."""
         self._counted_to, self._line = 0, 1
 
-    def scan(self) -> dict[Path, int]:
-        table: Path = ()
+    def scan(self) -> dict[KeyPath, int]:
+        table: KeyPath = ()
         while self._skip(_BLANK) < len(self.text):
             if self.text.startswith("[[", self.at):
                 table = self._header(2)
@@ -65,12 +65,12 @@ class _Scanner:
                 self._pair(table)
         return self.lines
 
-    def _header(self, brackets: int) -> Path:
-        line = self._here()
+    def _header(self, brackets: int) -> KeyPath:
+        line = self._current_line()
         self.at += brackets
         keys = self._keys()
         self.at += brackets
-        path: Path = ()
+        path: KeyPath = ()
         for key in keys[:-1]:
             path = self._latest((*path, key), line)
         path = (*path, keys[-1])
@@ -82,13 +82,13 @@ class _Scanner:
             self.lines[path] = line
         return path
 
-    def _latest(self, path: Path, line: int) -> Path:
-        """Return the path, in an array of tables that of its last table."""
+    def _latest(self, path: KeyPath, line: int) -> KeyPath:
+        """Return the path, with the index of the last table if it is an array of tables."""
         self.lines.setdefault(path, line)
         return (*path, self._counts[path] - 1) if path in self._counts else path
 
-    def _pair(self, table: Path) -> None:
-        line = self._here()
+    def _pair(self, table: KeyPath) -> None:
+        line = self._current_line()
         keys = self._keys()
         path = table
         for key in keys:
@@ -113,7 +113,7 @@ class _Scanner:
             return found[1:-1]
         return _unescaped(found) if found[0] == '"' else found
 
-    def _value(self, path: Path) -> None:
+    def _value(self, path: KeyPath) -> None:
         self._skip(_BLANK)
         first = self.text[self.at]
         if first == "[":
@@ -125,19 +125,19 @@ class _Scanner:
         else:
             self._take(_PLAIN)
 
-    def _items(self, path: Path) -> None:
+    def _items(self, path: KeyPath) -> None:
         self.at += 1
         index = 0
         while self.text[self._skip(_BLANK)] != "]":
             if self.text[self.at] == ",":
                 self.at += 1
                 continue
-            self.lines[(*path, index)] = self._here()
+            self.lines[(*path, index)] = self._current_line()
             self._value((*path, index))
             index += 1
         self.at += 1
 
-    def _inline(self, path: Path) -> None:
+    def _inline(self, path: KeyPath) -> None:
         self.at += 1
         while self.text[self._skip(_BLANK)] != "}":
             if self.text[self.at] == ",":
@@ -157,9 +157,9 @@ class _Scanner:
             if match:
                 self.at = match.end()
                 return match.group()
-        raise ValueError(f"there is no value at line {self._here()}")
+        raise ValueError(f"line {self._current_line()} has no value")
 
-    def _here(self) -> int:
+    def _current_line(self) -> int:
         self._line += self.text.count("\n", self._counted_to, self.at)
         self._counted_to = self.at
         return self._line

@@ -1,4 +1,4 @@
-"""Reading a campaign file: every mistake of it at once, or a campaign whose data are read."""
+"""Reading of a campaign file and its data files, with all mistakes reported together."""
 
 from __future__ import annotations
 
@@ -9,31 +9,30 @@ import re
 import tomllib
 import warnings
 from collections.abc import Callable
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 from receptance._files import read_whole
-from receptance.assembly import Assembly
-from receptance.campaign.builder import Builder, Built, carrying, with_sensor
+from receptance.campaign.builder import Builder, Built, with_attached, with_sensor
 from receptance.campaign.campaign import Campaign
-from receptance.campaign.candidates import build_candidate
 from receptance.campaign.cuts import build_cut
 from receptance.campaign.format import CampaignTable
-from receptance.campaign.lines import Path, lines_of
+from receptance.campaign.lines import KeyPath, lines_of
+from receptance.campaign.measurements import Measurement, build_candidate, build_measurement
 from receptance.campaign.modal_starts import modal_unknowns
-from receptance.campaign.observations import Measurement, build_measurement
 from receptance.campaign.problems import CampaignError, Problem, Problems, translate
 from receptance.campaign.references import check_references
-from receptance.campaign.series_tables import spelled_out
-from receptance.campaign.tolerances import Effects, assembly_effects, effects_beside
-from receptance.coordinates import Coordinate
+from receptance.campaign.series import expand_series
+from receptance.campaign.tolerances import Effects, assembly_effects, attachment_effects
 from receptance.errors import ReceptanceWarning
 from receptance.identification import MeasuredFRF
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 
-__all__ = ["load", "loaded", "measured_structures"]
+__all__ = ["from_data", "load", "measured_structures"]
 
 FILE = "campaign.toml"
-"""What a campaign file is called where only its folder is given."""
+"""Name of the campaign file in a folder."""
 _SECTIONS = (
     "materials",
     "parts",
@@ -49,38 +48,38 @@ _SECTIONS = (
 )
 _MOST_SPEEDS = 20_000
 _DEEPEST = 20
-_TOO_DEEP = f"tables and lists are in each other more than {_DEEPEST} deep, expected a campaign"
+_TOO_DEEP = f"tables and lists are nested more than {_DEEPEST} deep, expected a campaign"
 _LARGEST = 2**63
-_NEEDED = ("materials", "parts", "assemblies")
-"""Sections without which there is nothing to describe; a file with cuts may have measured tips alone."""
+_REQUIRED = ("materials", "parts", "assemblies")
+"""Sections that a file without `cuts` must have; cuts may have measured tips only."""
 
 
-def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None) -> Campaign:
+def load(path: str | Path, *, progress: Callable[[str], None] | None = None) -> Campaign:
     """Read a campaign file and the data files that it names.
 
     Parameters
     ----------
     path : str or path
-        The TOML file, or a folder with a `campaign.toml` in it. Data files are sought beside it.
+        The TOML file, or a folder with a `campaign.toml`. Paths of data files are relative to it.
     progress : callable, optional
-        Called with a line of text before each measurement is read.
+        Called with a progress message before each measurement is read.
 
     Returns
     -------
     Campaign
-        Assemblies, measurements and unknowns, ready to be identified.
+        Assemblies, measurements and unknowns.
 
     Raises
     ------
     CampaignError
-        The file has mistakes; `.problems` holds all of them, with place and line. It is a ValueError.
+        The file has mistakes; `.problems` lists all of them with place and line. It is a ValueError.
     OSError
-        There is no such file, or it cannot be opened.
+        The file does not exist or cannot be opened.
 
     Warns
     -----
     ReceptanceWarning
-        What is suspicious in the file or the data; the campaign's `notes` hold it too, and more.
+        Suspicious data; the `notes` of the campaign list them as well.
 
     Examples
     --------
@@ -92,34 +91,48 @@ def load(path: str | FilePath, *, progress: Callable[[str], None] | None = None)
     >>> sorted(er32.assemblies)[:2]
     ['d11_long', 'd11_medium']
     """
-    file = _file(FilePath(path))
+    file = _find(Path(path))
     data, lines = _read(file)
-    return loaded(file, data, lines, called=path, progress=progress)
+    return from_data(file, data, lines, called=path, progress=progress)
 
 
-def loaded(
-    file: FilePath,
+def from_data(
+    file: Path,
     data: dict[str, Any],
-    lines: dict[Path, int] | None = None,
+    lines: dict[KeyPath, int] | None = None,
     *,
-    called: str | FilePath | None = None,
+    called: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Campaign:
-    """Return the campaign of what a file holds, or would hold if it were written."""
+    """Return the campaign of the contents of a file, which need not exist.
+
+    Parameters
+    ----------
+    file : Path
+        The file; its folder is that of the data files.
+    data : dict
+        Contents of the TOML file.
+    lines : dict, optional
+        Lines of its values, see `lines_of`.
+    called : str or path, optional
+        Name of the file in messages.
+    progress : callable, optional
+        As in `load`.
+    """
     problems = Problems(lines or {})
-    table, builder, built = _described(data, problems, file.parent)
+    table, builder, built = _build(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
-    beside = {name: effects_beside(name, table, built) for name in (*built.sensors, *built.attachments)}
+    attached = {name: attachment_effects(name, table, built) for name in (*built.sensors, *built.attachments)}
     conditions = {name: one.conditions for name, one in table.assemblies.items() if one.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         if progress is not None:
             progress(f"reading {name}")
-        measured = build_measurement(name, table, built, (effects, beside), file.parent, builder, conditions)
+        measured = build_measurement(name, table, built, (effects, attached), file.parent, builder, conditions)
         if measured is not None:
             measurements[name] = measured
     possible = {
-        name: build_candidate(name, table, built, (effects, beside), builder, conditions) for name in table.candidates
+        name: build_candidate(name, table, built, (effects, attached), builder, conditions) for name in table.candidates
     }
     places = _places(table, built, builder)
     cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, builder) for name in table.cuts}
@@ -128,7 +141,7 @@ def loaded(
     if not problems.found:
         built.unknowns |= modal_unknowns(table, built, measurements, builder)
     if problems.found:
-        raise CampaignError(called or file, problems.told())
+        raise CampaignError(called or file, problems.in_file())
     for warning in dict.fromkeys(builder.warnings):
         warnings.warn(warning, ReceptanceWarning, stacklevel=3)
     return Campaign(
@@ -144,20 +157,25 @@ def loaded(
         cuts={name: one for name, one in cuts.items() if one is not None},
         built=built,
         templates={
-            str(path[1]): str(inside[1]) for path, inside in problems.written.items() if path[0] == "measurements"
+            str(path[1]): str(inside[1]) for path, inside in problems.templates.items() if path[0] == "measurements"
         },
         notes=tuple(builder.notes),
     )
 
 
 def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
-    """Return for every measurement of a campaign what was measured, sensor included, and where motion was seen.
+    """Return the measured assembly, with sensor, and the response coordinate of every measurement of a campaign.
 
-    Its data files are not read, so that they can be simulated.
+    Data files are not read, so that they can be simulated.
+
+    Parameters
+    ----------
+    text : str
+        Text of the campaign file.
     """
     data = tomllib.loads(text)
     problems = Problems(lines_of(text))
-    table, builder, built = _described(data, problems, None)
+    table, builder, built = _build(data, problems, None)
     found = {}
     for name, measurement in table.measurements.items():
         assembly = built.assemblies[measurement.assembly]
@@ -165,26 +183,24 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
         if at is not None:
             sensor = None if measurement.sensor is None else built.sensors[measurement.sensor]
             points = [built.attachments[one] for one in measurement.attachments]
-            found[name] = (with_sensor(carrying(assembly, *points), sensor, at), at)
+            found[name] = (with_sensor(with_attached(assembly, *points), sensor, at), at)
     if problems.found:
-        raise CampaignError("the campaign", problems.told())
+        raise CampaignError("the campaign", problems.in_file())
     return found
 
 
-def _described(
-    data: dict[str, Any], problems: Problems, folder: FilePath | None
-) -> tuple[CampaignTable, Builder, Built]:
-    """Return the tables, and what could be built from them; files are sought where a folder is given."""
-    spelled = spelled_out(data, problems)
-    problems.written.update(spelled.written)
-    data = spelled.data
-    table, named, broken = _validated(data, problems, spelled.unknown)
+def _build(data: dict[str, Any], problems: Problems, folder: Path | None) -> tuple[CampaignTable, Builder, Built]:
+    """Return the tables and the objects built from them; data files are looked for if a folder is given."""
+    expanded = expand_series(data, problems)
+    problems.templates.update(expanded.templates)
+    data = expanded.data
+    table, named, broken = _validate(data, problems, expanded.broken)
     builder = Builder(problems, named, broken)
     check_references(data, folder, builder)
     return table, builder, builder.build(table)
 
 
-def _file(path: FilePath) -> FilePath:
+def _find(path: Path) -> Path:
     file = path / FILE if path.is_dir() else path
     if file.is_file():
         return file
@@ -196,7 +212,7 @@ def _file(path: FilePath) -> FilePath:
     raise FileNotFoundError(f"there is no campaign file {path}{hint}")
 
 
-def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
+def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     try:
         text = read_whole(file).decode("utf-8-sig")
         data = tomllib.loads(text)
@@ -207,26 +223,26 @@ def _read(file: FilePath) -> tuple[dict[str, Any], dict[Path, int]]:
         match = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         what = str(error).partition(" (at line")[0]
         where = f" (column {match[2]})" if match else ""
-        problem = Problem((), f"this is not TOML: {what}{where}", int(match[1]) if match else None)
+        problem = Problem((), f"is not TOML: {what}{where}", int(match[1]) if match else None)
         raise CampaignError(file, [problem]) from None
     except RecursionError:
         raise CampaignError.about(file, _TOO_DEEP) from None
     except ValueError as error:  # a whole number with thousands of digits
-        raise CampaignError.about(file, f"this cannot be read: {str(error).partition(';')[0]}") from None
+        raise CampaignError.about(file, f"the file cannot be read: {str(error).partition(';')[0]}") from None
     try:
         lines = lines_of(text)
-    except (ValueError, IndexError, RecursionError):  # the values are right; only where they stand could not be told
+    except (ValueError, IndexError, RecursionError):  # the values are known; messages then have no lines
         lines = {}
     problems = Problems(lines)
     _check_values(data, problems)
     if problems.found:
-        raise CampaignError(file, problems.told())
+        raise CampaignError(file, problems.in_file())
     return data, lines
 
 
 def _check_values(data: dict[str, Any], problems: Problems) -> None:
-    """Add what a campaign never has, and what would end later steps: deep nesting, and numbers beyond 64 bits."""
-    waiting: list[tuple[Path, Any]] = [((), data)]
+    """Add mistakes that would make later steps fail: deep nesting, and numbers beyond 64 bits."""
+    waiting: list[tuple[KeyPath, Any]] = [((), data)]
     while waiting:
         path, value = waiting.pop()
         if len(path) > _DEEPEST:
@@ -235,21 +251,21 @@ def _check_values(data: dict[str, Any], problems: Problems) -> None:
             inside = value.items() if isinstance(value, dict) else enumerate(value)
             waiting += [((*path, key), one) for key, one in inside]
         elif isinstance(value, int) and abs(value) >= _LARGEST:
-            problems.add(path, "is a whole number beyond 64 bits, which TOML does not have, expected a smaller one")
+            problems.add(path, "is a whole number beyond the 64 bits of TOML, expected a smaller one")
 
 
-def _validated(
+def _validate(
     data: dict[str, Any], problems: Problems, unknown: frozenset[str]
 ) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
-    """Return the tables that are right, the names of all, and the sections of which nothing can be known."""
+    """Return the tables without mistakes, the names of all tables, and the sections whose names are not known."""
     from pydantic import ValidationError
 
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
-    broken |= {section for section in _NEEDED if section not in data and "cuts" not in data} | unknown
+    broken |= {section for section in _REQUIRED if section not in data and "cuts" not in data} | unknown
     rest = copy.deepcopy(data)
     if "cuts" in data:
-        rest |= {section: {} for section in _NEEDED if section not in data}
+        rest |= {section: {} for section in _REQUIRED if section not in data}
     for joint in rest["joints"].values() if isinstance(rest.get("joints"), dict) else ():
         if isinstance(joint, dict):
             joint.setdefault("kind", "point")
@@ -264,20 +280,20 @@ def _validated(
             _prune(rest, path)
 
 
-def _prune(data: dict[str, Any], path: Path) -> None:
-    """Leave out the named table with a mistake, so that the rest can be looked at."""
+def _prune(data: dict[str, Any], path: KeyPath) -> None:
+    """Remove the table with a mistake, so that the rest can be checked."""
     section = str(path[0])
     table = data.get(section)
     if section in _SECTIONS and isinstance(table, dict) and len(path) > 1:
         table.pop(path[1], None)
-    elif section in _NEEDED:
+    elif section in _REQUIRED:
         data[section] = {}
     else:
         data.pop(section, None)
 
 
 def _places(table: CampaignTable, built: Built, builder: Builder) -> dict[str, tuple[Coordinate, Coordinate]]:
-    """Return where assemblies that were not measured are to be predicted."""
+    """Return response and excitation at which assemblies without measurements are predicted."""
     measured = {measurement.assembly for measurement in table.measurements.values()}
     found: dict[str, tuple[Coordinate, Coordinate]] = {}
     for name, assembly in built.assemblies.items():
@@ -299,13 +315,11 @@ def _check_stability(table: CampaignTable, problems: Problems) -> None:
         problems.add(("stability", "step"), text)
     rest = min(table.stability.probability, 1.0 - table.stability.probability)
     if table.stability.number_of_draws * rest < 1.0 - 1e-9:
-        text = f"is {table.stability.number_of_draws}, too few to show a probability of {table.stability.probability:g}"
+        text = f"is {table.stability.number_of_draws}, too few for a probability of {table.stability.probability:g}"
         problems.add(("stability", "draws"), f"{text}, expected {math.ceil(1.0 / rest - 1e-9)} or more")
     for name, cut in table.cuts.items():
         if table.stability.method == "semi-discretisation" and cut.kind == "turning":
-            text = (
-                "is turning, which is not interrupted, and `stability.method` is semi-discretisation, expected milling"
-            )
+            text = "is turning, but `stability.method` is semi-discretisation, which is for milling; expected milling"
             problems.add(("cuts", name), text)
 
 
@@ -314,11 +328,11 @@ _WEIGHTS = {
     "hammer records": 'at least two hits, whose scatter is the variance, or `floor = "2 %"`',
     "natural frequencies": '`standard_deviation = "1 Hz"`',
 }
-"""What gives a measurement of each kind its standard deviation."""
+"""Source of the standard deviation of each kind of measurement."""
 
 
 def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, problems: Problems) -> None:
-    """What is fitted together must be weighed against each other: all have a standard deviation, or none."""
+    """Check that all fitted measurements have standard deviations, or none."""
     if table.settings.objective == "percentage":
         return
     without: list[str] = []
@@ -333,6 +347,6 @@ def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, p
     for name in without if some else []:
         problems.add(
             ("measurements", name),
-            "has no standard deviation but others have one, so they cannot be weighed against each other; expected "
+            "has no standard deviation, but other measurements have one, so their weights are not defined; expected "
             + _WEIGHTS[table.measurements[name].kind],
         )

@@ -1,4 +1,4 @@
-"""Bounds and starts of the numbers of a modal part that is to be identified, from the measured FRFs."""
+"""Bounds and start values for modal parts with `identify = true`, from the measured FRFs."""
 
 from __future__ import annotations
 
@@ -7,47 +7,47 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.beams import Part
 from receptance.campaign.builder import addresses_of
 from receptance.identification import MeasuredFRF, Unknown
 from receptance.identification.unknowns import covered
-from receptance.terminals import RESIDUALS
+from receptance.model.beams import Part
+from receptance.model.terminals import RESIDUALS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.builder import Builder, Built
     from receptance.campaign.format import CampaignTable, ModalPartTable
-    from receptance.campaign.lines import Path
-    from receptance.campaign.observations import Measurement
+    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.measurements import Measurement
 
 __all__ = ["modal_unknowns"]
 
 _DAMPING = (1e-3, 0.03, 0.3)
 """Lower bound, start and upper bound of damping ratios."""
 _FREQUENCY = 2.0
-"""How far a natural frequency may be from the peak: holder and tool are on the spindle when it is measured."""
+"""Factor between bounds and start of natural frequencies: holder and tool change those of the spindle."""
 _SHAPE = 10.0
-"""How far y may be from the size that the peak suggests."""
+"""Factor between bounds and start of y."""
 _SLOPE = 5.0
-"""Largest theta, over y divided by the length of the part before the plane."""
+"""Bound of theta, relative to y over the length of the part before the plane."""
 _RESIDUAL = 10.0
-"""Largest residual, over the static compliance of the modes as started."""
+"""Bound of residuals, relative to the static compliance of the modes at their start."""
 _PROMINENCE = 0.2
-"""How far a peak of the mean FRF stands above its surroundings, as natural logarithm."""
+"""Prominence of peaks of the logarithm of the mean FRF."""
 _SAME = 0.1
-"""A peak nearer to a frequency that is given, as a share of it, belongs to that mode."""
+"""Relative distance within which a peak belongs to a mode with a given frequency."""
 
 
 def modal_unknowns(
     table: CampaignTable, built: Built, measurements: Mapping[str, Measurement], builder: Builder
 ) -> dict[str, Unknown]:
-    """Return the unknowns of modal parts with `identify = true` that `unknowns` does not name."""
+    """Return the unknowns of modal parts with `identify = true` that are not listed in `unknowns`."""
     found: dict[str, Unknown] = {}
     for name, part in table.modal_parts.items():
         if not part.identify:
             continue
-        path: Path = ("modal_parts", name)
+        path: KeyPath = ("modal_parts", name)
         seen = [
             one.observation
             for one in measurements.values()
@@ -58,15 +58,15 @@ def modal_unknowns(
         if not seen:
             builder.problems.add(
                 (*path, "identify"),
-                "is true, and there is no FRF for identification of an assembly that ends with this part, expected one",
+                "is true, but there is no FRF for identification of an assembly that ends with this part, expected one",
             )
             continue
         rigid = [index for index, mode in enumerate(part.modes) if mode.frequency_hz == 0.0]
         if rigid:
             builder.problems.add(
                 (*path, "modes", rigid[0]),
-                "is a rigid-body mode, and the part has `identify = true`, which is for modes that swing; expected "
-                "bounds of its numbers among `unknowns` instead",
+                "is a rigid-body mode, but the part has `identify = true`, which is for elastic modes; expected "
+                "bounds of its numbers in `unknowns` instead",
             )
             continue
         automatic = _of_part(name, part, seen)
@@ -75,9 +75,9 @@ def modal_unknowns(
         for title, one in table.assemblies.items():
             for address in one.set:
                 if title in built.assemblies and covered(address, built.assemblies[title]) & automatic.keys():
-                    here: Path = ("assemblies", title, "set", address)
+                    here: KeyPath = ("assemblies", title, "set", address)
                     builder.problems.add(
-                        here, f"is set here, and `modal_parts.{name}.identify` is true, expected one of the two"
+                        here, f"is set here, but `modal_parts.{name}.identify` is true, expected one of the two"
                     )
     return found
 
@@ -117,7 +117,7 @@ def _around(address: str, start: float, lower: float, upper: float) -> Unknown:
 
 
 def _mean(seen: list[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lines in Hz and the mean logarithm of the magnitudes there; an FRF counts in its own band."""
+    """Return lines in Hz, and the mean logarithm of the magnitudes of all FRFs that cover each line."""
     own = [one.frequency_hz.real for one in seen]
     lines: NDArray[np.float64] = np.unique(np.concatenate(own))
     rows = []
@@ -129,7 +129,7 @@ def _mean(seen: list[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _frequencies(given: list[float | None], lines: NDArray[np.float64], logarithm: NDArray[np.float64]) -> list[float]:
-    """Return a frequency for each mode: the given ones, and for the others the lowest peaks, ascending."""
+    """Return a frequency for each mode: the given one, or one of the lowest peaks in ascending order."""
     from scipy.signal import find_peaks
 
     known = [one for one in given if one is not None]
@@ -138,7 +138,7 @@ def _frequencies(given: list[float | None], lines: NDArray[np.float64], logarith
     # of the spindle (separation of eigenvalues). So the lowest peaks are taken, not the highest.
     peaks = [float(f) for f in lines[find_peaks(logarithm, prominence=_PROMINENCE)[0]]]
     free = [f for f in peaks if all(abs(f - one) > _SAME * one for one in known)][:missing]
-    # Where there are too few peaks, the others are spread over the band.
+    # Modes without a peak are distributed over the band.
     rest = missing - len(free)
     free += [float(f) for f in np.geomspace(max(lines[0], 0.01 * lines[-1]), lines[-1], rest + 2)[1:-1]]
     waiting = iter(sorted(free))

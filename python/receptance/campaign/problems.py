@@ -1,4 +1,4 @@
-"""Mistakes in a campaign file: where, what was found, what was expected; all of them at once."""
+"""Mistakes in a campaign file, with their places; all mistakes are reported together."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance._text import did_you_mean, one_of, shown
-from receptance.campaign.lines import Path, line_of
+from receptance.campaign.lines import KeyPath, line_of
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -23,39 +23,46 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake.
+    """A mistake in a file.
 
     Attributes
     ----------
     path : tuple of str and int
-        Keys and list positions from the top of the file.
+        Keys and list indices from the top of the file.
     text : str
-        What was found there and what was expected.
+        Value that was found, and values that are expected.
     line : int or None
-        Line of the file, counted from 1, where it can be had.
+        Line of the file, counted from 1, if it is known.
     """
 
-    path: Path
+    path: KeyPath
     text: str
     line: int | None = None
 
     def __str__(self) -> str:
         where = [f"line {self.line}"] if self.line else []
         where += [path_text(self.path)] if self.path else []
-        # What stands at a path is said of it; what is said of the whole file stands alone.
+        # The text is a predicate of the path, if there is one, else a sentence.
         return f"{', '.join(where)}: {self.text}" if where else self.text
 
 
 class CampaignError(ValueError):
-    """A campaign file with mistakes, or one that does not hold what was asked for.
+    """A campaign file has mistakes, or lacks data for an analysis.
+
+    Parameters
+    ----------
+    file : path-like
+        The file.
+    problems : iterable of Problem
+        The mistakes.
 
     Attributes
     ----------
     problems : tuple of Problem
-        All mistakes that were found, in the order of the file.
+        The mistakes in the order of the file.
     """
 
-    def __init__(self, file: FilePath | str, problems: Iterable[Problem]) -> None:
+    def __init__(self, file: Path | str, problems: Iterable[Problem]) -> None:
         self.file = str(file)
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
         count = len(self.problems)
@@ -66,8 +73,8 @@ class CampaignError(ValueError):
         super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
 
     @classmethod
-    def about(cls, file: FilePath | str, text: str) -> CampaignError:
-        """Return an error about a campaign as a whole."""
+    def about(cls, file: Path | str, text: str) -> CampaignError:
+        """Return an error about a file as a whole."""
         return cls(file, [Problem((), text)])
 
     def __reduce__(self) -> tuple[type[CampaignError], tuple[str, tuple[Problem, ...]]]:
@@ -75,35 +82,41 @@ class CampaignError(ValueError):
 
 
 class Problems:
-    """A list that mistakes are added to, with their lines."""
+    """Collects mistakes and finds their lines.
 
-    def __init__(self, lines: Mapping[Path, int]) -> None:
+    Parameters
+    ----------
+    lines : mapping
+        Lines of tables, keys and list items, see `lines_of`.
+    """
+
+    def __init__(self, lines: Mapping[KeyPath, int]) -> None:
         self._lines = dict(lines)
         self.found: list[Problem] = []
-        self.written: dict[Path, Path] = {}
-        """Section and name of tables that stand in the file under another one, see `series_tables`."""
+        self.templates: dict[KeyPath, KeyPath] = {}
+        """Section and name of expanded tables, and of the tables of the file they come from; see `expand_series`."""
 
-    def add(self, path: Path, text: str) -> None:
-        """Add a mistake; the same text at the same place counts once."""
+    def add(self, path: KeyPath, text: str) -> None:
+        """Add a mistake, unless it was added before."""
         problem = Problem(path, text, line_of(self._in_file(path), self._lines))
         if problem not in self.found:
             self.found.append(problem)
 
-    def told(self) -> list[Problem]:
-        """Return the mistakes as they stand in the file: the same one at every level of a series is one."""
+    def in_file(self) -> list[Problem]:
+        """Return the mistakes at their places in the file; one that occurs at all levels of a series is listed once."""
         found = (Problem(self._in_file(one.path), one.text, one.line) for one in self.found)
         return list(dict.fromkeys(found))
 
-    def _in_file(self, path: Path) -> Path:
-        return (*self.written.get(path[:2], path[:2]), *path[2:])
+    def _in_file(self, path: KeyPath) -> KeyPath:
+        return (*self.templates.get(path[:2], path[:2]), *path[2:])
 
-    def at(self, path: Path) -> bool:
-        """Return whether something at or below a path is wrong."""
+    def at(self, path: KeyPath) -> bool:
+        """Return whether there is a mistake at or below a path."""
         return any(problem.path[: len(path)] == path for problem in self.found)
 
 
-def path_text(path: Path) -> str:
-    """Return a path as it would be written, `assemblies.short.chain[1]`.
+def path_text(path: KeyPath) -> str:
+    """Return a path as text, `assemblies.short.chain[1]`.
 
     Examples
     --------
@@ -123,8 +136,8 @@ def path_text(path: Path) -> str:
 
 def translate(
     errors: Iterable[Mapping[str, Any]], data: Mapping[str, Any], model: type[BaseModel]
-) -> list[tuple[Path, str]]:
-    """Return what pydantic found as paths in the file and words."""
+) -> list[tuple[KeyPath, str]]:
+    """Return the errors of pydantic as paths in the file and texts."""
     details = list(errors)
     fields = _Fields(model)
     places = [_place(error["loc"], data) for error in details]
@@ -133,17 +146,17 @@ def translate(
         for error, place in zip(details, places, strict=True)
         if error["type"] == "extra_forbidden" and (near := _near(str(place[-1]), fields.of(error["loc"]), data, place))
     }
-    found: dict[Path, str] = {}
+    found: dict[KeyPath, str] = {}
     for error, place in zip(details, places, strict=True):
         if error["type"] == "missing" and place in misspelt:
-            continue  # the key is there, misspelt, and that has been said
-        text = _words(error, place, fields.of(error["loc"]), data)
+            continue  # reported as a misspelt key
+        text = _text_of(error, place, fields.of(error["loc"]), data)
         found.setdefault(place, text)
     return list(found.items())
 
 
-def _place(loc: tuple[int | str, ...], data: Any) -> Path:
-    """Return a path without what pydantic adds: the chosen member of a union, the mark of a key."""
+def _place(loc: tuple[int | str, ...], data: Any) -> KeyPath:
+    """Return a location of pydantic as a path in the file, without members of unions and marks of keys."""
     path: list[int | str] = []
     node: Any = data
     for index, step in enumerate(loc):
@@ -157,8 +170,8 @@ def _place(loc: tuple[int | str, ...], data: Any) -> Path:
     return tuple(path)
 
 
-def _near(word: str, known: list[str], data: Any, place: Path) -> str:
-    """Return the known key that a misspelt one stands for, if it is not given as well."""
+def _near(word: str, known: list[str], data: Any, place: KeyPath) -> str:
+    """Return the known key nearest to a misspelt one, if the table does not have it."""
     table: Any = data
     for step in place[:-1]:
         table = table[step]
@@ -166,7 +179,7 @@ def _near(word: str, known: list[str], data: Any, place: Path) -> str:
     return match.group(1) if match else ""
 
 
-def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -> str:
+def _text_of(error: Mapping[str, Any], place: KeyPath, known: list[str], data: Any) -> str:
     kind, found = error["type"], error["input"]
     context = error.get("ctx", {})
     if kind == "value_error":
@@ -178,7 +191,7 @@ def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -
             return _REMOVED[place]
         near = _near(str(place[-1]), known, data, place)
         hint = f'; did you mean "{near}"?' if near else f"; expected {one_of(known)}"
-        return f"is no known key{hint}"
+        return f"is not a known key{hint}"
     if kind == "string_pattern_mismatch":
         return f"is {shown(found)}, expected one word of letters, digits and underscores"
     if kind in ("literal_error", "enum"):
@@ -186,7 +199,7 @@ def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -
         expected = one_of(options) if options else context["expected"]
         return f"is {shown(found)}, expected {expected}{did_you_mean(str(found), options)}"
     if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return _on_kind(context, found)
+        return _text_of_kind(context)
     expected = _EXPECTED.get(kind, "")
     if kind in ("greater_than_equal", "greater_than", "less_than"):
         limit = context[{"greater_than_equal": "ge", "greater_than": "gt", "less_than": "lt"}[kind]]
@@ -196,7 +209,7 @@ def _words(error: Mapping[str, Any], place: Path, known: list[str], data: Any) -
     return f"is {shown(found)}, expected {expected or error['msg']}"
 
 
-_REMOVED: dict[Path, str] = {
+_REMOVED: dict[KeyPath, str] = {
     ("settings", "tolerances"): "was removed: errors of dimensions and materials are always fitted, with their "
     "tolerances as priors; delete this line",
 }
@@ -219,10 +232,10 @@ _EXPECTED = {
 }
 
 
-def _on_kind(context: Mapping[str, Any], found: Any) -> str:
+def _text_of_kind(context: Mapping[str, Any]) -> str:
     tags = re.findall(r"'([^']*)'", str(context.get("expected_tags", "")))
     if "tag" not in context:
-        return "has no kind" + (f", expected {one_of(tags)}" if tags else ": give `kind`")
+        return "has no `kind`" + (f", expected {one_of(tags)}" if tags else "")
     return f"has the kind {shown(context['tag'])}, expected {one_of(tags)}{did_you_mean(str(context['tag']), tags)}"
 
 
@@ -232,7 +245,7 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
 
 
 class _Fields:
-    """The keys that a table may have, found along the path of an error."""
+    """Finds the known keys of a table along the location of an error."""
 
     def __init__(self, model: type[BaseModel]) -> None:
         self._schema = _schema_of(model)
@@ -256,7 +269,7 @@ class _Fields:
     def _resolved(self, node: Any) -> dict[str, Any]:
         while isinstance(node, dict):
             choices = [one for one in node.get("anyOf", ()) if one != {"type": "null"}]
-            if len(choices) == 1:  # a table that may be left out
+            if len(choices) == 1:  # an optional table
                 node = choices[0]
             elif "$ref" in node:
                 node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})

@@ -1,37 +1,36 @@
-"""Names, addresses and files that a campaign refers to, looked up in the file as it stands.
+"""Check of the names, addresses and files that a campaign refers to.
 
-It is looked at as it was read, not as it was checked: a table with one mistake may hold another, and both are to be
-said.
+The raw contents of the file are checked, not the validated tables, so that all mistakes of a table are reported.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from receptance._text import did_you_mean
-from receptance.campaign.addresses import kind_of
-from receptance.campaign.builder import OWNERS, Builder, expected
+from receptance._text import did_you_mean, instead_of
+from receptance.campaign.builder import OWNERS, Builder
+from receptance.campaign.quantities import kind_of
 from receptance.identification.factors import FACTORS
 
 if TYPE_CHECKING:
-    from receptance.campaign.lines import Path
+    from receptance.campaign.lines import KeyPath
 
 __all__ = ["check_references"]
 
 
-def check_references(data: Mapping[str, Any], folder: FilePath | None, builder: Builder) -> None:
-    """Add a mistake for every name, address, condition or file that leads nowhere.
+def check_references(data: Mapping[str, Any], folder: Path | None, builder: Builder) -> None:
+    """Add a mistake for every name, address or file that does not exist.
 
     Parameters
     ----------
     data : dict
-        The file as it was read.
+        Contents of the file.
     folder : Path or None
-        Where its data files are; None where they are not to be sought.
+        Folder of the data files; None if they are not checked.
     builder : Builder
-        Mistakes are added there.
+        Builder to which mistakes are added.
     """
     _check_names(builder)
     for path, part in _tables(data, "parts"):
@@ -60,22 +59,22 @@ def check_references(data: Mapping[str, Any], folder: FilePath | None, builder: 
         _check_places(("prediction",), prediction, builder)
 
 
-def _check_assembly(path: Path, table: Mapping[str, Any], builder: Builder) -> None:
-    # Few campaigns have modal parts, and messages name what a file has.
+def _check_assembly(path: KeyPath, table: Mapping[str, Any], builder: Builder) -> None:
+    # Messages mention modal parts only if the file has some.
     chain = ("parts", "joints", *(("modal_parts",) if builder.named["modal_parts"] else ()))
     for key, sections in (("chain", chain), ("attachments", ("attachments",))):
         for index, name in enumerate(_list(table.get(key))):
             if isinstance(name, str):
-                builder.known((*path, key, index), name, *sections)
+                builder.check_name((*path, key, index), name, *sections)
 
 
-def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | None, builder: Builder) -> None:
+def _check_measurement(path: KeyPath, table: Mapping[str, Any], folder: Path | None, builder: Builder) -> None:
     _known((*path, "assembly"), table, "assembly", builder, "assemblies")
     _known((*path, "sensor"), table, "sensor", builder, "sensors")
     _check_places(path, table, builder)
     for index, name in enumerate(_list(table.get("attachments"))):
         if isinstance(name, str):
-            builder.known((*path, "attachments", index), name, "attachments")
+            builder.check_name((*path, "attachments", index), name, "attachments")
     if folder is None:
         return
     _check_level(path, table, builder)
@@ -89,7 +88,7 @@ def _check_measurement(path: Path, table: Mapping[str, Any], folder: FilePath | 
             _check_file((*path, "file", index), name, folder, builder)
 
 
-def _check_cut(path: Path, table: Mapping[str, Any], folder: FilePath | None, builder: Builder) -> None:
+def _check_cut(path: KeyPath, table: Mapping[str, Any], folder: Path | None, builder: Builder) -> None:
     for key in ("x", "y"):
         tip = _dict(table.get(key))
         _known((*path, key, "assembly"), tip, "assembly", builder, "assemblies")
@@ -99,37 +98,37 @@ def _check_cut(path: Path, table: Mapping[str, Any], folder: FilePath | None, bu
                 _check_file((*path, key, name), tip[name], folder, builder)
 
 
-def _check_catalogue(table: Mapping[str, Any], folder: FilePath | None, builder: Builder) -> None:
-    path: Path = ("catalogue",)
+def _check_catalogue(table: Mapping[str, Any], folder: Path | None, builder: Builder) -> None:
+    path: KeyPath = ("catalogue",)
     for key, sections in (("machine", ("parts", "joints")), ("attachments", ("attachments",))):
         for index, name in enumerate(_list(table.get(key))):
             if key == "machine" and isinstance(name, str) and name in builder.named["modal_parts"]:
-                text = f'is "{name}", a modal part, which catalogues do not take from the campaign; expected parts and'
-                text += ' joints here, or the spindle in a file of its own, named by `spindle = "FILE"`'
+                text = f'is "{name}", a modal part, which `machine` cannot contain; expected parts and joints, or the'
+                text += ' spindle in a file of its own, named by `spindle = "FILE"`'
                 builder.problems.add((*path, key, index), text)
             elif isinstance(name, str):
-                builder.known((*path, key, index), name, *sections)
+                builder.check_name((*path, key, index), name, *sections)
     _known((*path, "joint"), table, "joint", builder, "joints")
     for key in ("tools", "holders"):
         if folder is not None and isinstance(table.get(key), str):
             _check_file((*path, key), table[key], folder, builder)
 
 
-def _check_file(path: Path, name: str, folder: FilePath, builder: Builder) -> None:
+def _check_file(path: KeyPath, name: str, folder: Path, builder: Builder) -> None:
     file = folder / name
     if file.is_file():
         return
-    what = "is a folder" if file.is_dir() else "is not there"
+    what = "is a folder" if file.is_dir() else "does not exist"
     near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
     text = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
     builder.problems.add(path, text + did_you_mean(file.name, near))
 
 
-def _check_unknown(path: Path, table: Mapping[str, Any], builder: Builder) -> None:
+def _check_unknown(path: KeyPath, table: Mapping[str, Any], builder: Builder) -> None:
     address = str(path[-1])
     for index, name in enumerate(_list(table.get("assemblies"))):
         if isinstance(name, str):
-            builder.known((*path, "assemblies", index), name, "assemblies")
+            builder.check_name((*path, "assemblies", index), name, "assemblies")
     moves = _dict(table.get("moves"))
     for key in ("also", "moves"):
         for other in _dict(table.get(key)):
@@ -138,46 +137,46 @@ def _check_unknown(path: Path, table: Mapping[str, Any], builder: Builder) -> No
         _check_address(path, address, builder)
 
 
-def _check_address(path: Path, address: str, builder: Builder) -> None:
-    """Add a mistake where an address does not have the form of one, or its owner is unknown."""
+def _check_address(path: KeyPath, address: str, builder: Builder) -> None:
+    """Add a mistake if a text is not an address, or its owner is unknown."""
     if builder.make(path, kind_of, address) is None:
         return
     owner = address.split(".", 1)[0]
     known = [name for section in OWNERS for name in builder.named[section]]
-    if owner not in known and address not in FACTORS and not builder.blind(*OWNERS):
+    if owner not in known and address not in FACTORS and not builder.incomplete(*OWNERS):
         text = f'begins with "{owner}", which is not a part, joint, attachment or sensor of this file'
-        builder.problems.add(path, text + expected(owner, known))
+        builder.problems.add(path, text + instead_of(owner, known))
 
 
-def _check_level(path: Path, table: Mapping[str, Any], builder: Builder) -> None:
+def _check_level(path: KeyPath, table: Mapping[str, Any], builder: Builder) -> None:
     if table.get("level") is not None and table.get("force") is not None:
-        builder.problems.add((*path, "level"), "is given with a force, which says the level, expected one of the two")
+        builder.problems.add((*path, "level"), "is given with a force, which determines it, expected one of the two")
 
 
 def _check_names(builder: Builder) -> None:
-    """Parts, joints, attachments and sensors share one space of names, because addresses begin with them."""
+    """Check that names of parts, joints, attachments and sensors, which begin addresses, are unique."""
     owner: dict[str, str] = {}
     for section in OWNERS:
         for name in builder.named[section]:
             if name in owner:
-                text = f"is the name of one of the {owner[name]} too, expected another name"
+                text = f"is also the name of one of the {owner[name]}, expected another name"
                 builder.problems.add((section, name), text)
             owner.setdefault(name, section)
 
 
-def _check_places(path: Path, table: Mapping[str, Any], builder: Builder) -> None:
+def _check_places(path: KeyPath, table: Mapping[str, Any], builder: Builder) -> None:
     for key in ("response", "excitation"):
         place = _dict(table.get(key))
         _known((*path, key, "part"), place, "part", builder, "parts")
 
 
-def _known(path: Path, table: Any, key: str, builder: Builder, section: str) -> None:
+def _known(path: KeyPath, table: Any, key: str, builder: Builder, section: str) -> None:
     name = table.get(key) if isinstance(table, Mapping) else None
     if isinstance(name, str) and (name or key != "part"):
-        builder.known(path, name, section)
+        builder.check_name(path, name, section)
 
 
-def _tables(data: Mapping[str, Any], section: str) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+def _tables(data: Mapping[str, Any], section: str) -> Iterator[tuple[KeyPath, Mapping[str, Any]]]:
     for name, table in _dict(data.get(section)).items():
         if isinstance(table, dict):
             yield (section, name), table

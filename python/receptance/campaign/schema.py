@@ -1,4 +1,4 @@
-"""The JSON Schema of a campaign file, and its tables for people."""
+"""JSON Schema of campaign files, and the same as Markdown tables."""
 
 from __future__ import annotations
 
@@ -53,8 +53,7 @@ _TYPES = {"string": "text", "integer": "whole number", "number": "number", "bool
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a campaign file.
 
-    It says which keys there are and how quantities are written. That units fit, that names are known and that files
-    are there is checked by `receptance.campaign.load`.
+    It defines keys and the form of quantities. Units, references and files are checked by `receptance.campaign.load`.
 
     Examples
     --------
@@ -67,14 +66,14 @@ def json_schema() -> dict[str, Any]:
     return {
         "$schema": _DIALECT,
         "title": "receptance campaign",
-        # Cuts alone, with tips that were measured, need nothing else.
+        # A file with cuts and measured tips needs no other section.
         "anyOf": [{"required": needed}, {"required": ["cuts"]}],
         **{k: _plain(v) for k, v in schema.items() if k != "title"},
     }
 
 
 def _plain(node: Any) -> Any:
-    """Leave out what TOML does not have (null) and what says nothing (titles made from keys)."""
+    """Remove null, which TOML does not have, and titles that repeat keys."""
     if isinstance(node, list):
         return [_plain(item) for item in node]
     if not isinstance(node, dict):
@@ -97,7 +96,7 @@ def _plain(node: Any) -> Any:
 
 
 def field_tables() -> str:
-    """Return all tables and keys of a campaign file as Markdown, made from the schema.
+    """Return all tables and keys of a campaign file as Markdown.
 
     Examples
     --------
@@ -107,7 +106,7 @@ def field_tables() -> str:
     """
     schema = json_schema()
     definitions = {"CampaignTable": {**schema, **schema["anyOf"][0]}, **schema["$defs"]}
-    # The keys of a table of tolerances are those of the element.
+    # Tables of tolerances have the keys of their elements.
     missing = {name for name in definitions if not name.endswith("Tolerance")} - {name for name, _ in _SECTIONS}
     if missing:
         raise LookupError(f"tables without a heading: {', '.join(sorted(missing))}")
@@ -127,7 +126,7 @@ def _block(heading: str, table: dict[str, Any]) -> str:
 
 
 def _value(field: dict[str, Any]) -> str:
-    """Return in a few words what a value looks like."""
+    """Return a short description of the values of a key."""
     if "examples" in field:
         return ", ".join(f"`{json.dumps(example, ensure_ascii=False)}`" for example in field["examples"])
     if "const" in field:

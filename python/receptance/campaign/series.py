@@ -1,22 +1,25 @@
-"""Campaigns over levels: each level is fitted by itself first, then parameters are described over the levels."""
+"""Series of a campaign: templates for all levels, fits level by level, and parameters over the levels."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.addresses import kind_of
-from receptance.campaign.quantities import parse_condition
+from receptance._text import did_you_mean, shown
+from receptance.campaign.quantities import kind_of, parse_condition
 from receptance.errors import ReceptanceError
 from receptance.identification import identify
 from receptance.identification.laws import Law
 from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
+from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries
+from receptance.taper.figure import axis_unit, draw_with_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,16 +27,175 @@ if TYPE_CHECKING:
 
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.format import SeriesTable, SettingsTable
+    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.problems import Problems
     from receptance.identification import Identification
     from receptance.identification.task import Observation
     from receptance.report.table import Cell
 
-__all__ = ["FEWEST", "LevelSeries", "level_unit", "over_levels", "started_by_level"]
+__all__ = [
+    "LEAST_LEVELS",
+    "LEVEL",
+    "ExpandedSeries",
+    "LevelSeries",
+    "expand_series",
+    "level_unit",
+    "over_levels",
+    "started_by_level",
+]
 
-FEWEST = 6
-"""Levels from which on laws are fitted."""
+LEVEL = "{level}"
+"""Placeholder for a level as it is written in the file."""
+_VALUE = "{value}"
+"""Placeholder for the number of a level without its unit."""
+_SECTIONS = ("assemblies", "measurements")
+_NUMBER = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
+
+
+@dataclass(frozen=True)
+class ExpandedSeries:
+    """Contents of a file with a table for each level of its series.
+
+    Attributes
+    ----------
+    data : dict
+        The contents.
+    templates : dict
+        Section and name of each new table, and of the template in the file.
+    broken : frozenset of str
+        Sections whose names are not known, because the series has a mistake.
+    """
+
+    data: dict[str, Any]
+    templates: dict[KeyPath, KeyPath] = field(default_factory=dict)
+    broken: frozenset[str] = frozenset()
+
+
+def expand_series(data: dict[str, Any], problems: Problems) -> ExpandedSeries:
+    """Replace the tables with `{level}` in their names by one table for each level.
+
+    Each assembly has its level as a condition. Measurements at levels of `hold_out` are held out.
+    """
+    templates = [
+        (section, name)
+        for section in _SECTIONS
+        for name in _table(data, section)
+        if isinstance(name, str) and LEVEL in name
+    ]
+    series = data.get("series")
+    if series is None:
+        for path in templates:
+            problems.add(path, f"has {LEVEL} in its name, but the file has no `series`, expected one with `levels`")
+        return _without(data, templates)
+    levels = series.get("levels") if isinstance(series, dict) else None
+    over = series.get("over") if isinstance(series, dict) else None
+    if not isinstance(over, str) or not isinstance(levels, list) or not all(map(_is_level, levels)) or not levels:
+        return _without(data, templates)  # the validation of the table reports the mistake
+    names = [_level_text(level) for level in levels]
+    if not templates and not _conditioned(data, over):
+        text = f"is not used: no assembly or measurement has {LEVEL} in its name, and no assembly has the condition"
+        problems.add(("series",), f"{text} {shown(over)}")
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            problems.add(("series", "levels", index), f"is {shown(levels[index])} for the second time")
+    _check_units(levels, problems)
+    out = series.get("hold_out", [])
+    held = [_level_text(level) for level in out if _is_level(level)] if isinstance(out, list) else []
+    for index, name in enumerate(held):
+        if name not in names:
+            text = f"is {shown(name)}, which is not one of the levels{did_you_mean(name, names)}"
+            problems.add(("series", "hold_out", index), text)
+    found = {key: dict(value) if key in _SECTIONS else value for key, value in data.items()}
+    origin: dict[KeyPath, KeyPath] = {}
+    for section, template in templates:
+        table = found[section].pop(template)
+        for name in dict.fromkeys(names):
+            own = _substitute_level(template, name)
+            if own in found[section]:
+                problems.add(
+                    (section, template), f"becomes {shown(own)} at a level, which is the name of another table"
+                )
+                continue
+            found[section][own] = _table_at_level(section, table, name, over, name in held)
+            origin[section, own] = (section, template)
+    return ExpandedSeries(found, origin)
+
+
+def _conditioned(data: Mapping[str, Any], over: str) -> bool:
+    """Return whether an assembly has the condition, without a template."""
+    return any(
+        over in _table(one, "conditions") for one in _table(data, "assemblies").values() if isinstance(one, dict)
+    )
+
+
+def _check_units(levels: list[Any], problems: Problems) -> None:
+    """Add a mistake for the first level of a different quantity than the level before."""
+    try:
+        units = [parse_condition(level).unit for level in levels]
+    except ValueError:
+        return  # the validation of the condition reports the mistake
+    for index, (before, unit) in enumerate(pairwise(units), 1):
+        if unit != before:
+            text = (
+                f"is {shown(levels[index])} after {shown(levels[index - 1])}, expected the same quantity at all levels"
+            )
+            problems.add(("series", "levels", index), text)
+            return
+
+
+def _table_at_level(section: str, table: Any, level: str, over: str, held: bool) -> Any:
+    own = _substituted(table, level)
+    if not isinstance(own, dict):
+        return own
+    if section == "assemblies":
+        conditions = own.get("conditions", {})
+        if isinstance(conditions, dict):
+            own["conditions"] = {over: level, **conditions}
+    elif held:
+        own.setdefault("role", "hold out")
+    return own
+
+
+def _substituted(thing: Any, level: str) -> Any:
+    """Return a copy with the level in place of the placeholders."""
+    if isinstance(thing, str):
+        return _substitute_level(thing, level)
+    if isinstance(thing, list):
+        return [_substituted(one, level) for one in thing]
+    if isinstance(thing, dict):
+        return {key: _substituted(value, level) for key, value in thing.items()}
+    return thing
+
+
+def _substitute_level(text: str, level: str) -> str:
+    number = _NUMBER.match(level)
+    return text.replace(LEVEL, level).replace(_VALUE, number[1] if number else level)
+
+
+def _is_level(level: Any) -> bool:
+    return isinstance(level, (str, int, float)) and not isinstance(level, bool)
+
+
+def _level_text(level: Any) -> str:
+    return level if isinstance(level, str) else f"{level:g}"
+
+
+def _table(data: Mapping[str, Any], section: str) -> Mapping[str, Any]:
+    table = data.get(section)
+    return table if isinstance(table, dict) else {}
+
+
+def _without(data: dict[str, Any], templates: list[tuple[str, str]]) -> ExpandedSeries:
+    found = {key: dict(value) if key in _SECTIONS and isinstance(value, dict) else value for key, value in data.items()}
+    for section, name in templates:
+        del found[section][name]
+    return ExpandedSeries(found, broken=frozenset(section for section, _ in templates))
+
+
+LEAST_LEVELS = 6
+"""Smallest number of levels to which laws are fitted."""
 _WORSE = 1.5
-"""A level whose fit from its neighbour's values leaves so many times more than that one is fitted from far as well."""
+"""Ratio of rms residuals to the neighbouring level from which on a level is also fitted from several starts."""
 
 
 class LevelSeries(Results[ForceSeries]):
@@ -42,9 +204,9 @@ class LevelSeries(Results[ForceSeries]):
     Parameters
     ----------
     items : mapping of str to ForceSeries
-        The parameters; levels in `unit`.
+        Values over levels in `unit`.
     over : str
-        Quantity that has the levels, such as "drawbar force".
+        Name of the condition, such as "drawbar force".
     unit : str
         Unit of the levels.
     provenance : Provenance, optional
@@ -87,9 +249,7 @@ class LevelSeries(Results[ForceSeries]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw each parameter over the levels with its law; see `Result.plot`."""
-        from receptance.campaign.figure import draw_series
-
-        return draw_series(self, ax)
+        return _draw(self, ax)
 
 
 def started_by_level(
@@ -100,10 +260,10 @@ def started_by_level(
     threads: int | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[Unknown]:
-    """Return the unknowns with free ones starting where a fit of each configuration by itself ends.
+    """Return the unknowns with start values of free ones from separate fits of each configuration.
 
-    Free values of many levels are far too many to be found from far together; at one level there are a few. The first
-    level of each kind of assembly is fitted from several starts, the others from its neighbour's values.
+    A joint fit of many levels has too many free values to converge from distant starts. The first level of each kind of
+    assembly is fitted from several starts, the others from the values of the previous level.
     """
     groups: dict[str, list[Observation]] = {}
     for one in observations:
@@ -169,14 +329,15 @@ def _fitted(
             strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
         )
     except (ReceptanceError, ValueError):
-        return None  # what is wrong with it the fit of all levels together says
+        return None  # the fit of all levels reports the error
 
 
 def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
-    """Return every free parameter over the levels of the series, where there are enough; None without a series.
+    """Return every free parameter over the levels of the series; None without a series.
 
-    Standard errors are those from the scatter of the data, times what a level leaves where that is more than its
-    noise; errors of dimensions and materials are the same at all levels and make no trend.
+    Parameters at fewer than `LEAST_LEVELS` levels are left out. Standard errors are those from the scatter of the data,
+    multiplied by the rms residual of the level if that exceeds the noise. Errors of dimensions and materials are common
+    to all levels and do not contribute.
     """
     table = campaign.table.series
     if table is None:
@@ -197,7 +358,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
                 left = max(float(np.sqrt(np.mean(own))), 1.0) if fit.known_scatter else 1.0
                 rows.append((level, fit.values[title], fit.standard_errors[title] * left))
         rows.sort()
-        columns = np.array(rows).T if len(rows) >= FEWEST else None
+        columns = np.array(rows).T if len(rows) >= LEAST_LEVELS else None
         if columns is not None and np.all(np.diff(columns[0]) > 0.0) and columns[0, 0] >= 0.0:
             found[law.name] = ForceSeries(
                 name=law.name, force=columns[0], values=columns[1], standard_errors=columns[2]
@@ -206,7 +367,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
 
 
 def level_unit(table: SeriesTable) -> tuple[str, float]:
-    """Return the unit that the levels are written in, and how many SI units it is.
+    """Return the unit of the levels in the file, and its value in SI units.
 
     Examples
     --------
@@ -224,3 +385,18 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
         if match and float(match[1]):
             return match[2], parse_condition(level).value / float(match[1])
     return "", 1.0
+
+
+def _draw(found: LevelSeries, ax: Axes | None) -> Figure:
+    """Draw each parameter over the levels, with 95 % intervals and its law (Xu et al. 2012, figures 10 to 13)."""
+    over = f"{found.over} ({found.unit})" if found.unit else found.over
+    count = len(found)
+    columns = min(count, 3 if count > 4 else 2)
+    rows = -(-count // columns)
+    figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
+    for axes, (name, series) in zip(panels(figure, count, columns), found.items(), strict=True):
+        factor, label = axis_unit(kind_of(name).unit, series)
+        draw_with_law(axes, series, factor, over, label)
+    if found.provenance.title:
+        title_left(figure, found.provenance.title)
+    return finished(figure)

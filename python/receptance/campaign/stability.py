@@ -1,30 +1,248 @@
-"""Stability of the cuts of a campaign: lobes with their bands, and recommended spindle speeds."""
+"""Stability of the cuts of a campaign: receptances of tool tips, lobes, and the error of the stable depth."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut
+from receptance.campaign.prediction import forecast_of, prediction_lines
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.tips import Tips
-from receptance.stability import Lobes, Milling, Stability, critical_depths, semi_discretised_lobes, stability_lobes
+from receptance.frf.plausibility import low_frequency_rise
+from receptance.identification import MeasuredFRF
+from receptance.model.complex_modes import damped_modes
+from receptance.stability import (
+    Lobes,
+    Milling,
+    Stability,
+    TipModes,
+    critical_depths,
+    receptance_draws,
+    receptance_matrix,
+    semi_discretised_lobes,
+    stability_lobes,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.campaign import Campaign
+    from receptance.campaign.cuts import CampaignCut, Tip
     from receptance.campaign.format import StabilityTable
+    from receptance.diagnosis import HeldOut, Metric
+    from receptance.frf import FRF
     from receptance.identification import Identification
+    from receptance.identification.prediction import Forecast
+    from receptance.modal import ModeEstimate
+    from receptance.model.assembly import Assembly
 
-__all__ = ["chosen_cuts", "described", "spindle_speeds", "stability_of_campaign"]
+__all__ = ["_METRICS", "Tips", "named_metrics", "stability_of_campaign"]
+
+
+class Tips:
+    """The tip of a cut in one or two directions.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    identified : Identification or None
+        Fit for predicted tips.
+    draws : int
+        Number of draws of uncertain receptances.
+    seed : int
+        Seed of the draws.
+    tips : sequence of Tip or None
+        Tips in the direction of feed and across it; None for a rigid one.
+    threads : int or None
+        As in `Assembly.receptance`.
+
+    Attributes
+    ----------
+    lines : ndarray
+        `(n,)` frequency lines in Hz.
+    uncertain : bool
+        Whether the errors of at least one tip are known.
+    notes : list of str
+        Notes for the user.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        identified: Identification | None,
+        draws: int,
+        seed: int,
+        tips: Sequence[Tip | None],
+        threads: int | None,
+    ) -> None:
+        self.notes: list[str] = []
+        # The same tip in both directions has the same draws.
+        given = [tip for tip in tips if tip is not None]
+        own = [tip for i, tip in enumerate(given) if not any(tip is other for other in given[:i])]
+        predicted = [_forecast_of_tip(campaign, identified, tip, self.notes) for tip in own]
+        measured = [tip.frf for tip in own if tip.frf is not None]
+        if measured:
+            self.lines = receptance_matrix(measured[0], measured[-1])[0]
+        else:
+            self.lines = prediction_lines(campaign, next(p.assembly for p in predicted if p is not None))
+        self._sources: list[_Source] = []
+        for tip, made in zip(own, predicted, strict=True):
+            if made is not None:
+                self._sources.append(_PredictedTip(made, self.lines, draws, seed, threads))
+            elif tip.frf is not None:
+                self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, draws, seed, self.notes))
+        self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
+        self.uncertain = any(source.uncertain for source in self._sources)
+
+    def receptance(self) -> NDArray[np.complex128]:
+        """Return the receptance of the tip in m/N, `(n, d, d)` for d directions."""
+        return self._matrix([source.values() for source in self._sources])
+
+    def receptances(self) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+        """Return valid draws of the receptance `(m, n, d, d)`, and a mask of the valid draws."""
+        drawn = [source.drawn_values() for source in self._sources]
+        good = np.all([np.isfinite(values).all(axis=1) for values in drawn], axis=0)
+        self._count(good)
+        return self._matrix([values[good] for values in drawn]), good
+
+    def modes(self) -> TipModes:
+        """Return the modes in x and y."""
+        return self._modes([source.modes() for source in self._sources])
+
+    def drawn_modes(self) -> tuple[list[TipModes], NDArray[np.bool_]]:
+        """Return valid draws of the modes, and a mask of the valid draws."""
+        drawn = [source.drawn_modes() for source in self._sources]
+        together = list(zip(*drawn, strict=True))
+        good = np.array([all(one is not None for one in each) for each in together])
+        self._count(good)
+        return [self._modes([m for m in each if m is not None]) for each in together if None not in each], good
+
+    def _count(self, good: NDArray[np.bool_]) -> None:
+        lost = int(np.count_nonzero(~good))
+        if lost:
+            self.notes.append(
+                f"{lost} of {good.size} draws cannot be evaluated (for example with a joint that is not passive) and "
+                "are left out"
+            )
+
+    def _matrix(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+        size = len(self._directions)
+        matrix = np.zeros((*values[0].shape, size, size), np.complex128)
+        for i, source in enumerate(self._directions):
+            if source is not None:
+                matrix[..., i, i] = values[source]
+        return matrix
+
+    def _modes(self, modes: list[TipModes]) -> TipModes:
+        """Return the modes of all directions from sources with shapes in x."""
+        chosen = [(i, modes[source]) for i, source in enumerate(self._directions) if source is not None]
+        return TipModes(
+            frequency_hz=np.concatenate([own.frequency_hz for _, own in chosen]),
+            damping_ratio=np.concatenate([own.damping_ratio for _, own in chosen]),
+            shapes=np.concatenate([np.roll(own.shapes, i, axis=1) for i, own in chosen]),
+        )
+
+
+def _forecast_of_tip(
+    campaign: Campaign, identified: Identification | None, tip: Tip, notes: list[str]
+) -> Forecast | None:
+    if not tip.assembly:
+        return None
+    effects = campaign.effects.get(tip.assembly, {})
+    return forecast_of(campaign, identified, campaign.place_of(tip.assembly), effects, tip.assembly, notes)
+
+
+class _PredictedTip:
+    """A tip that is predicted by the model."""
+
+    def __init__(
+        self, forecast: Forecast, lines: NDArray[np.float64], draws: int, seed: int, threads: int | None
+    ) -> None:
+        self._forecast, self._lines, self._draws, self._seed = forecast, lines, draws, seed
+        self._threads = threads
+        self.uncertain = forecast.uncertain
+
+    def values(self) -> NDArray[np.complex128]:
+        return self._forecast.assembly.receptance(self._lines, threads=self._threads)
+
+    def drawn_values(self) -> NDArray[np.complex128]:
+        nothing = np.full(self._lines.size, np.nan, np.complex128)
+        assemblies = self._forecast.drawn(self._draws, self._seed)
+        return np.array(
+            [nothing if one is None else one.receptance(self._lines, threads=self._threads) for one in assemblies]
+        )
+
+    def modes(self) -> TipModes:
+        return self._modes_of(self._forecast.assembly)
+
+    def drawn_modes(self) -> list[TipModes | None]:
+        assemblies = self._forecast.drawn(self._draws, self._seed)
+        return [None if one is None else self._modes_of(one) for one in assemblies]
+
+    def _modes_of(self, assembly: Assembly) -> TipModes:
+        found = damped_modes(assembly, float(self._lines[-1]), threads=self._threads)
+        constant = found.modal_constant.real
+        seen = constant > 1e-9 * np.max(constant, initial=0.0)
+        return TipModes(
+            frequency_hz=found.frequency_hz[seen],
+            damping_ratio=found.damping_ratio[seen],
+            shapes=np.stack([np.sqrt(constant[seen]), np.zeros(np.count_nonzero(seen))], axis=1),
+        )
+
+
+class _MeasuredTip:
+    """A tip that was measured."""
+
+    def __init__(self, tip: Tip, frf: FRF, lines: NDArray[np.float64], draws: int, seed: int, notes: list[str]) -> None:
+        receptance = frf.masked().to("receptance")
+        self._frf = receptance.with_(usable=np.isin(receptance.frequency_hz, lines)).masked()
+        self._draws, self._seed = draws, seed
+        self.uncertain = frf.log_variance is not None
+        if not self.uncertain:
+            key = "`averages` or `standard_deviation`" if tip.file else "the measurement a standard deviation"
+            notes.append(f"{tip.name}: the FRF has no variance and is treated as exact; give {key}")
+        rise = low_frequency_rise(self._frf.frequency_hz, self.values(), drive_point=True)
+        if rise is not None:
+            notes.append(
+                f"{tip.name}: {rise}. Limits that depend on these lines are then wrong; leave them out, "
+                f'bands = [["{rise.clear_hz:g} Hz", "{self._frf.frequency_hz[-1]:g} Hz"]]'
+            )
+
+    def values(self) -> NDArray[np.complex128]:
+        return np.asarray(self._frf.values[:, 0, 0])
+
+    def drawn_values(self) -> NDArray[np.complex128]:
+        if not self.uncertain:
+            return np.repeat(self.values()[None], self._draws, axis=0)
+        return receptance_draws(self._frf, draws=self._draws, seed=self._seed)[:, :, 0, 0]
+
+    def modes(self) -> TipModes:
+        return TipModes.from_estimates(self._estimates())
+
+    def drawn_modes(self) -> list[TipModes | None]:
+        if not self.uncertain:
+            return [self.modes()] * self._draws
+        return list(TipModes.drawn_from_estimates(self._estimates(), draws=self._draws, seed=self._seed))
+
+    def _estimates(self) -> list[ModeEstimate]:
+        from receptance.modal import fit_modes
+
+        found = fit_modes(self._frf)
+        return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
+
+
+_Source = _MeasuredTip | _PredictedTip
 
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
-_TIMES_THE_LOWEST = 10.0
+_SEARCH_RATIO = 10.0
+"""Largest depth of semi-discretisation, over the smallest depth by the mean force, by default."""
 
 
 def stability_of_campaign(
@@ -37,9 +255,9 @@ def stability_of_campaign(
 ) -> Stability:
     """Return the stability of the cuts of a campaign; see `Campaign.stability`."""
     say = progress or (lambda _: None)
-    chosen = chosen_cuts(campaign, cuts)
+    chosen = campaign.select_cuts(cuts)
     asked = campaign.table.stability
-    speeds = spindle_speeds(campaign)
+    speeds = campaign.spindle_speeds()
     predicted = any(tip is not None and tip.assembly for cut in chosen for tip in (cut.x, cut.y))
     if not predicted:
         identified = None
@@ -58,18 +276,6 @@ def stability_of_campaign(
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
-
-
-def chosen_cuts(campaign: Campaign, names: Sequence[str]) -> list[CampaignCut]:
-    """Return the cuts of these names, all where none is named; a CampaignError where there is no such cut."""
-    if not campaign.cuts:
-        raise CampaignError.about(campaign.file, "there is no cut, expected [cuts.NAME]")
-    for name in names:
-        if name not in campaign.cuts:
-            known = ", ".join(campaign.cuts)
-            text = f'there is no cut "{name}"; there are {known}{did_you_mean(name, campaign.cuts)}'
-            raise CampaignError.about(campaign.file, text)
-    return [campaign.cuts[name] for name in names] if names else list(campaign.cuts.values())
 
 
 def _lobes(
@@ -91,13 +297,13 @@ def _lobes(
             receptance,
             speeds_rpm=speeds,
             draws=draws,
-            cuts=_kept(several, good),
+            cuts=_selected(several, good),
         )
     else:
         assert isinstance(cut.cut, Milling)
         most = asked.largest_depth
         if most is None:
-            most = _TIMES_THE_LOWEST * float(critical_depths(cut.cut, tips.lines, tips.receptance())[0].min())
+            most = _SEARCH_RATIO * float(critical_depths(cut.cut, tips.lines, tips.receptance())[0].min())
         modes, good = tips.drawn_modes() if tips.uncertain else (None, np.ones(asked.number_of_draws, np.bool_))
         lobes = semi_discretised_lobes(
             cut.cut,
@@ -105,36 +311,81 @@ def _lobes(
             speeds_rpm=speeds,
             most=most,
             draws=modes,
-            cuts=_kept(several, good),
+            cuts=_selected(several, good),
             threads=threads,
             progress=say,
         )
     notes = [*tips.notes, *lobes.notes]
     if not uncertain:
-        notes.append("nothing is known of the errors of tip and coefficients, so there is no band: give tolerances")
+        notes.append("there is no band, because errors of tip and coefficients are not known: give tolerances")
     return replace(
-        described(lobes, cut),
+        cut.label(lobes),
         probability=asked.probability if uncertain else None,
         notes=tuple(dict.fromkeys(notes)),
     )
 
 
-def described(lobes: Lobes, cut: CampaignCut) -> Lobes:
-    """Return lobes with name, tips and coefficients of a campaign's cut."""
-    tips = {"x": cut.x.name, "y": None if cut.y is None else cut.y.name}
-    return replace(lobes, name=cut.name, tips=tips, spread=cut.spread)
-
-
-def _kept(cuts: Sequence[Any] | None, good: NDArray[np.bool_]) -> list[Any] | None:
+def _selected(cuts: Sequence[Any] | None, good: NDArray[np.bool_]) -> list[Any] | None:
     return None if cuts is None else [one for one, kept in zip(cuts, good, strict=True) if kept]
 
 
-def spindle_speeds(campaign: Campaign) -> NDArray[np.float64]:
-    """Return the spindle speeds in rpm that a campaign asks for; a CampaignError where it names none."""
-    asked = campaign.table.stability
-    if asked.speeds is None:
-        text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
-        raise CampaignError.about(campaign.file, text)
-    low, high = asked.speeds
-    step = asked.step if asked.step is not None else (high - low) / _SPEEDS[asked.method]
-    return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+_METRICS = ("stable_depth",)
+"""Names of metrics."""
+
+
+def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]:
+    """Return metrics by name, for `Campaign.diagnose`.
+
+    `stable_depth` is the error in percent, for each cut of the campaign, of the depth that is stable at every speed. It
+    is computed from held-out FRFs of a tip, which replace the tip of the cut in both directions, or in x if y is rigid.
+
+    Raises
+    ------
+    CampaignError
+        There is no such metric, or the campaign lacks a cut or a measurement for it. It is a ValueError.
+    """
+    found: dict[str, Metric] = {}
+    for name in names:
+        if name not in _METRICS:
+            text = f'there is no metric "{name}"; there are {", ".join(_METRICS)}{did_you_mean(name, _METRICS)}'
+            raise CampaignError.about(campaign.file, text)
+        if not campaign.cuts:
+            text = f"there is no cut for the metric {name}, expected [cuts.NAME]"
+            raise CampaignError.about(campaign.file, text)
+        if not any(_is_tip_receptance(one.observation) for one in campaign.measurements.values()):
+            text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
+            text += "both along y"
+            raise CampaignError.about(campaign.file, text)
+        for cut in campaign.cuts.values():
+            found[f"stable depth of {cut.name}, error in percent"] = partial(_error_of_depth, cut)
+    return found
+
+
+def _is_tip_receptance(one: object) -> bool:
+    """Return whether an observation is a drive-point FRF of translation without an exponential window."""
+    if not isinstance(one, MeasuredFRF) or one.frequency_hz.dtype.kind == "c":
+        return False
+    response, excitation = one.response, one.excitation
+    same = (response.part, response.position) == (excitation.part, excitation.position)
+    return same and response.direction == excitation.direction == "y"
+
+
+def _error_of_depth(cut: CampaignCut, one: HeldOut) -> float:
+    seen = one.observation
+    if not isinstance(seen, MeasuredFRF) or one.receptance is None or not _is_tip_receptance(seen):
+        return math.nan
+    lines = seen.frequency_hz.real
+    measured, predicted = (
+        _always_stable_depth(cut, lines, receptance) for receptance in (seen.receptance, one.receptance)
+    )
+    return 100.0 * abs(predicted / measured - 1.0) if math.isfinite(measured) else math.nan
+
+
+def _always_stable_depth(cut: CampaignCut, lines: NDArray[np.float64], receptance: NDArray[np.complex128]) -> float:
+    """Return the depth in m that is stable at all speeds."""
+    from receptance.stability import Turning, critical_depths
+
+    matrix = receptance[:, None, None] * np.diag([1.0, 0.0 if cut.y is None else 1.0])
+    if isinstance(cut.cut, Turning):
+        matrix = receptance[:, None, None]
+    return float(critical_depths(cut.cut, lines, matrix)[0].min())

@@ -1,72 +1,85 @@
-"""Tolerances of a campaign: which errors there are, and how far each moves which parameter of which assembly.
+"""Errors of dimensions, materials and positions, from the tolerances of a campaign.
 
-An error belongs to a thing: this blank's diameter, this material's density, the overhang of this clamping. It is a
-standard normal number times a standard deviation for every parameter that it moves. What has the same name is one
-error.
+An error belongs to one object, such as the diameter of one blank, the density of one material or the overhang of one
+clamping. It is a standard normal variable; each parameter that depends on it changes by its standard deviation times
+that variable. Tolerances with the same name are one error.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.beams import Segment
-from receptance.campaign.builder import JOINTS, addresses_of, no_address
+from receptance.campaign.builder import JOINTS, addresses_of, unknown_address
 from receptance.campaign.problems import path_text
 from receptance.campaign.quantities import Deviation
-from receptance.fields import Member
 from receptance.identification.laws import Tolerance
 from receptance.identification.unknowns import covered
-from receptance.materials import Material
+from receptance.model.beams import Material, Part, Segment
+from receptance.model.fields import Member
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from receptance.assembly import Assembly
     from receptance.campaign.builder import Builder, Built
     from receptance.campaign.format import CampaignTable
-    from receptance.campaign.lines import Path
-    from receptance.campaign.observations import Measurement
-    from receptance.fields import Element
+    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.measurements import Measurement
+    from receptance.model.assembly import Assembly
+    from receptance.model.fields import Element
 
-__all__ = ["Effects", "assembly_effects", "effects_beside", "tolerances_of", "tolerances_of_measurements"]
+__all__ = [
+    "Effects",
+    "assembly_effects",
+    "attachment_effects",
+    "inherited_effects",
+    "tolerances_of",
+    "tolerances_of_measurements",
+]
 
 Effects = dict[str, dict[str, float]]
-"""By error, then by address: the standard deviation in SI units that the error gives the parameter."""
+"""Standard deviations in SI units, by name of the error and by address of the parameter."""
+Deviations = dict[str, Deviation]
+"""Standard deviations by address."""
+_Inherited = tuple[str, "KeyPath", Deviation]
+"""Address, place in the file and standard deviation."""
 
 
 def tolerances_of(effects: Effects, labels: str | None = None) -> list[Tolerance]:
-    """Return errors as tolerances of a fit or a prediction, perhaps of the observation with one label alone.
+    """Return errors as tolerances of a fit or a prediction.
 
-    A standard deviation of zero is no error.
+    Parameters
+    ----------
+    effects : dict
+        The errors; standard deviations of zero are left out.
+    labels : str, optional
+        Label of the only observation that has them; by default all have them.
     """
     some = {name: {a: d for a, d in moves.items() if d} for name, moves in effects.items()}
     return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in some.items() if moves]
 
 
-def tolerances_of_measurements(seen: Mapping[str, Measurement]) -> list[Tolerance]:
+def tolerances_of_measurements(measurements: Mapping[str, Measurement]) -> list[Tolerance]:
     """Return the errors of measurements; errors of the same name are one error."""
-    return [one for name, measured in seen.items() for one in tolerances_of(measured.effects, name)]
+    return [one for name, measured in measurements.items() for one in tolerances_of(measured.effects, name)]
 
 
 def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: Builder) -> Effects:
-    """Return the errors of an assembly.
+    """Return the errors of an assembly of the file.
 
-    A value that the assembly sets errs on its own, by the tolerance of what it takes the place of; a tolerance of
-    the assembly itself goes before all others. What is identified has no tolerance.
+    A tolerance of the assembly itself takes precedence over those of its parts. A value that the assembly sets has an
+    error of its own, with the tolerance of the value it replaces. Identified parameters have no error.
     """
     assembly = built.assemblies[name]
     table = campaign.assemblies[name]
-    here: Path = ("assemblies", name)
-    named = [address for unknown in built.unknowns.values() for address in addresses_of(unknown)]
-    taken = {own for address in named for own in covered(address, assembly)}
-    own_sets = {own for address in table.set for own in covered(address, assembly)}
+    here: KeyPath = ("assemblies", name)
+    taken = _identified(assembly, built)
     effects: Effects = {}
 
     for address, deviation in table.tolerance.items():
         path = (*here, "tolerance", address)
         addresses = sorted(covered(address, assembly))
         if not addresses:
-            builder.problems.add(path, no_address(address, assembly))
+            builder.problems.add(path, unknown_address(address, assembly))
         elif taken & set(addresses):
             builder.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
         else:
@@ -74,7 +87,8 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: 
             effects.setdefault(deviation.name or path_text(path), {}).update(own)
             taken |= set(addresses)
 
-    for address, path, deviation in _inherited(assembly, campaign, table.attachments):
+    own_sets = {own for address in table.set for own in covered(address, assembly)}
+    for address, path, deviation in _inherited(assembly, campaign, {}):
         if address in taken or address not in assembly.parameters:
             continue
         title = deviation.name or path_text((*here, "set", address) if address in own_sets else path)
@@ -82,52 +96,98 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: 
     return effects
 
 
-def effects_beside(name: str, campaign: CampaignTable, built: Built) -> Effects:
-    """Return the errors of a sensor, or of what else sat on an assembly only while it was measured."""
+def inherited_effects(
+    assembly: Assembly, campaign: CampaignTable, built: Built, parts: Mapping[str, Deviations]
+) -> Effects:
+    """Return the errors of an assembly that is not in the file.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Parts, joints and attachments of the campaign, and other parts of its materials.
+    parts : mapping of str to dict
+        Names of the other parts, and the standard deviations of their dimensions by address.
+    """
+    taken = _identified(assembly, built)
+    effects: Effects = {}
+    for address, path, deviation in _inherited(assembly, campaign, parts):
+        if address not in taken and address in assembly.parameters:
+            title = deviation.name or path_text(path)
+            effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+    return effects
+
+
+def attachment_effects(name: str, campaign: CampaignTable, built: Built) -> Effects:
+    """Return the errors of a sensor or an attachment."""
     effects: Effects = {}
     section = "sensors" if name in built.sensors else "attachments"
-    spread = getattr(campaign, section)[name].tolerance
+    tolerance = getattr(campaign, section)[name].tolerance
     point = (built.sensors if name in built.sensors else built.attachments)[name]
-    for address, path, deviation in _fields((section, name), name, spread):
+    for address, path, deviation in _own((section, name), name, tolerance):
         if address not in built.unknowns:
             value = float(getattr(point, address.split(".", 1)[1]))
             effects.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
     return effects
 
 
-def _inherited(
-    assembly: Assembly, campaign: CampaignTable, attachments: list[str]
-) -> Iterator[tuple[str, Path, Deviation]]:
-    """Yield address, place in the file and deviation of what the parts of an assembly bring with them."""
-    for name in assembly.elements:
-        if name in campaign.joints:
+def _identified(assembly: Assembly, built: Built) -> set[str]:
+    """Return the addresses of an assembly that are identified."""
+    named = [address for unknown in built.unknowns.values() for address in addresses_of(unknown)]
+    return {own for address in named for own in covered(address, assembly)}
+
+
+def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, Deviations]) -> Iterator[_Inherited]:
+    """Yield the tolerances of the elements, materials and attachments of an assembly."""
+    for name, element in assembly.elements.items():
+        if name in parts and isinstance(element, Part):
+            for index, segment in enumerate(element.segments):
+                yield from _of_segment(f"{name}.segment[{index}]", segment, parts[name], campaign)
+        elif name in campaign.joints:
             joint = campaign.joints[name]
             yield from _of_element(("joints", name), name, JOINTS[joint.kind], joint, campaign)
-        elif name in campaign.parts:  # a spindle known by its receptances brings its own errors
-            for index, segment in enumerate(campaign.parts[name].segments):
-                place: Path = ("parts", name, "segments", index)
-                yield from _of_element(place, f"{name}.segment[{index}]", Segment, segment, campaign)
-    for name in attachments:
-        yield from _fields(("attachments", name), name, campaign.attachments[name].tolerance)
+        elif name in campaign.parts:  # a measured or modal spindle has errors of its own
+            for index, table in enumerate(campaign.parts[name].segments):
+                place: KeyPath = ("parts", name, "segments", index)
+                yield from _of_element(place, f"{name}.segment[{index}]", Segment, table, campaign)
+    for name in assembly.attachments:
+        if name in campaign.attachments:
+            yield from _own(("attachments", name), name, campaign.attachments[name].tolerance)
+
+
+def _of_segment(first: str, segment: Segment, own: Deviations, campaign: CampaignTable) -> Iterator[_Inherited]:
+    """Yield the tolerances of a segment that is not in the file, and of its materials."""
+    for address in (f"{first}.{name}" for name in Segment.declared):
+        if address in own:
+            yield address, (address,), own[address]
+    for name, member in Segment.declared.items():
+        material = getattr(segment, name) if isinstance(member, Member) else None
+        if isinstance(member, Member) and isinstance(material, Material) and material.name in campaign.materials:
+            place: KeyPath = ("materials", material.name)
+            yield from _own(place, _prefixed(first, member), campaign.materials[material.name].tolerance)
 
 
 def _of_element(
-    place: Path, first: str, kind: type[Element], table: Any, campaign: CampaignTable
-) -> Iterator[tuple[str, Path, Deviation]]:
-    """Yield the errors of an element, of its members and of its materials; addresses begin with `first`."""
-    yield from _fields(place, first, table.tolerance)
+    place: KeyPath, first: str, kind: type[Element], table: Any, campaign: CampaignTable
+) -> Iterator[_Inherited]:
+    """Yield the tolerances of an element, of its members and of its materials; addresses begin with `first`."""
+    yield from _own(place, first, table.tolerance)
     for name, member in kind.declared.items():
         if not isinstance(member, Member):
             continue
-        inside, own = getattr(table, name), f"{first}.{member.prefix}".removesuffix(".")
+        inside, own = getattr(table, name), _prefixed(first, member)
         if member.kind is not Material:
             yield from _of_element((*place, name), own, member.kind, inside, campaign)
         elif inside in campaign.materials:
-            yield from _fields(("materials", inside), own, campaign.materials[inside].tolerance)
+            yield from _own(("materials", inside), own, campaign.materials[inside].tolerance)
 
 
-def _fields(place: Path, owner: str, spread: Any) -> Iterator[tuple[str, Path, Deviation]]:
-    for field in type(spread).model_fields:
-        deviation = getattr(spread, field)
+def _prefixed(first: str, member: Member) -> str:
+    return f"{first}.{member.prefix}".removesuffix(".")
+
+
+def _own(place: KeyPath, owner: str, tolerance: Any) -> Iterator[_Inherited]:
+    """Yield the standard deviations that stand in one table."""
+    for field in type(tolerance).model_fields:
+        deviation = getattr(tolerance, field)
         if deviation is not None:
             yield f"{owner}.{field}", (*place, field), deviation

@@ -1,4 +1,4 @@
-"""From rows of a catalogue to assemblies: tool, joint, holder and the machine behind it, with their errors."""
+"""Assemblies from the rows of a catalogue: tool, joint, holder and machine, with their errors."""
 
 from __future__ import annotations
 
@@ -10,33 +10,39 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.assembly import Assembly
-from receptance.beams import Part, Segment
-from receptance.campaign.builder import Builder, expected
-from receptance.campaign.element_tables import ElementTable, Of, table_of, tolerance_of
-from receptance.campaign.format import AssemblyTable, CatalogueTable, PartTable
-from receptance.campaign.lines import Path as Line
-from receptance.campaign.problems import CampaignError, Problems
-from receptance.campaign.quantities import Deviation
-from receptance.campaign.tolerances import Effects, assembly_effects
+from receptance._text import instead_of
+from receptance.campaign import CampaignError, Problem
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.identification.mapping import Place
-from receptance.modal_parts import ModalPart
-from receptance.terminals import MeasuredPart
+from receptance.model.assembly import Assembly
+from receptance.model.beams import STEEL, Part, Segment
+from receptance.model.terminals import MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from receptance.campaign.campaign import Campaign
+    from receptance.campaign import Campaign, Deviation, Effects
 
-__all__ = ["Catalogue", "Described", "errors_of"]
+__all__ = ["Catalogue", "ToolAssembly", "errors_of"]
 
 _TOOL = "tool"
+_SHORTEST = 1e-9
+"""Length in m below which the fluted part or the shank of a tool is left out."""
 
 
 @dataclass(frozen=True)
-class Described:
-    """A tool in the machine as it is described, with its conditions and errors."""
+class ToolAssembly:
+    """A tool in the machine.
+
+    Attributes
+    ----------
+    row : ToolRow
+        The tool.
+    place : Place
+        The assembly with its name and its conditions; unknowns at their start values.
+    effects : dict
+        Errors: by name and address the standard deviation in SI units.
+    """
 
     row: ToolRow
     place: Place
@@ -49,21 +55,21 @@ class Catalogue:
     Parameters
     ----------
     campaign : Campaign
-        With a table `catalogue`: joints, materials, the machine.
+        A campaign with the table `catalogue`; it describes joints, materials and the machine.
     tools : str, path or sequence of ToolRow, optional
-        The CSV file, by default that of the campaign.
+        The CSV file or its rows; by default the file that the campaign names.
     holders : str, path or dict of str to list of HolderRow, optional
         Likewise; parts of the campaign are holders as well.
     spindle : MeasuredPart or ModalPart, optional
-        What the chain ends with, behind the machine that the campaign describes; by default the file that it names, if
+        Last element of the chain, behind the machine of the campaign; by default the file that the campaign names, if
         it names one.
     errors : dict, optional
-        Further errors: by name and address the standard deviation in SI units, such as `errors_of` gives.
+        Further errors: by name and address the standard deviation in SI units, see `errors_of`.
 
     Raises
     ------
     CampaignError
-        The campaign has no `catalogue`, or a row has a mistake; all of them at once, with their lines. It is a
+        The campaign has no table `catalogue`, or rows have mistakes; all of them are listed with their lines. It is a
         ValueError.
     """
 
@@ -85,106 +91,144 @@ class Catalogue:
         self.file = _source(tools, table.tools, campaign, "tools")
         given = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
         self.tools: tuple[ToolRow, ...] = tuple(given)
-        self._holders: dict[str, PartTable] = dict(campaign.table.parts)
-        self._parts: dict[str, Part] = dict(campaign.built.parts)
+        self._holders: dict[str, Part] = {}
         self._read_holders(holders)
-        self._check()
+        self._check_tools()
 
     def __len__(self) -> int:
         return len(self.tools)
 
-    def __iter__(self) -> Iterator[Described]:
-        """Assemblies one after the other; none is kept."""
-        return map(self.described, self.tools)
+    def __iter__(self) -> Iterator[ToolAssembly]:
+        """Build the assemblies one after the other; none is stored."""
+        return map(self.assemble, self.tools)
 
-    def described(self, row: ToolRow) -> Described:
-        """Return the assembly of a row."""
-        name = f"{self.file.name}: {row.name}"
+    def assemble(self, row: ToolRow) -> ToolAssembly:
+        """Return the assembly of a row with its errors."""
+        built = self.campaign.built
+        segments, deviations = self._segments(row)
         joint = row.joint or self.table.joint
-        tool = PartTable.model_construct(segments=_segments(row, self.table))
         chain = [_TOOL, *([joint] if joint else []), row.holder, *self.table.machine]
-        campaign, built = self.campaign.table, self.campaign.built
-        parts = {**self._parts, _TOOL: Part([_segment(one, self.campaign) for one in tool.segments], name=_TOOL)}
-        elements: dict[str, Any] = {**parts, **built.joints}
+        elements: dict[str, Any] = {
+            **built.parts,
+            **self._holders,
+            _TOOL: Part(segments, name=_TOOL),
+            **built.joints,
+        }
         own: list[Any] = [elements[link] for link in chain]
         points = [built.attachments[link] for link in self.table.attachments]
         assembly = Assembly(own if self.spindle is None else [*own, self.spindle], points)
-        as_table = AssemblyTable.model_construct(chain=chain, attachments=self.table.attachments, set={}, tolerance={})
-        together = campaign.model_copy(update={"parts": {**self._holders, _TOOL: tool}, "assemblies": {name: as_table}})
-        effects = assembly_effects(
-            name, together, replace(built, assemblies={name: assembly}), Builder(Problems({}), {})
-        )
-        return Described(row, Place(assembly, row.name, "", row.conditions), {**effects, **self.errors})
+        parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
+        effects = self.campaign.inherited_effects(assembly, parts)
+        return ToolAssembly(row, Place(assembly, row.name, "", row.conditions), {**effects, **self.errors})
+
+    def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
+        """Return the fluted part and the shank of a tool, and the standard deviations of their dimensions."""
+        tolerance = self.table.tolerance
+        pieces = [
+            (row.flute_length, row.effective_diameter, "effective diameter", tolerance.effective_diameter),
+            (row.overhang - row.flute_length, row.diameter, "diameter", tolerance.diameter),
+        ]
+        pieces = [piece for piece in pieces if piece[0] > _SHORTEST]
+        found: list[Segment] = []
+        deviations: dict[str, Deviation | None] = {}
+        for index, (length, diameter, key, deviation) in enumerate(pieces):
+            first = f"{_TOOL}.segment[{index}]"
+            deviations[f"{first}.outer_diameter"] = _of_tool(deviation, row, key, diameter)
+            if index == len(pieces) - 1:  # the clamped end, so that an error of the overhang changes its length
+                deviations[f"{first}.length"] = _of_tool(tolerance.overhang, row, "overhang", row.overhang)
+            found.append(
+                Segment(
+                    length=length,
+                    outer_diameter=diameter,
+                    inner_diameter=row.bore,
+                    material=self.campaign.built.materials[row.material],
+                )
+            )
+        return found, {address: one for address, one in deviations.items() if one is not None}
 
     def _read_holders(self, holders: str | Path | Mapping[str, list[HolderRow]] | None) -> None:
         if holders is None and self.table.holders is None:
             return
         file = _source(holders, self.table.holders, self.campaign, "holders")
-        found = holders if isinstance(holders, Mapping) else read_holders(file)
-        lines: dict[Line, int] = {(name, i): row.line for name, rows in found.items() for i, row in enumerate(rows)}
-        problems = Problems(lines)
-        builder = Builder(problems, {"materials": list(self.campaign.table.materials)})
-        builder.built = self.campaign.built
-        for name, rows in found.items():
-            if name == _TOOL or name in self._parts or name in self.campaign.built.joints:
-                problems.add((name, 0), f'is "{name}", the name of something else, expected another')
+        rows = holders if isinstance(holders, Mapping) else read_holders(file)
+        built = self.campaign.built
+        problems: list[Problem] = []
+        for name, own in rows.items():
+            if name == _TOOL or name in built.parts or name in built.joints:
+                text = f'is "{name}", which is also a part or a joint of the campaign, expected another name'
+                problems.append(Problem((name, 0), text, own[0].line))
             segments = []
-            for index, row in enumerate(rows):
-                at = (name, index)
+            for index, row in enumerate(own):
                 for key, material in (("material", row.material), ("core", row.core)):
-                    if material:
-                        builder.known((*at, key), material, "materials")
-                one = table_of(Of(Segment)).model_construct(
-                    length=row.length,
-                    outer_diameter=row.outer_diameter,
-                    inner_diameter=row.inner_diameter,
-                    material=row.material,
-                    core=row.core or None,
-                )
-                segments.append((one, builder.segment(at, one)))
-            self._holders[name] = PartTable.model_construct(segments=[one for one, _ in segments])
-            self._parts[name] = Part([made for _, made in segments if made is not None], name=name)
-        if problems.found:
-            raise CampaignError(file, problems.found)
+                    if material and material not in built.materials:
+                        text = f'is "{material}", which is not a material of the campaign'
+                        text += instead_of(material, built.materials)
+                        problems.append(Problem((name, index, key), text, row.line))
+                try:
+                    segments.append(
+                        Segment(
+                            length=row.length,
+                            outer_diameter=row.outer_diameter,
+                            inner_diameter=row.inner_diameter,
+                            # An unknown material was reported; with steel in its place dimensions are checked as well.
+                            material=built.materials.get(row.material, STEEL),
+                            core=built.materials.get(row.core, STEEL) if row.core else None,
+                        )
+                    )
+                except ValueError as error:
+                    problems.append(Problem((name, index), str(error).removeprefix("Segment: "), row.line))
+            if segments:
+                self._holders[name] = Part(segments, name=name)
+        if problems:
+            raise CampaignError(file, problems)
 
-    def _check(self) -> None:
-        """Names and dimensions of all rows, and once that the machine fits together."""
-        problems = Problems({(row.name,): row.line for row in self.tools})
+    def _check_tools(self) -> None:
+        """Check names and dimensions of all rows, and that the machine fits together."""
+        problems: list[Problem] = []
         built = self.campaign.built
         for row in self.tools:
-            at = (row.name,)
             for key, name, known in (
-                ("holder", row.holder, self._parts),
+                ("holder", row.holder, {**built.parts, **self._holders}),
                 ("joint", row.joint, built.joints),
                 ("material", row.material, built.materials),
             ):
                 if name and name not in known:
-                    problems.add((*at, key), f'is "{name}", which is not known{expected(name, known)}')
+                    text = f'is "{name}", which is not known{instead_of(name, known)}'
+                    problems.append(Problem((row.name, key), text, row.line))
             if row.material in built.materials:
                 try:
-                    for one in _segments(row, self.table):
-                        _segment(one, self.campaign)
+                    self._segments(row)
                 except ValueError as error:
-                    problems.add(at, str(error).removeprefix("Segment: "))
-        if problems.found:
-            raise CampaignError(self.file, problems.found)
+                    problems.append(Problem((row.name,), str(error).removeprefix("Segment: "), row.line))
+        if problems:
+            raise CampaignError(self.file, problems)
         try:
-            self.described(self.tools[0])
+            self.assemble(self.tools[0])
         except (ValueError, TypeError) as error:
             raise CampaignError.about(self.campaign.file, f"catalogue: {error}") from error
 
 
 def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Effects:
-    """Return parameters that err together as independent errors, from their covariance.
+    """Return correlated errors of parameters as independent errors, from their covariance.
 
     Parameters
     ----------
     name : str
-        What the errors belong to.
+        Name of the errors, which are numbered.
     addresses : sequence of str
         The parameters, `p` of them.
     covariance : array_like
         `(p, p)` in SI units.
+
+    Returns
+    -------
+    dict
+        By name and address the standard deviation in SI units, with a sign: columns of a square root of the covariance.
+
+    Raises
+    ------
+    ValueError
+        A covariance of another shape, or one that is not finite.
 
     Examples
     --------
@@ -200,7 +244,7 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Eff
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    # In the order of the parameters where these are independent, and with a sign that does not depend on the solver.
+    # Independent parameters keep their order, and the sign does not depend on the eigensolver.
     root = root[:, np.argsort(np.argmax(np.abs(root / scale[:, None]), axis=0), kind="stable")]
     root = root * np.where(root[np.argmax(np.abs(root), axis=0), np.arange(len(root))] < 0.0, -1.0, 1.0)
     return {
@@ -219,55 +263,20 @@ def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
         raise CampaignError.about(campaign.file, f"catalogue.spindle: {error}") from error
 
 
-def _source(given: object, written: str | None, campaign: Campaign, what: str) -> Path:
+def _source(given: object, named: str | None, campaign: Campaign, key: str) -> Path:
+    """Return the file of tools or holders, for messages also where rows were given instead."""
     if isinstance(given, (str, Path)):
         return Path(given)
     if given is not None:
-        return Path(what)
-    if written is None:
-        text = f"there is no file with {what}, expected `{what}` under [catalogue] or the name of one"
+        return Path(key)
+    if named is None:
+        text = f"there is no file with {key}, expected `{key}` under [catalogue] or the name of one"
         raise CampaignError.about(campaign.file, text)
-    return campaign.file.parent / written
+    return campaign.file.parent / named
 
 
-def _segments(row: ToolRow, table: CatalogueTable) -> list[ElementTable]:
-    """The fluted part and the shank, as far as there is any."""
-    spread = table.tolerance
-    shank = row.overhang - row.flute_length
-    pieces = [
-        (row.flute_length, row.effective_diameter, "effective diameter", spread.effective_diameter),
-        (shank, row.diameter, "diameter", spread.diameter),
-    ]
-    # An overhang of flutes alone is clamped shorter or longer there.
-    own = [piece for piece in pieces if piece[0] > 1e-9]
-    found = []
-    for index, (length, diameter, what, deviation) in enumerate(own):
-        overhang = _named(spread.overhang, row, "overhang", row.overhang) if index == len(own) - 1 else None
-        found.append(
-            table_of(Of(Segment)).model_construct(
-                length=length,
-                outer_diameter=diameter,
-                inner_diameter=row.bore,
-                material=row.material,
-                tolerance=tolerance_of(Of(Segment)).model_construct(
-                    length=overhang, outer_diameter=_named(deviation, row, what, diameter), inner_diameter=None
-                ),
-            )
-        )
-    return found
-
-
-def _named(deviation: Deviation | None, row: ToolRow, what: str, value: float) -> Deviation | None:
-    """An error that belongs to one tool, absolute: a share is one of the whole overhang, not of the shank."""
+def _of_tool(deviation: Deviation | None, row: ToolRow, key: str, value: float) -> Deviation | None:
+    """Return a standard deviation as an error of one tool, absolute: a share of the overhang, not of the shank."""
     if deviation is None:
         return None
-    return Deviation(deviation.of(value), False, deviation.name or f"{row.name}: {what}")
-
-
-def _segment(table: ElementTable, campaign: Campaign) -> Segment:
-    return Segment(
-        length=table.length,
-        outer_diameter=table.outer_diameter,
-        inner_diameter=table.inner_diameter,
-        material=campaign.built.materials[table.material],
-    )
+    return replace(deviation, amount=deviation.of(value), relative=False, name=deviation.name or f"{row.name}: {key}")

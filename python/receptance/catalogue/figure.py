@@ -1,4 +1,4 @@
-"""Figures of catalogues: the tip of one tool, and all tools at a glance."""
+"""Figures of catalogues: the receptance of one tool, and the most flexible modes of all."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, PALE, new_figure, set_up
+from receptance.report.figure import COLOURS, INK, PALE, finished, new_figure, set_up, surface
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.catalogue import ToolPrediction
-    from receptance.catalogue.writing import Reduced
+    from receptance.catalogue import ToolPrediction, ToolSummary
 
 __all__ = ["draw_catalogue", "draw_tool"]
 
 _NAMED, _BARS = 15, 80
-"""Up to so many tools their names are written, and intervals drawn."""
+"""Largest numbers of tools with names and with intervals."""
 _DECADES = 3.5
 
 
@@ -28,7 +28,7 @@ def draw_tool(one: ToolPrediction) -> Figure:
     Parameters
     ----------
     one : ToolPrediction
-        From `predict_catalogue`; with draws the band holds where resonances move by more than their width too.
+        From `predict_catalogue`; with draws the band is also valid where resonances move by more than their width.
 
     Returns
     -------
@@ -77,21 +77,23 @@ def draw_tool(one: ToolPrediction) -> Figure:
     return figure
 
 
-def draw_catalogue(tools: Sequence[Reduced], title: str = "") -> Figure:
+def draw_catalogue(tools: Sequence[ToolSummary], title: str = "", ax: Axes | None = None) -> Figure:
     """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency.
 
     Parameters
     ----------
-    tools : sequence of Reduced
-        What was kept of each.
+    tools : sequence of ToolSummary
+        The tools.
     title : str, optional
-        Above the figure.
+        Title of the figure.
+    ax : Axes, optional
+        See `Result.plot`.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    figure = new_figure(9.0, 5.8)
+    figure = surface(ax, 9.0, 5.8)
     axes = figure.subplots()
     shown = [one for one in tools if one.values is not None and one.interval is not None]
     holders = list(dict.fromkeys(one.holder for one in shown))
@@ -101,7 +103,7 @@ def draw_catalogue(tools: Sequence[Reduced], title: str = "") -> Figure:
         values = np.array([one.values for one in own])
         ends = np.array([one.interval for one in own])
         x, y = values[:, 0], 1e-6 * values[:, 2]
-        # Beyond five holders colours repeat, with another marker.
+        # Colours repeat with another marker.
         colour, marker = COLOURS[index % len(COLOURS)], "osD^v"[index // len(COLOURS) % 5]
         if few:
             bars = {
@@ -121,4 +123,4 @@ def draw_catalogue(tools: Sequence[Reduced], title: str = "") -> Figure:
     axes.grid(visible=True, color="#E6E6E6", linewidth=0.8)
     if len(holders) <= 25:
         figure.legend(loc="outside lower center", ncols=6, frameon=False, fontsize=9)
-    return figure
+    return finished(figure)

@@ -1,9 +1,9 @@
-"""Modes of a predicted receptance from its lines, and how they move with it.
+"""Modes of a receptance from its frequency lines, with their derivatives and variances.
 
-Around each peak the dynamic stiffness 1 / G = (f - p) / (a + b f + c f^2), with the pole p, goes through the lines by
-weighted least squares. Errors of lines, or derivatives of them, go through the same least squares to first order. So a
-machine that is known only as a table of receptances has modes as well, and the variance of each of its lines counts:
-where a resonance makes G err by more than itself, 1 / G errs little.
+Around each peak the dynamic stiffness 1 / G = (f - p) / (a + b f + c f^2), with the pole p, is fitted to the lines by
+weighted least squares. Errors and derivatives of the lines are propagated through the same least squares to first
+order. Modes are thus found also for a machine that is given as a table of receptances. The fit is of 1 / G, because the
+relative error of G may exceed one at a resonance where that of 1 / G is small.
 """
 
 from __future__ import annotations
@@ -19,33 +19,34 @@ if TYPE_CHECKING:
 __all__ = ["LineModes", "line_modes"]
 
 _STANDS_OUT = 1.05
-"""Times a peak must be above the valleys beside it."""
+"""Smallest ratio of a peak to its prominence base."""
 _SHARE = 0.5
-"""Lines around a peak count as long as they are above this share of it."""
+"""Lines around a peak are used down to this share of its height."""
 _FEWEST, _MOST = 7, 41
-"""Lines that a mode is fitted to."""
+"""Smallest and largest number of lines for a mode."""
 _FEWEST_NOISY, _MOST_NOISY = 15, 81
-"""Likewise where lines have noise, which more of them average."""
+"""Likewise for lines with noise."""
 _MODEL = 1e-3
-"""Relative error that weights allow for beside noise, so that lines without noise have weights."""
+"""Relative error added to the noise, so that the weights of lines without noise are finite."""
 _NOISES = 3.0
-"""Standard deviations of its noise that a peak must stand out."""
+"""Smallest prominence of a peak, in standard deviations of its noise."""
 _STEPS, _CLOSE = 30, 1e-9
-"""Of the least squares, and the relative step at which they end."""
+"""Largest number of iterations, and relative step of convergence."""
 
 
 @dataclass(frozen=True)
 class LineModes:
-    """Modes seen as peaks of a receptance, ascending.
+    """Modes that are peaks of a receptance, in ascending order.
 
     Attributes
     ----------
     values : ndarray
         `(k, 3)`: natural frequency in Hz, damping ratio, dynamic stiffness 1 / |G| at the damped natural frequency.
     weights : tuple of ndarray
-        For each mode `(3, m)` complex: a small change dG of its lines changes the logarithms of the three by Re(w dG).
+        For each mode `(3, m)` complex: a small change dG of its lines changes the logarithms of the values by
+        Re(w dG).
     lines : tuple of slice
-        Which lines these are.
+        Lines of each mode.
     """
 
     values: NDArray[np.float64]
@@ -61,7 +62,7 @@ class LineModes:
         return np.array(found).reshape(len(self), 3, derivative.shape[1])
 
     def log_variances(self, variance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return variances of the logarithms `(k, 3)` where the lines err independently.
+        """Return variances of the logarithms `(k, 3)` for independent errors of the lines.
 
         `variance` is that of the real and of the imaginary part, each, of each line `(n,)`.
         """
@@ -74,14 +75,14 @@ def line_modes(
     receptance: NDArray[np.complex128],
     variance: NDArray[np.float64] | None = None,
 ) -> LineModes:
-    """Return the modes that stand out as peaks.
+    """Return the modes that are distinct peaks of a receptance.
 
     Parameters
     ----------
     frequency_hz, receptance : ndarray
-        `(n,)` ascending lines, dense enough for some in the half-power band of each mode.
+        `(n,)` ascending lines, of which several are in the half-power band of each mode.
     variance : ndarray, optional
-        `(n,)` of the real and of the imaginary part, each, where lines err independently of each other.
+        `(n,)` variance of real and imaginary part, each, for independent errors of the lines.
     """
     size = np.abs(receptance)
     noise = np.zeros(size.size) if variance is None else np.sqrt(variance)
@@ -91,7 +92,7 @@ def line_modes(
     for first, last in _windows(size, noise):
         own = slice(first, last)
         found = _fit(frequency_hz[own], receptance[own], noise[own])
-        # Peaks that are noise on one resonance lead to one pole.
+        # Several noise peaks of one resonance give the same pole.
         if found is not None and all(abs(found[0][0] - old[0]) > old[0] * old[1] for old in values):
             values.append(found[0])
             weights.append(found[1])
@@ -100,7 +101,7 @@ def line_modes(
 
 
 def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """First and last line (exclusive) around each peak that stands out."""
+    """Return first and last line (exclusive) around each distinct peak."""
     from scipy.signal import find_peaks
 
     all_peaks, properties = find_peaks(np.log(size), prominence=np.log(_STANDS_OUT))
@@ -124,7 +125,7 @@ def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tupl
 def _fit(
     frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128], noise: NDArray[np.float64]
 ) -> tuple[tuple[float, float, float], NDArray[np.complex128]] | None:
-    """The three values of a mode and the weights of its lines; None where the lines hold no damped mode."""
+    """Return the values of a mode and the weights of its lines; None if the lines have no damped mode."""
     middle, width = frequency_hz.mean(), 0.5 * np.ptp(frequency_hz)
     x, scale = (frequency_hz - middle) / width, float(np.abs(receptance).max())
     stiffness = scale / receptance
@@ -139,7 +140,7 @@ def _fit(
     pole = middle + width * root
     damping = pole.imag / abs(pole)
     relative = moved[0] * width / pole
-    # The stiffness at the damped natural frequency is -i Im(root) / top; its place moves with the pole.
+    # The stiffness at the damped natural frequency is -i Im(root) / top; this frequency changes with the pole.
     at, reach = root.real, root.imag
     top = a + b * at + c * at * at
     own = (moved[1] + moved[2] * at + moved[3] * at * at) / top
@@ -153,7 +154,7 @@ def _fit(
 def _quotient(
     x: NDArray[np.float64], stiffness: NDArray[np.complex128], trusted: NDArray[np.float64]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]] | None:
-    """p, a, b, c of (x - p) / (a + b x + c x^2) through the lines, and their change with the lines `(4, m)`."""
+    """Fit p, a, b, c of (x - p) / (a + b x + c x^2) to the lines; return them and their derivatives `(4, m)`."""
     parabola = np.linalg.lstsq(np.vander(x, 3) * trusted[:, None], stiffness * trusted, rcond=None)[0]
     roots = np.roots(parabola)
     root = roots[np.argmin(np.abs(roots))]

@@ -1,4 +1,4 @@
-"""Predictions for a catalogue: the tip of every tool, its modes, and how sure they are, one after the other."""
+"""Predictions for a catalogue: receptance and modes of the tip of every tool, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -11,29 +11,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
-from receptance.campaign.prediction import forecast_of
-from receptance.campaign.problems import CampaignError
+from receptance.campaign import CampaignError, forecast_of
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.errors import ReceptanceError
-from receptance.frf.low_frequency import low_frequency_rise
-from receptance.identification.spread import quantile
-from receptance.modal_parts import ModalPart
-from receptance.terminals import RESIDUALS, MeasuredPart
+from receptance.frf.plausibility import low_frequency_rise
+from receptance.identification.covariance import confidence_multiplier
+from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
-    from receptance.catalogue.building import Catalogue, Described
+    from receptance.catalogue.building import Catalogue, ToolAssembly
     from receptance.catalogue.rows import ToolRow
     from receptance.identification import Identification
     from receptance.identification.prediction import Forecast
+    from receptance.model.assembly import Assembly
 
 __all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
 
 _LINES = 2000
 _WAITING = 4
-"""Tools for each worker that are under way at a time."""
+"""Largest number of tools in progress, for each worker thread."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,21 +43,21 @@ class ToolPrediction:
     row : ToolRow
         The tool.
     assembly : Assembly
-        In the machine, with the identified values.
+        The tool in the machine, with the identified values.
     frequency_hz, receptance : ndarray
         `(n,)` lines and the receptance of the tip in m/N.
     deviation : ndarray
         `(n,)` standard deviation of the logarithm of its magnitude, to first order.
     drawn : ndarray
-        `(draws, n)` complex receptances that may be the true one; none where none were asked for.
+        `(draws, n)` complex receptances, samples of the posterior; empty without draws.
     modes : ndarray
-        `(k, 3)` of the modes that stand out: natural frequency in Hz, damping ratio, dynamic stiffness in N/m.
+        `(k, 3)` of the modes with a distinct peak: natural frequency in Hz, damping ratio, dynamic stiffness in N/m.
     modes_deviation : ndarray
         `(k, 3)` standard deviations of their logarithms.
     level : float
-        Of the intervals.
+        Level of the intervals.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
     """
 
     row: ToolRow
@@ -75,20 +73,20 @@ class ToolPrediction:
 
     @property
     def modes_interval(self) -> NDArray[np.float64]:
-        """`(k, 3, 2)` lower and upper ends."""
-        reach = np.exp(quantile(self.level, None) * self.modes_deviation)
+        """`(k, 3, 2)` lower and upper ends of the intervals of `modes`."""
+        reach = np.exp(confidence_multiplier(self.level, None) * self.modes_deviation)
         return np.stack([self.modes / reach, self.modes * reach], axis=-1)
 
     @property
     def most_flexible(self) -> int | None:
-        """Which mode has the least dynamic stiffness; None where none stands out."""
+        """Index of the mode with the smallest dynamic stiffness; None without modes."""
         return int(np.argmin(self.modes[:, 2])) if len(self.modes) else None
 
     def band(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lower and upper magnitude `(n,)`: of the draws where there are some, else to first order.
+        """Return lower and upper magnitude, each `(n,)`: quantiles of the draws, or to first order without draws.
 
-        The latter holds as long as no resonance moves by more than about half its width; the intervals of modes hold
-        there too.
+        The first-order band is valid as long as no resonance moves by more than about half its width. The intervals of
+        modes are valid beyond that.
         """
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
@@ -96,7 +94,7 @@ class ToolPrediction:
                 np.log(np.abs(self.drawn)), [0.5 - 0.5 * self.level, 0.5 + 0.5 * self.level], axis=0
             )
             return np.exp(np.minimum(low, middle)), np.exp(np.maximum(high, middle))
-        half = quantile(self.level, None) * self.deviation
+        half = confidence_multiplier(self.level, None) * self.deviation
         with np.errstate(over="ignore"):
             return np.exp(middle - half), np.exp(middle + half)
 
@@ -115,28 +113,29 @@ def predict_catalogue(
     Parameters
     ----------
     catalogue : Catalogue
-        Tools, holders, machine.
+        Tools, holders and machine.
     identified : Identification, optional
-        From `Campaign.identify`, which runs first if it is not given and anything is unknown.
+        Result of `Campaign.identify`; computed if it is not given and there are unknowns.
     draws : int, optional
-        For the band of the receptance; none makes it linear. Modes have linear intervals always.
+        Number of draws for the band of the receptance; 0 for a band to first order. Intervals of modes are always to
+        first order in the logarithms.
     seed : int, optional
-        Of what is drawn.
+        Seed of the draws.
     threads : int, optional
-        Tools that are calculated at a time; by default RECEPTANCE_THREADS or as many as this process may use threads.
+        Number of tools computed at the same time; by default RECEPTANCE_THREADS, or all available processors.
     progress : callable, optional
-        Called with a line of text now and then.
+        Called with a progress message.
 
     Yields
     ------
     ToolPrediction
-        Only few are in memory at a time.
+        Predictions in the order of the catalogue; only a few are in memory at the same time.
 
     Raises
     ------
     CampaignError
-        Nothing says up to which frequency to predict, or as `Campaign.identify`; a tool that cannot be predicted is
-        named.
+        The highest frequency is not given; a tool cannot be predicted, which the message names; or as in
+        `Campaign.identify`.
     """
     campaign = catalogue.campaign
     say = progress or (lambda _: None)
@@ -160,7 +159,7 @@ def predict_catalogue(
 
 
 class _Work:
-    """What is the same for all tools."""
+    """Data that all tools share."""
 
     def __init__(
         self,
@@ -190,12 +189,12 @@ class _Work:
 
     def predict(self, row: ToolRow) -> ToolPrediction:
         try:
-            return self._predict(self.catalogue.described(row))
+            return self._predict(self.catalogue.assemble(row))
         except (ValueError, ReceptanceError) as error:
             text = f"line {row.line}, {row.name} cannot be predicted: {error}"
             raise CampaignError.about(self.catalogue.file, text) from error
 
-    def _predict(self, own: Described) -> ToolPrediction:
+    def _predict(self, own: ToolAssembly) -> ToolPrediction:
         notes = list(self.notes)
         forecast = forecast_of(self.catalogue.campaign, self.identified, own.place, own.effects, own.row.name, notes)
         addresses = [*forecast.addresses, *self.residuals]
@@ -218,7 +217,7 @@ class _Work:
         )
 
     def _table_variance(self, slope: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Variance of the real and of the imaginary part, each, on each line, from that of a measured spindle."""
+        """Return the variance on each line, of real and imaginary part each, that a measured spindle causes."""
         if not self.residuals:
             return np.zeros(self.lines.size)
         return np.asarray(np.einsum("ni,nij,nj->n", slope, self.covariance, slope.conj()).real)
@@ -231,7 +230,7 @@ class _Work:
         return np.asarray(np.sqrt(total**2 + modes.log_variances(table)))
 
     def _drawn(self, row: ToolRow, forecast: Forecast, noise: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return draws of the tip; errors of a measured spindle are drawn from line to line, to first order."""
+        """Return draws of the receptance; errors of a measured spindle are drawn for each line, to first order."""
         if not self.draws:
             return np.zeros((0, self.lines.size), np.complex128)
         random = np.random.default_rng([self.seed, row.line])
@@ -241,25 +240,25 @@ class _Work:
                 parts = random.standard_normal((2, self.lines.size))
                 rows.append(one.receptance(self.lines, threads=1) + noise * (parts[0] + 1j * parts[1]))
         if 2 * len(rows) < self.draws:
-            raise ReceptanceError(f"only {len(rows)} of {self.draws} draws have a model")
+            raise ReceptanceError(f"only {len(rows)} of {self.draws} draws can be evaluated")
         return np.array(rows)
 
 
 def catalogue_lines(catalogue: Catalogue) -> NDArray[np.float64]:
-    """Return the lines on which all tools are predicted: those of a measured spindle, or as `prediction` says."""
+    """Return the lines of the predictions: those of a measured spindle, else those of the table `prediction`."""
     campaign = catalogue.campaign
     asked = campaign.table.prediction
-    seen = [float(measured.observation.frequency_hz[-1].real) for measured in campaign.measurements.values()]
     spindle = catalogue.spindle
     if isinstance(spindle, MeasuredPart):
         own = np.asarray(spindle.frequency_hz)
         low, high = asked.lower or 0.0, asked.upper or np.inf
         return np.asarray(own[(own >= low) & (own <= high)])
     band = spindle.band_hz if isinstance(spindle, ModalPart) else None
-    upper = asked.upper or (band[1] if band else max(seen, default=None))
+    upper = band[1] if band and asked.upper is None else campaign.highest_frequency
     if upper is None:
-        text = "nothing says up to which frequency to predict, expected `prediction.upper`"
-        raise CampaignError.about(campaign.file, text)
+        raise CampaignError.about(
+            campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
+        )
     lower = asked.lower or (band[0] if band else upper / _LINES)
     step = asked.step or (upper - lower) / (_LINES - 1)
     return lower + step * np.arange(int((upper - lower) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)

@@ -1,23 +1,32 @@
-"""The commands together, and how they end.
+"""The command line: all commands, and their exit codes.
 
-Exit codes: 0 done, 1 an internal error, 2 bad input, 3 the answer is no, 130 interrupted.
+Exit codes: 0 success, 1 internal error, 2 wrong input, 3 negative result (--strict, --at-most), 130 interrupted.
 """
 
 from __future__ import annotations
 
 import sys
 import traceback
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
 
 from receptance._text import printable
-from receptance.cli.campaigns import diagnose, example, identify, predict, schema, transfer
+from receptance.cli.campaigns import (
+    diagnose,
+    example,
+    identify,
+    invert,
+    next_measurement,
+    predict,
+    schema,
+    stability,
+    transfer,
+)
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError, InterruptedAnswer
-from receptance.cli.stability import stability
-from receptance.cli.steps import invert, next_step
 from receptance.cli.studies import demo, studies
 from receptance.cli.sweep import sweep
 
@@ -29,17 +38,26 @@ app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="Joint parameters of spindle-holder-tool assemblies from measured vibration.",
+    help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
 )
-app.command()(demo)
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "example": example,
+    "identify": identify,
+    "predict": predict,
+    "transfer": transfer,
+    "diagnose": diagnose,
+    "invert": invert,
+    "next": next_measurement,
+    "sweep": sweep,
+    "stability": stability,
+    "catalogue": catalogue,
+    "convert": convert,
+    "schema": schema,
+    "demo": demo,
+}
+for name, command in _COMMANDS.items():
+    app.command(name)(command)
 app.add_typer(studies, name="study")
-for command in (example, identify, predict, transfer, diagnose, convert, schema):
-    app.command()(command)
-app.command()(invert)
-app.command("next")(next_step)
-app.command()(sweep)
-app.command()(stability)
-app.command()(catalogue)
 
 
 def _print_version(wanted: bool) -> None:
@@ -54,17 +72,17 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and stop.")
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    # The option's callback does its work; the argument is only there to declare it.
+    # The callback of the option does the work; the argument only declares it.
     del version
 
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     try:
-        # Not standalone: an interruption and a mistake are told apart here, by exit code.
+        # Not standalone, so that interruptions and wrong input get their own exit codes here.
         code = app(standalone_mode=False, prog_name="receptance")
     except InputError as error:
         print(f"receptance: {printable(str(error))}", file=sys.stderr)
@@ -75,19 +93,19 @@ def main() -> None:
     except (typer.Abort, KeyboardInterrupt):
         code = _INTERRUPTED
     except Exception as error:
-        code = _answer(error)
-    # Newer versions of typer answer an interruption with this code, older ones with an exception.
+        code = _report(error)
+    # Newer versions of typer return this code for an interruption, older ones raise an exception.
     if code == _INTERRUPTED:
         print("receptance: interrupted, no file was written", file=sys.stderr)
     raise SystemExit(code if isinstance(code, int) else 0)
 
 
-def _answer(error: Exception) -> int:
-    """Answer a mistake in the options as typer words it, anything else as an error of the program."""
+def _report(error: Exception) -> int:
+    """Print a usage error in the words of typer, or the traceback of an internal error; return the exit code."""
     show = getattr(error, "show", None)
     if callable(show):
         show()
         return int(getattr(error, "exit_code", 2))
     print(printable("".join(traceback.format_exception(error))), end="", file=sys.stderr)
-    print("receptance: this is an error of the program, not of what you gave it; please report it", file=sys.stderr)
+    print("receptance: this is an error of the program, not of the input; please report it", file=sys.stderr)
     return 1

@@ -1,11 +1,12 @@
-"""The commands `example`, `identify`, `predict`, `transfer`, `diagnose` and `schema`."""
+"""The commands that analyse a campaign, and `example` and `schema`."""
 
 from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
@@ -22,26 +23,69 @@ from receptance.cli.running import (
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
-    from receptance.campaign import Campaign
+    from receptance.campaign import Campaign, Prediction
     from receptance.diagnosis import Verdict
 
-__all__ = ["File", "diagnose", "example", "identify", "load_campaign", "predict", "schema", "transfer"]
+__all__ = [
+    "CampaignFile",
+    "diagnose",
+    "example",
+    "identify",
+    "invert",
+    "load_campaign",
+    "next_measurement",
+    "predict",
+    "run_on_campaign",
+    "schema",
+    "stability",
+    "transfer",
+]
 
-ANSWER_IS_NO = 3
-"""Exit code where a verdict was asked to fail on."""
-
+_NO = 3
+"""Exit code for a negative result of --strict or --at-most."""
 _MOST_FILES = 6
+_Found = TypeVar("_Found")
 
-File = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="A campaign file, or a folder with a campaign.toml.")]
+CampaignFile = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file, or folder with a campaign.toml.")
+]
+
+
+def load_campaign(path: Path, targets: Targets) -> Campaign:
+    """Read a campaign, and check that no file that it reads would be overwritten."""
+    from receptance.campaign import load
+
+    found = with_progress(lambda say: load(path, progress=say))
+    targets.protect(found.file, "the campaign file")
+    files = [name for measured in found.measurements.values() for name in measured.files]
+    files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
+    for name in files:
+        targets.protect(found.file.parent / name, "a data file of the campaign")
+    return found
+
+
+def run_on_campaign(
+    path: Path, targets: Targets, work: Callable[[Campaign, Callable[[str], None]], _Found]
+) -> tuple[Campaign, _Found]:
+    """Read a campaign and analyse it, with a progress display; mistakes in the input become `InputError`.
+
+    Warnings are not shown, because they are among the notes of the result.
+    """
+    from receptance.campaign import CampaignError
+
+    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        read = load_campaign(path, targets)
+        return read, with_progress(lambda say: work(read, say))
 
 
 def example(
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Which one; see --list.")] = None,
-    folder: Annotated[Path | None, typer.Argument(metavar="DIR", help="Where to; by default a folder NAME.")] = None,
-    list_them: Annotated[bool, typer.Option("--list", help="Name the examples and stop.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that are there already.")] = False,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Name of the example, see --list.")] = None,
+    folder: Annotated[Path | None, typer.Argument(metavar="DIR", help="Folder; by default NAME.")] = None,
+    list_them: Annotated[bool, typer.Option("--list", help="List the examples and exit.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
 ) -> None:
-    """Write out a complete campaign, data included, to try and to change."""
+    """Write a complete example campaign with its data to a folder."""
     from receptance import examples
 
     console = output()
@@ -51,7 +95,7 @@ def example(
             console.print(f"{one.name:{width}s}  {one.title}", soft_wrap=True)
         return
     if name is None:
-        raise InputError(f"name an example: {', '.join(examples.EXAMPLES)}")
+        raise InputError(f"no example given, expected one of {', '.join(examples.EXAMPLES)}")
     target = folder or Path(name)
     with input_errors():
         files = with_progress(lambda say: examples.write(name, target, overwrite=overwrite, progress=say))
@@ -63,7 +107,7 @@ def example(
 
 
 def schema(
-    markdown: Annotated[bool, typer.Option("--markdown", help="The same as tables for people.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown tables instead.")] = False,
 ) -> None:
     """Print the JSON Schema of campaign files."""
     from receptance.campaign import field_tables, json_schema
@@ -73,28 +117,23 @@ def schema(
 
 
 def identify(
-    campaign: File,
+    campaign: CampaignFile,
     json_file: Json = None,
     plot: Plot = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 3 where the fit has not converged or has advice.")
+        bool, typer.Option("--strict", help="Exit with 3 if the fit has not converged or has advice.")
     ] = False,
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
     targets = Targets(json_file, plot)
-    from receptance.campaign import CampaignError
-
-    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)  # they are among the notes, which are printed
-        read = load_campaign(campaign, targets)
-        found = with_progress(lambda say: read.identify(progress=say))
+    read, found = run_on_campaign(campaign, targets, lambda read, say: read.identify(progress=say))
     targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
     if strict and (found.advice or not found.converged):
-        raise typer.Exit(ANSWER_IS_NO)
+        raise typer.Exit(_NO)
 
 
 def predict(
-    campaign: File,
+    campaign: CampaignFile,
     json_file: Json = None,
     plot: Plot = None,
     at_most: Annotated[
@@ -103,134 +142,169 @@ def predict(
             "--at-most",
             metavar="PERCENT",
             min=0.0,
-            help="Exit with 3 where a held-out natural frequency or peak is predicted further off.",
+            help="Exit with 3 if the error of a held-out natural frequency or peak is larger.",
         ),
     ] = None,
 ) -> None:
-    """Predict what a campaign holds out, compared with it, and the assemblies that were not measured."""
+    """Predict held-out measurements and unmeasured assemblies."""
     targets = Targets(json_file, plot)
-    from receptance.campaign import CampaignError
 
-    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)
-        read = load_campaign(campaign, targets)
+    def work(read: Campaign, say: Callable[[str], None]) -> Prediction:
         if at_most is not None and not read.held_out:
-            raise InputError("--at-most compares with what is held out, and this campaign holds out no measurement")
-        found = with_progress(lambda say: read.predict(progress=say))
+            raise InputError("--at-most needs held-out measurements, and the campaign has none")
+        return read.predict(progress=say)
+
+    read, found = run_on_campaign(campaign, targets, work)
     targets.show(found)
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
         missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
-        unknown = sum(name in found.not_predicted for name in read.held_out)
-        no = worst > at_most or missed > 0 or unknown > 0
+        failed = sum(name in found.not_predicted for name in read.held_out)
+        no = worst > at_most or missed > 0 or failed > 0
         lost = f", {missed} measured peaks have no prediction" if missed else ""
-        lost += f", {unknown} measurements could not be predicted" if unknown else ""
-        targets.console().print(f"At most {at_most:g} %: {'no' if no else 'yes'}, the worst is {worst:.2f} %{lost}")
+        lost += f", {failed} measurements could not be predicted" if failed else ""
+        answer = "no" if no else "yes"
+        targets.console().print(f"At most {at_most:g} %: {answer}, the largest error is {worst:.2f} %{lost}")
         if no:
-            raise typer.Exit(ANSWER_IS_NO)
+            raise typer.Exit(_NO)
 
 
 def transfer(
-    campaign: File,
+    campaign: CampaignFile,
     json_file: Json = None,
     plot: Plot = None,
     splits: Annotated[
         str, typer.Option("--splits", help="leave-one-out: each assembly from all others; one-for-all: all from each.")
     ] = "leave-one-out",
 ) -> None:
-    """Predict every measured assembly of a campaign from the others, all splits, compared with what was measured."""
+    """Predict every measured assembly of a campaign from the others."""
     targets = Targets(json_file, plot)
-    from receptance.campaign import CampaignError
-
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
     way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
-    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)
-        read = load_campaign(campaign, targets)
-        found = with_progress(lambda say: read.transfer(splits=way, progress=say))
+    _, found = run_on_campaign(campaign, targets, lambda read, say: read.transfer(splits=way, progress=say))
     if plot is not None and not found.modes and not found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
     targets.show(found)
 
 
+def invert(
+    campaign: CampaignFile,
+    json_file: Json = None,
+    plot: Plot = None,
+    joint: Annotated[
+        str | None,
+        typer.Option("--joint", metavar="NAME", help="Joint; by default all joints with unknown stiffness."),
+    ] = None,
+    limit: Annotated[
+        float,
+        typer.Option(
+            "--limit", metavar="PERCENT", min=0.1, help="Largest standard deviation of an informative frequency line."
+        ),
+    ] = 20.0,
+) -> None:
+    """Compute joint stiffness on each line by inverse coupling."""
+    targets = Targets(json_file, plot)
+    _, found = run_on_campaign(
+        campaign, targets, lambda read, say: read.invert(joint, limit=limit / 100.0, progress=say)
+    )
+    targets.show(found)
+
+
+def next_measurement(
+    campaign: CampaignFile,
+    json_file: Json = None,
+    plot: Plot = None,
+    target: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--target",
+            metavar="NAME",
+            help="Unknown, or assembly for its natural frequencies, whose uncertainty counts; may be repeated.",
+        ),
+    ] = None,
+) -> None:
+    """Rank candidate measurements by their expected benefit."""
+    targets = Targets(json_file, plot)
+    _, found = run_on_campaign(
+        campaign, targets, lambda read, say: read.next_measurement(targets=target or (), progress=say)
+    )
+    targets.show(found)
+
+
+def stability(
+    campaign: CampaignFile,
+    json_file: Json = None,
+    plot: Plot = None,
+    cut: Annotated[
+        list[str] | None, typer.Option("--cut", metavar="NAME", help="Only this cut; may be repeated.")
+    ] = None,
+) -> None:
+    """Compute stable depths of cut and recommended spindle speeds."""
+    targets = Targets(json_file, plot)
+    _, found = run_on_campaign(campaign, targets, lambda read, say: read.stability(cuts=cut or (), progress=say))
+    targets.show(found)
+
+
 def diagnose(
-    campaign: File,
+    campaign: CampaignFile,
     json_file: Json = None,
     plot: Plot = None,
     causes: Annotated[
-        list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be given several times.")
+        list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be repeated.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE.html", help="Write the report as one HTML file.")
     ] = None,
     extended: Annotated[
         Path | None,
-        typer.Option("--extended", metavar="FILE.toml", help="Write the extended model as a campaign of its own."),
+        typer.Option("--extended", metavar="FILE.toml", help="Write the extended model as a campaign file."),
     ] = None,
     metrics: Annotated[
         list[str] | None,
-        typer.Option("--metric", metavar="NAME", help="What to measure besides on held-out data: stable_depth."),
+        typer.Option("--metric", metavar="NAME", help="Further error on held-out data: stable_depth."),
     ] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 3 where the verdict is anything but adequate.")
-    ] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 unless the verdict is adequate.")] = False,
 ) -> None:
-    """Say whether the model is adequate for what was measured, and what it lacks if not.
+    """Test whether the model explains the measurements, and why not.
 
-    Ctrl-C ends it with what is known so far, said to be not final, and exit code 130.
+    Ctrl-C stops with a preliminary result and exit code 130.
     """
     targets = Targets(json_file, plot, report, extended)
-    from receptance.campaign import CampaignError
-    from receptance.campaign.metrics import named_metrics
 
-    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)
-        read = load_campaign(campaign, targets)
-        wanted = named_metrics(read, metrics or ())
-        found = with_progress(lambda say: read.diagnose(causes or None, metrics=wanted, progress=say))
+    def work(read: Campaign, say: Callable[[str], None]) -> Verdict:
+        from receptance.campaign.stability import named_metrics
+
+        return read.diagnose(causes or None, metrics=named_metrics(read, metrics or ()), progress=say)
+
+    read, found = run_on_campaign(campaign, targets, work)
 
     def page() -> str:
         from receptance.diagnosis.report import diagnosis_html
 
         return diagnosis_html(found, title=read.title)
 
-    final = found.final
-    text, why_not = (None, "the diagnosis was interrupted" if extended else "")
-    if final:
-        text, why_not = _extended(read, found, extended)
+    text, why_not = _extended(read, found, extended)
     targets.show(found, report=page, extended=text)
     if why_not:
         targets.console().print(f"{extended} was not written: {why_not}", soft_wrap=True)
-    if not final:
-        raise InterruptedAnswer("interrupted, the answer is not final")
+    if not found.final:
+        raise InterruptedAnswer("interrupted, the result is preliminary")
     if strict and found.verdict != "adequate":
-        raise typer.Exit(ANSWER_IS_NO)
+        raise typer.Exit(_NO)
 
 
 def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[str | None, str]:
-    """Return the text of the extended campaign, or why there is none."""
+    """Return the text of the extended campaign, or the reason why there is none."""
+    from receptance.campaign import extended_text
+
     if target is None:
         return None, ""
+    if not found.final:
+        return None, "the diagnosis was interrupted"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return campaign.extended_text(found, target.parent), ""
+            return extended_text(campaign, found, target.parent), ""
         except ValueError as error:
             return None, str(error)
-
-
-def load_campaign(path: Path, targets: Targets) -> Campaign:
-    """Read the campaign; nothing that it reads may be written over."""
-    from receptance.campaign import load
-
-    found = with_progress(lambda say: load(path, progress=say))
-    targets.keep_off(found.file, "the campaign file")
-    for measured in found.measurements.values():
-        for name in measured.files:
-            targets.keep_off(found.file.parent / name, "a data file of the campaign")
-    for cut in found.cuts.values():
-        for tip in (cut.x, cut.y):
-            if tip is not None and tip.file:
-                targets.keep_off(found.file.parent / tip.file, "a data file of the campaign")
-    return found

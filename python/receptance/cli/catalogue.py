@@ -1,210 +1,169 @@
-"""The command `catalogue`: the tips of all tools of a catalogue."""
+"""The command `catalogue`: predictions for all tools of a catalogue."""
 
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.text import Text
 
 from receptance._files import check_target, write_whole
-from receptance.cli.campaigns import File, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Targets, input_errors, with_progress
-from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.identification.spread import SAYS_NOTHING
-from receptance.report import Column, Table
-from receptance.report.terminal import print_table
+from receptance.cli.campaigns import CampaignFile, run_on_campaign
+from receptance.cli.running import InputError, Json, Plot, Targets, input_errors
 
 if TYPE_CHECKING:
-    import numpy as np
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-    from rich.console import Console
-
     from receptance.campaign import Campaign
-    from receptance.catalogue import ToolCut, ToolPrediction
-    from receptance.catalogue.writing import Reduced
-    from receptance.report.table import Cell
+    from receptance.catalogue import CatalogueSummary, ToolCut, ToolPrediction
 
 __all__ = ["catalogue"]
 
-_SHOWN = 20
-_WIDE = 100.0
+_LISTED = 20
+"""Largest number of tools whose file names are listed."""
 _DRAWS = 60
-"""For the bands of figures, where a resonance may move by more than its width."""
+"""Number of draws for the bands of figures without a cut."""
 
 
 def catalogue(
-    campaign: File,
-    tools: Annotated[Path | None, typer.Argument(metavar="TOOLS.csv", help="By default as the campaign says.")] = None,
+    campaign: CampaignFile,
+    tools: Annotated[
+        Path | None, typer.Argument(metavar="TOOLS.csv", help="Tools; by default the file the campaign names.")
+    ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE.csv", help="Write the modes of all tools with their intervals."),
+        Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the modes of all tools with intervals.")
     ] = None,
     holders: Annotated[
-        Path | None, typer.Option("--holders", metavar="FILE.csv", help="Holders; by default as the campaign says.")
+        Path | None,
+        typer.Option("--holders", metavar="FILE.csv", help="Holders; by default the file the campaign names."),
     ] = None,
     json_file: Json = None,
     plot: Plot = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="FOLDER", help="Write a figure for each tool, NAME.png.")
+        Path | None, typer.Option("--figures", metavar="FOLDER", help="Write a figure of each tool, NAME.png.")
     ] = None,
     depths: Annotated[
         Path | None,
         typer.Option("--depths", metavar="FILE.csv", help="Write recommended speeds and depths of all tools."),
     ] = None,
     cut: Annotated[
-        str | None, typer.Option("--cut", metavar="NAME", help="Which cut of the campaign, where there are several.")
+        str | None, typer.Option("--cut", metavar="NAME", help="Cut for --depths, if the campaign has several.")
     ] = None,
     frfs: Annotated[
         Path | None, typer.Option("--frfs", metavar="FOLDER", help="Write the receptance of each tool, NAME.csv.")
     ] = None,
 ) -> None:
-    """Predict the tip of every tool of a catalogue in the machine of a campaign, with intervals of its modes."""
+    """Predict the tips of all tools of a catalogue in a machine."""
     targets = Targets(json_file, plot)
-    for option, path in (("--out", out), ("--depths", depths)):
-        if path is not None:
-            targets.keep_off(path, f"written by {option}")
-            with input_errors():
-                check_target(path)
-    if out is not None and depths is not None and out.resolve() == depths.resolve():
-        raise InputError(f"--out and --depths both name {out}; give two files")
-    for folder in (figures, frfs):
-        if folder is None:
-            continue
-        if not folder.is_dir():
-            what = f"{folder} is a file" if folder.exists() else f"there is no folder {folder}"
-            raise InputError(f"{what}, expected a folder to write one file for each tool to")
-        with input_errors():
-            check_target(folder / "NAME")
-    from receptance.campaign import CampaignError
-
+    wanted = _Wanted(tools, holders, out, depths, cut, figures, frfs)
+    wanted.check(targets)
     begun = time.perf_counter()
-    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
-        warnings.simplefilter("ignore", ReceptanceWarning)
-        read = load_campaign(campaign, targets)
-        for path in _read(read, tools, holders):
-            targets.keep_off(path, "read")
-            for option, written in (("--out", out), ("--depths", depths)):
-                if written is not None and written.resolve() == path.resolve():
-                    raise InputError(f"{option} names {written}, which is read; give another file")
-        asked = None if depths is None else _asked(read, cut)
-        wanted = _Wanted(tools, holders, out, depths, asked, figures, frfs)
-        found = with_progress(lambda say: _run(read, wanted, say))
 
-    def draw() -> Figure:
-        from receptance.catalogue.figure import draw_catalogue
+    def work(read: Campaign, say: Callable[[str], None]) -> CatalogueSummary:
+        wanted.protect_inputs(read, targets)
+        return _run(read, wanted, say)
 
-        return draw_catalogue(found, read.title)
-
-    targets.write(_document(read, found), draw)
+    _, found = run_on_campaign(campaign, targets, work)
+    targets.show(found)
     console = targets.console()
-    _print(console, found, time.perf_counter() - begun)
-    if out is not None:
-        console.print(f"Modes: {out}", soft_wrap=True)
-    if depths is not None:
-        console.print(f"Depths: {depths}", soft_wrap=True)
-    for name, folder in (("Figures", figures), ("Receptances", frfs)):
-        if folder is not None:
-            console.print(f"{name}: {folder}", soft_wrap=True)
-    if figures is not None or frfs is not None:
-        _print_names(console, found)
-    targets.name(console)
+    for name, path in (("Modes", out), ("Depths", depths), ("Figures", figures), ("Receptances", frfs)):
+        if path is not None:
+            console.print(f"{name}: {path}", soft_wrap=True)
+    if (figures is not None or frfs is not None) and (note := _renamed_files(found)):
+        console.print(Text(note), soft_wrap=True)
+    console.print(f"{len(found.tools)} tools in {time.perf_counter() - begun:.1f} s", soft_wrap=True)
 
 
 @dataclass(frozen=True)
 class _Wanted:
-    """What is read and what is written."""
+    """The files and folders of the command."""
 
     tools: Path | None
     holders: Path | None
     out: Path | None
     depths: Path | None
-    cut: ToolCut | None
+    cut: str | None
     figures: Path | None
     frfs: Path | None
 
+    @property
+    def _tables(self) -> list[tuple[str, Path]]:
+        """Options and CSV files that are written."""
+        return [(option, path) for option, path in (("--out", self.out), ("--depths", self.depths)) if path is not None]
 
-def _asked(read: Campaign, name: str | None) -> ToolCut:
-    from receptance.catalogue import ToolCut
+    def check(self, targets: Targets) -> None:
+        """Raise `InputError` if a file or folder cannot be written."""
+        for option, path in self._tables:
+            targets.protect(path, f"written by {option}")
+            with input_errors():
+                check_target(path)
+        if self.out is not None and self.depths is not None and self.out.resolve() == self.depths.resolve():
+            raise InputError(f"--out and --depths both name {self.out}; give two files")
+        for folder in (self.figures, self.frfs):
+            if folder is None:
+                continue
+            if not folder.is_dir():
+                what = f"{folder} is a file" if folder.exists() else f"there is no folder {folder}"
+                raise InputError(f"{what}, expected a folder for one file of each tool")
+            with input_errors():
+                check_target(folder / "NAME")
 
-    if name is None and len(read.cuts) != 1:
-        known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
-        raise InputError(f"--depths needs one cut, name it with --cut; {known}")
-    return ToolCut(read, name or next(iter(read.cuts)))
+    def protect_inputs(self, read: Campaign, targets: Targets) -> None:
+        """Raise `InputError` if a file that is read would be overwritten."""
+        table = read.table.catalogue
+        named = (table.tools, table.holders) if table is not None else ()
+        files = [read.file, *(one for one in (self.tools, self.holders) if one)]
+        files += [read.file.parent / name for name in named if name]
+        for path in files:
+            targets.protect(path, "read")
+            for option, target in self._tables:
+                if target.resolve() == path.resolve():
+                    raise InputError(f"{option} names {target}, which is read; give another file")
 
+    def tool_cut(self, read: Campaign) -> ToolCut | None:
+        """Return the cut for --depths."""
+        from receptance.catalogue import ToolCut
 
-def _read(read: Campaign, *given: Path | None) -> list[Path]:
-    """Return the files that are read."""
-    table = read.table.catalogue
-    files = (table.tools, table.holders) if table is not None else ()
-    folder = read.file.parent
-    return [read.file, *(one for one in given if one), *(folder / name for name in files if name)]
-
-
-def _document(read: Campaign, found: list[Reduced]) -> dict[str, Any]:
-    """Return the most flexible mode of each tool as what JSON holds."""
-    from receptance.provenance import versions
-    from receptance.report.plain import plain
-
-    names = ("frequency_hz", "damping_ratio", "dynamic_stiffness")
-    tools = [
-        {
-            "name": one.name,
-            "holder": one.holder,
-            "modes": one.modes,
-            "most_flexible": None
-            if one.values is None or one.interval is None
-            else {
-                name: {"value": value, "interval": ends}
-                for name, value, ends in zip(names, one.values, one.interval, strict=True)
-            },
-            "notes": one.notes,
-        }
-        for one in found
-    ]
-    document: dict[str, Any] = plain(
-        {
-            "campaign": read.title,
-            "file": read.file.name,
-            "level": read.table.prediction.level,
-            "tools": tools,
-            "notes": read.notes,
-            "versions": versions(),
-        }
-    )
-    return document
+        if self.depths is None:
+            return None
+        if self.cut is None and len(read.cuts) != 1:
+            known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
+            raise InputError(f"--depths needs one cut, name it with --cut; {known}")
+        return ToolCut(read, self.cut or next(iter(read.cuts)))
 
 
-def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> list[Reduced]:
-    from receptance.catalogue import Catalogue, predict_catalogue
-    from receptance.catalogue.cutting import write_depths
-    from receptance.catalogue.writing import file_names, reduced, write_modes
+def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> CatalogueSummary:
+    from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
+    from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
 
+    cut = wanted.tool_cut(read)
     chosen = Catalogue(read, wanted.tools, wanted.holders)
-    draws = read.table.stability.number_of_draws if wanted.cut else _DRAWS if wanted.figures else 0
+    draws = read.table.stability.number_of_draws if cut else _DRAWS if wanted.figures else 0
     predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed, progress=say)
     if wanted.out is not None:
         predictions = write_modes(wanted.out, predictions)
-    if wanted.depths is not None and wanted.cut is not None:
-        predictions = write_depths(wanted.depths, predictions, wanted.cut)
+    if wanted.depths is not None and cut is not None:
+        predictions = write_depths(wanted.depths, predictions, cut)
     if wanted.figures is not None or wanted.frfs is not None:
         names = file_names(row.name for row in chosen.tools)
-        predictions = _with_files(predictions, names, wanted.figures, wanted.frfs)
-    return list(reduced(predictions))
+        predictions = _write_files(predictions, names, wanted.figures, wanted.frfs)
+    tools = tuple(summaries(predictions))
+    return CatalogueSummary(
+        tools=tools,
+        level=read.table.prediction.level,
+        notes=tuple(dict.fromkeys([*read.notes, *(note for one in tools for note in one.notes)])),
+        provenance=read.provenance(),
+    )
 
 
-def _with_files(
+def _write_files(
     predictions: Iterator[ToolPrediction], names: dict[str, str], figures: Path | None, frfs: Path | None
 ) -> Iterator[ToolPrediction]:
-    """Write the files of each tool while predictions go through."""
+    """Write the figure and the FRF of each tool, and yield the predictions unchanged."""
     from receptance.catalogue.figure import draw_tool
-    from receptance.catalogue.writing import as_frf
+    from receptance.catalogue.results import as_frf
     from receptance.io import write
     from receptance.report.figure import as_image
 
@@ -217,43 +176,12 @@ def _with_files(
         yield one
 
 
-def _print_names(console: Console, found: list[Reduced]) -> None:
-    """Say which files belong to tools whose names no file can have."""
-    from receptance.catalogue.writing import file_names
+def _renamed_files(found: CatalogueSummary) -> str:
+    """Return a note on the tools whose names cannot be file names."""
+    from receptance.catalogue.results import file_names
 
-    others = [f"{tool} as {file}" for tool, file in file_names(one.name for one in found).items() if tool != file]
-    if others:
-        more = f", and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
-        text = f"note: names of files that are not those of their tools: {', '.join(others[:_SHOWN])}{more}"
-        console.print(Text(text), soft_wrap=True)
-
-
-def _interval(ends: NDArray[np.float64]) -> Cell:
-    """Return an interval of a logarithm; one over a factor of ten to either side says nothing."""
-    low, high = ends.tolist()
-    return (low, high) if high < _WIDE * low else SAYS_NOTHING
-
-
-def _print(console: Console, found: list[Reduced], seconds: float) -> None:
-    rows: list[list[Cell]] = []
-    for one in found[:_SHOWN]:
-        if one.values is None or one.interval is None:
-            rows.append([one.name, one.holder, "none", None, None, None, None, None])
-            continue
-        cells: list[Cell] = []
-        for value, ends, scale in zip(one.values.tolist(), one.interval, (1.0, 100.0, 1e-6), strict=True):
-            cells += [scale * value, _interval(scale * ends)]
-        rows.append([one.name, one.holder, *cells])
-    columns: list[Column | str] = ["tool", "holder"]
-    for name, unit, form in (
-        ("frequency", "Hz", ".0f"),
-        ("damping", "%", ".2f"),
-        ("dynamic stiffness", "N/\u00b5m", ".3g"),
-    ):
-        columns += [Column(name, unit, form), Column("interval", form=form)]
-    print_table(console, Table("The most flexible mode of each tool", columns, rows))
-    if len(found) > _SHOWN:
-        console.print(f"and {len(found) - _SHOWN} more", soft_wrap=True)
-    for note in dict.fromkeys(note for one in found[:_SHOWN] for note in one.notes):
-        console.print(Text(f"note: {note}"), soft_wrap=True)
-    console.print(f"{len(found)} tools in {seconds:.1f} s", soft_wrap=True)
+    names = file_names(one.name for one in found.tools)
+    others = [f"{tool} as {file}" for tool, file in names.items() if tool != file]
+    more = f", and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
+    text = f"note: tools whose files have another name: {', '.join(others[:_LISTED])}{more}"
+    return text if others else ""

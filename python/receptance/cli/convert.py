@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,55 +22,59 @@ _FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
 
 def convert(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A file with FRFs, coherences or time records.")],
+    source: Annotated[Path, typer.Argument(metavar="IN", help="File with FRFs, coherences or time records.")],
     target: Annotated[
         Path,
-        typer.Argument(metavar="OUT", help="Its ending says the format: .uff, .ufb, .csv, .npz, .mat, .h5, .frf."),
+        typer.Argument(metavar="OUT", help="Output file: .uff, .ufb, .csv, .npz, .mat, .h5 or .frf."),
     ],
     quantity: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="What the FRFs in IN are, where it does not say: receptance, mobility, ..."),
+        typer.Option(
+            metavar="NAME", help="Quantity of FRFs if IN does not state it: receptance, mobility or accelerance."
+        ),
     ] = None,
     unit: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="UNIT", help="Their unit, such as m/s^2/N; of time records CHANNEL=UNIT for each channel."
+            metavar="UNIT", help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel."
         ),
     ] = None,
     variable: Annotated[
         list[str] | None,
         typer.Option(
             metavar="ROLE=NAME",
-            help="For MAT, HDF5 and NPZ of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, CHANNEL=NAME.",
+            help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
+            "CHANNEL=NAME.",
         ),
     ] = None,
     columns: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="Header of a table that has none, its columns with commas between."),
+        typer.Option(metavar="NAMES", help="Header of a table without one, separated by commas."),
     ] = None,
     coherence: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Another file, with the coherence of the FRF.")
+        Path | None, typer.Option(metavar="FILE", help="Another file with the coherence of the FRF.")
     ] = None,
     ignore_coherence: Annotated[
-        bool, typer.Option("--ignore-coherence", help="Leave out the coherence of the FRFs.")
+        bool, typer.Option("--ignore-coherence", help="Ignore the coherence of the FRFs.")
     ] = False,
     sample_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Of time records, where IN does not say it or not exactly.")
+        float | None, typer.Option(metavar="HZ", help="Sample rate of time records if IN does not state it.")
     ] = None,
     form: Annotated[
         str | None, typer.Option("--as", metavar="NAME", help="Write FRFs as receptance, mobility or accelerance.")
     ] = None,
     number: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Write only the N-th measurement of IN, counted from 1.")
+        int | None, typer.Option(min=1, metavar="N", help="Number of the only measurement to write, from 1.")
     ] = None,
     source_format: Annotated[
-        str | None, typer.Option("--from", metavar="FORMAT", help=f"Format of IN, where it does not show: {_FORMATS}.")
+        str | None,
+        typer.Option("--from", metavar="FORMAT", help=f"Format of IN if its ending does not determine it: {_FORMATS}."),
     ] = None,
     target_format: Annotated[
-        str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT, where its ending does not say it.")
+        str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT if its ending does not determine it.")
     ] = None,
 ) -> None:
-    """Write the FRFs, coherences and time records of a file in another format."""
+    """Convert FRFs, coherences and time records to another file format."""
     from receptance.io import read_all, write
 
     if target.exists() and source.exists() and target.resolve() == source.resolve():
@@ -93,21 +97,21 @@ def convert(
     console = output()
     for thing in written:
         console.print(f"{thing!r}", soft_wrap=True)
-    told = [str(warning.message) for warning in caught if issubclass(warning.category, ReceptanceWarning)]
-    for note in dict.fromkeys([*told, *(note for thing in written for note in thing.notes)]):
+    notes = [str(warning.message) for warning in caught if issubclass(warning.category, ReceptanceWarning)]
+    for note in dict.fromkeys([*notes, *(note for thing in written for note in thing.notes)]):
         console.print(f"Note: {note}", soft_wrap=True)
     console.print(f"Written: {target}", soft_wrap=True)
 
 
 def _pairs(given: Sequence[str] | None, option: str, form: str) -> dict[str, str]:
-    """Return what stands before and after the last = of each; names may have one in them, units have none."""
+    """Return names and values, separated by the last =, because names may contain one and units do not."""
     found: dict[str, str] = {}
     for text in given or ():
         name, sign, value = text.rpartition("=")
         if not sign or not name or not value:
             raise InputError(f"{option} is {text!r}, expected {form}")
         if name in found:
-            raise InputError(f"{option} names {name!r} twice")
+            raise InputError(f"{option} is given twice for {name!r}, expected one")
         found[name] = value
     return found
 
@@ -124,12 +128,8 @@ def _chosen(found: list[Any], number: int | None) -> list[Any]:
     if number is None:
         return found
     if number > len(found):
-        raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, _first(found)))}")
+        raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
     return [found[number - 1]]
-
-
-def _first(found: Iterable[Any]) -> list[Any]:
-    return list(found)[:6]
 
 
 def _as_form(thing: FRF | TimeSeries | Coherence, form: str | None) -> Any:

@@ -1,4 +1,4 @@
-"""How commands run: their files, mistakes, progress and the terminal."""
+"""Files, errors, progress and terminal output of commands."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ __all__ = [
 
 _PIPE_WIDTH = 132
 _QUIET = 10.0
-"""Seconds without a line after which progress is printed in a pipe."""
+"""Seconds without output after which progress is printed to a pipe."""
 _SOON = 0.05
-"""Least seconds between two looks at how long nothing was printed."""
+"""Shortest interval in seconds at which the time without output is checked."""
 _Result = TypeVar("_Result")
 
 Json = Annotated[
@@ -51,47 +51,47 @@ Json = Annotated[
     typer.Option(
         "--json",
         metavar="FILE",
-        help="Write all results as JSON; - writes them to standard output, and the text to standard error.",
+        help="Write the results as JSON; with - to standard output, and the text to standard error.",
     ),
 ]
 Plot = Annotated[
     Path | None,
-    typer.Option("--plot", metavar="FILE", help="Save the figure; the ending says which format (png, pdf, svg)."),
+    typer.Option("--plot", metavar="FILE", help="Save the figure; its ending is the format: png, pdf, svg."),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of random numbers.")]
 
 
 _STANDARD_OUTPUT = Path("-")
 PROFILES = "profiles"
-"""What the name of the figure of profiles ends in."""
+"""End of the name of the figure with profiles."""
 
 
 class InputError(Exception):
-    """A mistake of the person, in words."""
+    """Wrong input, with a message for the user."""
 
 
 class InterruptedAnswer(Exception):  # noqa: N818
-    """An interruption after which an answer was given all the same; the message says so."""
+    """An interruption after which a preliminary result was printed."""
 
 
 @contextmanager
 def input_errors(*kinds: type[Exception]) -> Iterator[None]:
-    """What is raised in here is about what the person gave; by default ValueError, TypeError and OSError."""
+    """Convert errors to `InputError`; by default ValueError, TypeError and OSError."""
     expected = kinds or (ValueError, TypeError, OSError)
     try:
         yield
     except expected as error:
         text = str(error)
         if isinstance(error, OSError) and error.filename is not None and error.strerror:
-            text = f"{error.filename}: {error.strerror}"  # without the number that the system begins with
+            text = f"{error.filename}: {error.strerror}"  # without the error number
         raise InputError(text) from error
 
 
 class Targets:
-    """The files that a command was asked for; checked before the work, written together after it."""
+    """Output files of a command: checked before the work, and written together after it."""
 
-    beside: Path | None = None
-    """A second figure that was written beside the one asked for."""
+    profile_plot: Path | None = None
+    """Figure of profiles, written beside --plot."""
 
     def __init__(
         self, json_file: Path | None, plot: Path | None, report: Path | None = None, extended: Path | None = None
@@ -115,7 +115,7 @@ class Targets:
 
     @property
     def _asked(self) -> list[tuple[str, Path]]:
-        """Options and their files."""
+        """Options and their output files."""
         every = (
             ("--json", self.json_file),
             ("--plot", self.plot),
@@ -124,8 +124,8 @@ class Targets:
         )
         return [(option, path) for option, path in every if path is not None]
 
-    def keep_off(self, path: Path, what: str) -> None:
-        """Refuse to write over a file that is read."""
+    def protect(self, path: Path, what: str) -> None:
+        """Raise `InputError` if an output file is a file that is read."""
         second = [] if self.plot is None else [("--plot", _beside(self.plot, PROFILES))]
         for option, target in (*self._asked, *second):
             if target.resolve() == path.resolve():
@@ -139,7 +139,7 @@ class Targets:
         report: Callable[[], str] | None = None,
         extended: str | None = None,
     ) -> None:
-        """Write what was asked for, all of it or nothing; profiles as a figure of their own beside the other."""
+        """Write all output files or none; profiles become a second figure."""
         if extended is None:
             self.extended = None
         contents: dict[Path, bytes] = {}
@@ -158,11 +158,13 @@ class Targets:
             try:
                 contents[self.plot] = as_image(draw(), self.kind)
                 if profiles is not None:
-                    self.beside = _beside(self.plot, PROFILES)
-                    contents[self.beside] = as_image(profiles(), self.kind)
+                    self.profile_plot = _beside(self.plot, PROFILES)
+                    contents[self.profile_plot] = as_image(profiles(), self.kind)
             except BaseException:
-                # What was calculated is not lost with a figure that cannot be drawn.
-                contents = {path: content for path, content in contents.items() if path not in (self.plot, self.beside)}
+                # Results are written even if the figure cannot be drawn.
+                contents = {
+                    path: content for path, content in contents.items() if path not in (self.plot, self.profile_plot)
+                }
                 with input_errors():
                     write_whole(contents)
                 raise
@@ -180,30 +182,29 @@ class Targets:
         report: Callable[[], str] | None = None,
         extended: str | None = None,
     ) -> None:
-        """Write the files that were asked for, print the result with the tables of its data, and name the files."""
+        """Write the output files, print the result with the tables of its data, and print the names of the files."""
         from receptance.report.terminal import print_result
 
         self.write(result.to_dict(), result.plot, profiles, report, extended)
         console = self.console()
         print_result(console, result, measured)
-        self.name(console)
+        self.print_names(console)
 
     def console(self) -> Console:
-        """Return where the text for people goes: standard output, unless the JSON goes there."""
+        """Return the console for text: standard output, unless the JSON goes there."""
         return output(stderr=self.json_to_output)
 
-    def name(self, console: Console) -> None:
-        """Say what was written."""
-        if self.json_file is not None:
-            console.print(f"Results: {self.json_file}", soft_wrap=True)
-        if self.report is not None:
-            console.print(f"Report: {self.report}", soft_wrap=True)
-        if self.extended is not None:
-            console.print(f"Extended campaign: {self.extended}", soft_wrap=True)
-        if self.plot is not None:
-            console.print(f"Figure: {self.plot}", soft_wrap=True)
-        if self.beside is not None:
-            console.print(f"Figure: {self.beside}", soft_wrap=True)
+    def print_names(self, console: Console) -> None:
+        """Print the names of the files that were written."""
+        for name, path in (
+            ("Results", self.json_file),
+            ("Report", self.report),
+            ("Extended campaign", self.extended),
+            ("Figure", self.plot),
+            ("Figure", self.profile_plot),
+        ):
+            if path is not None:
+                console.print(f"{name}: {path}", soft_wrap=True)
 
 
 def _beside(path: Path, what: str) -> Path:
@@ -216,13 +217,13 @@ def _image_kind(plot: Path) -> str:
     kind = plot.suffix.removeprefix(".").lower()
     if kind not in image_formats():
         raise InputError(
-            f"cannot write {plot}: its ending must name a format of pictures: {', '.join(image_formats())}"
+            f"cannot write {plot}: expected an ending with a format of figures: {', '.join(image_formats())}"
         )
     return kind
 
 
-class _Visible:
-    """Something to print, with control characters written out: titles and names come from files of others."""
+class _Escaped:
+    """A renderable with escaped control characters, because titles and names come from data files."""
 
     def __init__(self, inner: RenderableType) -> None:
         self._inner = inner
@@ -235,29 +236,29 @@ class _Visible:
         return Measurement.get(console, options, self._inner)
 
 
-class _Harmless(RenderHook):
-    """Lets nothing act on the terminal but what this program does to it."""
+class _EscapeHook(RenderHook):
+    """Escapes control characters in everything that is printed."""
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        return [_Visible(one) if not isinstance(one, Control) else one for one in renderables]
+        return [_Escaped(one) if not isinstance(one, Control) else one for one in renderables]
 
 
 class _Output(Console):
-    """The standard output; a reader who has seen enough (`| head`) is no error."""
+    """Standard output; a closed pipe (`| head`) is no error."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        self.push_render_hook(_Harmless())
+        self.push_render_hook(_EscapeHook())
 
     def on_broken_pipe(self) -> None:
         self.quiet = True
-        # What is still buffered has nowhere to go, and Python would complain of it at the end.
+        # Discard the buffer, because Python reports an error if it cannot be flushed at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(0)
 
 
 def output(*, stderr: bool = False) -> Console:
-    """Return the standard output, or the error output; in a pipe as wide as COLUMNS says, and without colour."""
+    """Return standard output or standard error; to a pipe without colour, with the width COLUMNS."""
     console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr)
     if not console.is_terminal:
         asked = os.environ.get("COLUMNS", "")
@@ -269,8 +270,8 @@ def output(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def _now_and_then() -> Iterator[Callable[[str], None]]:
-    """Print the latest text and the time since the beginning where nothing was printed for a while."""
+def _printed_progress() -> Iterator[Callable[[str], None]]:
+    """Print the latest message and the elapsed time if nothing was printed for some seconds."""
     began = last = perf_counter()
     latest, lock, done = "", Lock(), Event()
 
@@ -287,12 +288,12 @@ def _now_and_then() -> Iterator[Callable[[str], None]]:
         latest = text
         print_if_quiet()
 
-    def keep_on() -> None:
-        # A step may take minutes.
+    def watch() -> None:
+        # A step without messages may take minutes.
         while not done.wait(max(_QUIET, _SOON)):
             print_if_quiet()
 
-    thread = Thread(target=keep_on, daemon=True)
+    thread = Thread(target=watch, daemon=True)
     thread.start()
     try:
         yield say
@@ -302,10 +303,10 @@ def _now_and_then() -> Iterator[Callable[[str], None]]:
 
 
 def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
-    """Do long work and show on the standard error what is being done: live on a terminal, else a line now and then."""
+    """Run long work and show its progress on standard error: live on a terminal, else a line every few seconds."""
     console = Console(stderr=True)
     if not console.is_terminal:
-        with _now_and_then() as say:
+        with _printed_progress() as say:
             return work(say)
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 

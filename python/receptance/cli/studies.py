@@ -23,7 +23,7 @@ DEMO_FIGURE = "receptance-demo.png"
 
 
 class _Studies(TyperGroup):
-    """Group of commands that answers an unknown study with the known ones."""
+    """Group of commands that lists the studies if one does not exist."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args and self.get_command(ctx, args[0]) is None:
@@ -33,17 +33,19 @@ class _Studies(TyperGroup):
 
 studies = typer.Typer(cls=_Studies, no_args_is_help=True, help="Reproduce a published study from its printed numbers.")
 
-Draws = Annotated[int, typer.Option(min=1, help="Simulations of the bias under chance.")]
+Draws = Annotated[int, typer.Option(metavar="N", min=1, help="Number of simulations of the chance model.")]
 Resolution = Annotated[
     float,
-    typer.Option("--resolution", metavar="HZ", help="Step of printed frequencies; ten times that from 10 kHz on."),
+    typer.Option(
+        "--resolution", metavar="HZ", help="Resolution of printed frequencies; ten times that from 10 kHz on."
+    ),
 ]
 Overhang = Annotated[float, typer.Option("--overhang-error", metavar="MM", help="Standard deviation of an overhang.")]
-Step = Annotated[int, typer.Option("--step", metavar="KN", min=1, max=2, help="Step of the drawbar force.")]
+Step = Annotated[int, typer.Option("--step", metavar="KN", min=1, max=2, help="Step of the drawbar force in kN.")]
 
 
 def demo(json_file: Json = None, plot: Plot = None) -> None:
-    """Run the ER32 study and save its figure in the current folder (or to --plot)."""
+    """Run the ER32 study and save its figure."""
     er32(json_file, plot or Path(DEMO_FIGURE))
 
 
@@ -56,7 +58,10 @@ def er32(
     draws: Draws = 300,
     seed: Seed = 0,
 ) -> None:
-    """The joint of an ER32 collet holder, Matthias et al. 2016 (doi 10.1016/j.cirpj.2016.02.005)."""
+    """Joint of an ER32 collet holder, Matthias et al. 2016.
+
+    doi 10.1016/j.cirpj.2016.02.005
+    """
     targets = Targets(json_file, plot)
     from receptance.studies import er32 as study
 
@@ -73,7 +78,7 @@ def er32(
 
 @studies.command()
 def bt50(json_file: Json = None, plot: Plot = None, step: Step = 1, seed: Seed = 0) -> None:
-    """A BT50 taper over drawbar force, Xu et al. 2012: its procedure on a virtual rig, and its errors."""
+    """BT50 taper over drawbar force, Xu et al. 2012, on a virtual rig."""
     targets = Targets(json_file, plot)
     from receptance.studies import bt50 as study
 
@@ -92,4 +97,4 @@ def _report(targets: Targets, found: dict[str, Any], sections: Sequence[Section]
         print_sentences(console, section.sentences)
     versions = ", ".join(f"{name} {value}" for name, value in found["versions"].items())
     print_sentences(console, [f"seed {found['settings']['seed']}; {versions}"])
-    targets.name(console)
+    targets.print_names(console)

@@ -16,7 +16,7 @@ from receptance.diagnosis.thresholds import (
     SEEN_VARIANCE,
     STRAINS_SHOWN,
 )
-from receptance.identification.floor import Floor
+from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
 
 __all__ = ["Adequacy", "MisfitBand", "Strain", "judge"]

@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from receptance.assembly import Assembly
-from receptance.beams import Part
 from receptance.diagnosis.boundary_causes import RESONATOR_PARAMETERS, resonances
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.fitting import Explored, explore
@@ -26,7 +24,9 @@ from receptance.diagnosis.thresholds import (
     TAPER_CYLINDERS,
 )
 from receptance.errors import ReceptanceError
-from receptance.joints import PointMass
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part
+from receptance.model.joints import PointMass
 
 if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation, Selection
@@ -183,7 +183,7 @@ def fit_alternatives(selection: Selection, threads: int | None, report: Progress
 
 
 def _changes_data(best: Explanation, model: Model) -> bool:
-    """Return whether an explanation says that the data are of another quantity, which no change of a structure does."""
+    """Return whether an explanation changes the quantity of the data, which no change of a structure does."""
     return any(
         one.changes_data for cause, name in best.steps for one in _list_variants(cause, model) if one.name == name
     )

@@ -1,6 +1,6 @@
-"""What the fitted models together say of another assembly: one prediction, and how far the others would move it.
+"""Prediction of another assembly by all fitted models: a mean and the spread between the models.
 
-An adequate model is not a proven one. A cause that these data hardly show has no evidence here and may still move
+An adequate model is not proven. A cause with a small effect on these data has no evidence and may still change
 another overhang, or a mode above the band; an interval from the fit of one model alone leaves that out. Each fitted
 model therefore counts with its probability, exp(evidence / 2) times what it had beforehand: one half for the base, the
 other half shared by the causes, and for two of them the product (Hoeting, Madigan, Raftery and Volinsky 1999, Bayesian
@@ -27,15 +27,15 @@ from receptance.identification.observations import MeasuredFrequencies, Measured
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.model.assembly import Assembly
 
 __all__ = ["Ensemble", "Target", "extension"]
 
 _RARE = 0.01
-"""A model that is less probable than this moves nothing."""
+"""Models below this probability are neglected."""
 _BEYOND = 1.1
 """Modes of the other models are looked for up to this many times the limit."""
 _SAME = 1e-6
@@ -43,7 +43,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """An assembly as the base model describes it, and what it is."""
+    """An assembly in the base model, and its name and conditions."""
 
     assembly: Assembly
     configuration: str = ""
@@ -88,7 +88,7 @@ class Ensemble:
 
     @cached_property
     def members(self) -> list[tuple[Explanation | None, float]]:
-        """Models and their probabilities, the base as None; those that hardly count are left out."""
+        """Models and their probabilities, the base as None; those of negligible probability are excluded."""
         explanations = [one for one in self._selection.explanations if not one.implausible]
         count = max(len({cause for one in explanations for cause in one.ids}), 1)
         logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
@@ -111,7 +111,7 @@ class Ensemble:
             try:
                 other, spread = self._predicted(one, self._identified(one), target, _BEYOND * upper_hz)
             except (ReceptanceError, ValueError):
-                continue  # it says nothing of this assembly
+                continue  # this assembly cannot be predicted with it
             if not other.size:
                 continue
             nearest = np.abs(other[None, :] - middle[:, None]).argmin(axis=1)
@@ -137,7 +137,7 @@ class Ensemble:
             fit = self._selection.base if one is None else one.fit
             promised = one is not None and self._selection.base.chi_square - fit.chi_square < one.gain - _SAME
             if promised:
-                # It was not worth a fit while causes were looked for.
+                # The search did not fit it.
                 fit = refit(fit.model, fit.values, threads=fit.task.threads)
             self._found[key] = fit.identification(self._seed)
         return self._found[key]

@@ -10,15 +10,15 @@ from typing import Literal
 
 import numpy as np
 
-from receptance.assembly import Assembly
-from receptance.beams import Part
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, named_elements
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.identification.laws import Move
 from receptance.identification.unknowns import Unknown
-from receptance.joints import GroundSpring, Resonator
-from receptance.modal_parts import ModalPart
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part
+from receptance.model.joints import GroundSpring, Resonator
+from receptance.model.terminals import ModalPart
 
 __all__ = ["BOUNDARY_CAUSES", "RESONATOR_PARAMETERS", "resonances"]
 
@@ -322,7 +322,7 @@ BOUNDARY_CAUSES = (
             Parameter(name="fading", unit="", lower=-5.0, upper=8.0, typical=0.0, secondary=True),
         ),
         change=_contact,
-        meaning="a part is held elsewhere along its contact than the model says: more at an end, or not at points",
+        meaning="a part is held elsewhere along its contact than modelled: more at an end, or not at points",
         remedy="blue the taper and spread the springs as it bears; mode shapes along the contact confirm it",
     ),
     Cause(

@@ -20,7 +20,7 @@ CATALOGUE: Mapping[str, Cause] = MappingProxyType(
 
 
 def resolve_causes(causes: Iterable[Cause | str] | None) -> tuple[Cause, ...]:
-    """Return causes given as objects or ids; None stands for the catalogue.
+    """Return causes given as objects or ids; None is the whole catalogue.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class Parameter:
     plausible : (float, float), optional
         Plausible range; by default the bounds.
     secondary : bool, optional
-        Whether it only says where or how the cause acts. It has no effect while the other parameters are null, and
+        Whether it only describes where or how the cause acts. It has no effect while the other parameters are null, and
         fits start from its typical value.
     prior : Prior, optional
         Prior distribution.
@@ -151,14 +151,14 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class CauseUnknown(Unknown):
-    """An unknown that a cause adds; `parameter` is the one that it stands for."""
+    """An unknown that a cause adds; `parameter` is the one that it represents."""
 
     parameter: Parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class CauseMove(Move):
-    """An unknown that a cause adds and that moves several model parameters; `parameter` is the one it stands for."""
+    """An unknown that a cause adds for several model parameters; `parameter` is the one that it represents."""
 
     parameter: Parameter
 
@@ -185,7 +185,7 @@ class Variant:
     large : bool
         Whether the change is so large that it is tried only where the model is inadequate.
     meaning, remedy : str
-        Replace those of the cause, where the variant knows more.
+        Replace those of the cause for this variant.
     """
 
     name: str
@@ -215,11 +215,11 @@ class Cause:
         Its parameters; the unknowns of its variants are made of these.
     change : callable
         Gets the parameters as a mapping by name, and a `Model`; yields a `Variant` for each way of acting. Raises
-        `UndecidableError` where the data cannot show the cause. It describes changes and fits nothing.
+        `UndecidableError` where the data cannot show the cause. It describes changes without a fit.
     meaning : str
         The cause in the words of the workshop.
     remedy : str
-        What the user can do about it.
+        Remedy for the user.
 
     Raises
     ------
@@ -230,7 +230,7 @@ class Cause:
     --------
     >>> from receptance.diagnosis import CATALOGUE
     >>> CATALOGUE["tool_density"].meaning
-    'the tool is heavier or lighter than its material says'
+    'the tool is heavier or lighter than its material implies'
     """
 
     id: str
@@ -323,6 +323,6 @@ class Step(NamedTuple):
         if not chosen and any(one.local for one in variants):
             raise IndescribableError(f"{self.cause.id} {self.variant}: the assembly has no such place")
         if not chosen and len({str(one.model.observations[0].assembly.parameters) for one in variants}) == 1:
-            # All variants change the structure alike; their names say what was measured in the diagnosed model.
+            # All variants change the structure equally; their names give the measured quantity in the diagnosed model.
             chosen = variants[:1]
         return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model

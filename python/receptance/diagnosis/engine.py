@@ -23,8 +23,8 @@ from receptance.diagnosis.selection import select
 from receptance.diagnosis.thresholds import EXPLORING_LINES, LOOK_ALIKE, MARGIN, VETOED_SHOWN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
+from receptance.identification.from_frf import UNUSED_COHERENCE
 from receptance.identification.laws import Tolerance
-from receptance.identification.measured import UNUSED_COHERENCE
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.result import Identification
 from receptance.identification.task import Observation

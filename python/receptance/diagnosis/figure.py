@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import COLOURS, PALE, finished, panels, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,21 +61,18 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     receptances = [i for i, one in enumerate(before) if np.iscomplexobj(one.measured)]
     frequencies = [i for i in range(len(before)) if i not in receptances]
     candidates = verdict.candidates[:_CANDIDATES]
-    panels = len(receptances[:_RECEPTANCES]) + bool(frequencies) + bool(candidates)
-    columns = min(panels, _COLUMNS)
-    rows = -(-panels // columns)
+    count = len(receptances[:_RECEPTANCES]) + bool(frequencies) + bool(candidates)
+    columns = min(count, _COLUMNS)
+    rows = -(-count // columns)
     figure = surface(ax, 0.8 + 4.6 * columns, 3.6 * rows + 0.7)
     title_left(figure, f"{verdict.title}: {verdict.verdict}")
-    axes = np.ravel(figure.subplots(rows, columns, squeeze=False))
-    used = iter(axes)
+    axes = iter(panels(figure, count, columns))
     for i in receptances[:_RECEPTANCES]:
-        _draw_receptance(next(used), before[i], after[i] if after else None)
+        _draw_receptance(next(axes), before[i], after[i] if after else None)
     if frequencies:
-        _draw_frequencies(next(used), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
+        _draw_frequencies(next(axes), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
     if candidates:
-        _draw_evidence(next(used), verdict)
-    for empty in used:
-        empty.set_visible(False)
+        _draw_evidence(next(axes), verdict)
     return finished(figure)
 
 

@@ -188,7 +188,7 @@ def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
     """Return the model fitted from its own starting values: in stages on few lines, then on all lines."""
     task = thin(model).task(threads)
     problem = task.problem()
-    # Not `identify`: where data contradict the model it enlarges their noise, and a diagnosis asks for the reason.
+    # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
     if all(isinstance(one, MeasuredFRF) for one in model.observations):
         starts = task.variables.draw(1, seed)
         runs = fit_staged(task, problem, starts, seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)

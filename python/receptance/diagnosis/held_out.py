@@ -29,7 +29,7 @@ from receptance.identification.task import Observation, place_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
+    from receptance.model.assembly import Assembly
 
 __all__ = [
     "FREQUENCIES",
@@ -314,7 +314,7 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
 
 def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]], float]) -> tuple[float, float]:
     """Return the 95 % interval of a function of the folds by the jackknife; infinite for one fold."""
-    from receptance.identification.spread import quantile
+    from receptance.identification.covariance import confidence_multiplier
 
     count = len(table)
     if not np.any(table[:, 0] != table[:, 1]):
@@ -323,7 +323,7 @@ def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]],
         return -math.inf, math.inf
     left = [value(np.delete(table, i, axis=0)) for i in range(count)]
     pseudo = count * value(table) - (count - 1) * np.array(left)
-    reach = quantile(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
+    reach = confidence_multiplier(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
     middle = float(np.mean(pseudo))
     return middle - reach, middle + reach
 

@@ -8,10 +8,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from receptance.assembly import Assembly
-from receptance.beams import Part, Section
-from receptance.collet import ColletJoint
-from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, named_elements
 from receptance.diagnosis.thresholds import COLLET_GYRATION, SAME_PLACE, SHORTEST_SPREAD, VARIED
@@ -19,8 +15,11 @@ from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation
 from receptance.identification.unknowns import covered
-from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
-from receptance.spread import SpreadJoint
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part, Section
+from receptance.model.coordinates import Coordinate
+from receptance.model.distributed import SpreadJoint
+from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
 __all__ = ["JOINT_CAUSES", "overhang_of"]
 

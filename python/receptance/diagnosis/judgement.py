@@ -43,7 +43,7 @@ def conclude(selection: Selection) -> Judgement:
     """Return the answer.
 
     1. If no cause gains more evidence than chance, the base is adequate if it passes the test of adequacy, else
-       unexplained. With fewer than three degrees of freedom it passes whatever it lacks: undecided.
+       unexplained. With fewer than three degrees of freedom every model passes: undecided.
     2. Only adequate explanations are considered; if there is none: unexplained.
     3. All within the margin of the highest evidence are reported, except those that only add causes to another one of
        them, or that add a negligible cause to any other.

@@ -10,7 +10,6 @@ from typing import Literal, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import (
@@ -27,7 +26,8 @@ from receptance.diagnosis.thresholds import (
 from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.task import Observation, place_of
-from receptance.joints import GroundSpring, PointMass
+from receptance.model.coordinates import Coordinate
+from receptance.model.joints import GroundSpring, PointMass
 from receptance.units import FORMS
 
 __all__ = ["MEASUREMENT_CAUSES", "truncation_time"]

@@ -8,19 +8,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from receptance._addresses import edges_of, place_on
-from receptance._placing import places_of
-from receptance.assembly import Assembly
-from receptance.beams import Part
-from receptance.collet import ColletJoint
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.residuals import Unit
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown, covered
-from receptance.joints import GroundSpring, PointJoint, PointMass, Resonator
-from receptance.spread import SpreadJoint
+from receptance.model.addresses import edges_of, place_on, points_of
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part
+from receptance.model.distributed import SpreadJoint
+from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
 __all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "named_elements", "places_on", "with_points"]
 
@@ -29,11 +27,11 @@ _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 
 class UndecidableError(Exception):
-    """The data cannot show a cause; the message says which data are missing."""
+    """The data cannot show a cause; the message names the missing data."""
 
 
 class IndescribableError(UndecidableError, ValueError):
-    """A cause cannot be described for an assembly or a place; the message says which."""
+    """A cause cannot be described for an assembly or a position; the message names it."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +282,7 @@ def places_on(one: Observation, part: str) -> Iterator[float]:
     coordinates = (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
     own = [place_on(elements, "coordinate", place.part, place.position) for place in coordinates]
     for name, point in one.assembly.attachments.items():
-        carrier, points = places_of(elements, name, point)
+        carrier, points = points_of(elements, name, point)
         own += [(carrier, x) for x in points]
     yield from (x for carrier, x in own if carrier == part and x != end)
 

@@ -9,8 +9,6 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
-from receptance._addresses import edges_of
-from receptance.assembly import Assembly
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, places_on
 from receptance.diagnosis.thresholds import (
@@ -26,7 +24,9 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.identification.task import place_of
 from receptance.identification.unknowns import Prior, covered
-from receptance.joints import PointMass
+from receptance.model.addresses import edges_of
+from receptance.model.assembly import Assembly
+from receptance.model.joints import PointMass
 
 __all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]
 
@@ -306,7 +306,7 @@ PART_CAUSES = (
         group="structure",
         parameters=(_factor("log_density", 0.01, 0.1),),
         change=_tool_density,
-        meaning="the tool is heavier or lighter than its material says",
+        meaning="the tool is heavier or lighter than its material implies",
         remedy="weigh the blank",
     ),
     Cause(
@@ -327,7 +327,7 @@ PART_CAUSES = (
             Parameter(name="mass", unit="kg", lower=0.0, upper=5.0, typical=0.03, plausible=(0.0, 1.0)),
         ),
         change=_holder_inertia,
-        meaning="the holder is heavier or lighter than the model says",
+        meaning="the holder is heavier or lighter than modelled",
         remedy="weigh the holder with everything that is screwed to it",
     ),
     Cause(
@@ -335,7 +335,7 @@ PART_CAUSES = (
         group="structure",
         parameters=(_factor("log_modulus", 0.02, 0.1),),
         change=_holder_modulus,
-        meaning="the holder is stiffer or softer than the model says",
+        meaning="the holder is stiffer or softer than modelled",
         remedy="measure the holder alone, free-free",
     ),
     Cause(
@@ -352,7 +352,7 @@ PART_CAUSES = (
         group="structure",
         parameters=(Parameter(name="poisson_ratio", unit="", lower=-1.3, upper=1.5, typical=0.05),),
         change=_shear,
-        meaning="the beams shear more or less than the model says",
+        meaning="the beams shear more or less than modelled",
         remedy="use the shear modulus and the shear coefficient of the section",
     ),
     Cause(
@@ -362,7 +362,7 @@ PART_CAUSES = (
             Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")
         ),
         change=_other_material,
-        meaning="the tool is of another material than the model says",
+        meaning="the tool is of another material than modelled",
         remedy="weigh the tool: its density distinguishes the materials",
     ),
 )

@@ -1,8 +1,8 @@
-"""Measurements that could be taken, simulated: how far one would tell the reported explanations apart.
+"""Simulated measurements: how much of the evidence for an explanation one more measurement would remove.
 
-If an explanation is the truth, another one is fitted to the new data together with those that are there, on few lines;
-what is asked is by how much its chi-square grows. Noise is left out of the new data, and counts in their weights: the
-answer is an expectation.
+If one explanation is true, another one is fitted to the new data together with the existing ones, on few lines. The
+result is the increase of its chi-square. The new data are noise-free, and noise is in their weights: the increase is an
+expectation.
 """
 
 from __future__ import annotations
@@ -10,57 +10,94 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from receptance.assembly import Assembly
-from receptance.coordinates import Coordinate
 from receptance.diagnosis.causes import Step, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.foresight import Foresight, with_causes
+from receptance.diagnosis.foresight import with_causes
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, with_points
 from receptance.errors import ReceptanceError
-from receptance.identification.floor import Floor
+from receptance.identification.candidates import Candidate
+from receptance.identification.from_frf import Floor
 from receptance.identification.laws import Tolerance
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance.identification.mapping import Place
+from receptance.identification.new_observations import NewObservations, information_root
+from receptance.identification.observations import MeasuredFRF
 from receptance.identification.residuals import InfeasibleError
-from receptance.identification.task import Observation, place_of
+from receptance.identification.task import place_of
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
-    "Alone",
-    "FRFAgain",
-    "Known",
+    "DirectMeasurement",
+    "Hypothetical",
     "Measurement",
     "Rival",
+    "SimulatedMeasurement",
+    "assembly_again",
     "at_the_nose",
-    "nothing",
+    "base_explanation",
+    "holder_alone",
     "other_force",
     "other_overhang",
-    "same_again",
+    "tool_alone",
 ]
 
 _LINES = 150
+"""Lines of each receptance of the fits."""
 _QUANTITY = 1e3
-"""Chi-square that another quantity costs where a known mass is measured."""
+"""Increase of chi-square by a wrong quantity where a known mass is measured."""
 _RESOLUTION = 1e-3
 """Standard deviation of natural frequencies of a part alone, as a share."""
 _MODES = 3
+"""Number of natural frequencies of a part alone."""
 _HIGHEST = 2e4
+"""Highest natural frequency of a part alone in Hz."""
+_LONGER = 1.3
+"""A longer overhang, as a multiple of the longest one that was measured."""
+_HARDER = 3.0
+"""A higher force, as a multiple of the highest one that was measured."""
 _NEW = "measured next"
+"""Label and configuration of the simulated measurement."""
 
 
-def nothing(selection: Selection) -> Explanation:
-    """Return that no cause acts."""
+def base_explanation(selection: Selection) -> Explanation:
+    """Return the explanation without causes."""
     return Explanation((), selection.base, 0.0, 0.0)
+
+
+class Hypothetical(NamedTuple):
+    """A hypothetical measurement in the view of an explanation.
+
+    Attributes
+    ----------
+    candidate : Candidate
+        The measurement.
+    steps : tuple of Step
+        Causes that act on it and are not part of its assembly.
+    """
+
+    candidate: Candidate
+    steps: tuple[Step, ...]
+
+    def extend(self, base: Model, data: NDArray[Any] | None = None) -> Model:
+        """Return it with its causes as the only observation of a model, on few lines where it has data."""
+        observation = self.candidate.observation(data)
+        model = replace(base, observations=(observation,), tolerances=self.candidate.tolerances)
+        return with_causes(model if data is None else thin(model, _LINES), self.steps)
 
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """An explanation that is left, and what it makes of few lines."""
+    """One of the remaining explanations, and its fit on few lines."""
 
     explanation: Explanation
     base: Model
@@ -74,60 +111,68 @@ class Rival:
     def sizes(self) -> dict[str, tuple[float, float]]:
         """Sizes of its causes and their standard errors."""
         fit = self.explanation.fit
-        low, high = fit.task.variables.limits
-        normal = fit.jacobian.T @ fit.jacobian + np.diag(12.0 / (high - low) ** 2)
-        scale = np.sqrt(np.diag(normal))
-        variance = np.diag(np.linalg.inv(normal / np.outer(scale, scale))) / scale**2
-        slopes = fit.task.variables.slopes(np.array(list(fit.values.values())))
-        spreads = dict(zip(fit.values, np.sqrt(np.maximum(variance, 0.0)) * slopes, strict=True))
+        variables = fit.task.variables
+        inverse = np.linalg.inv(information_root(fit.jacobian, variables))
+        slopes = variables.slopes(np.array(list(fit.values.values())))
+        spreads = dict(zip(fit.values, np.linalg.norm(inverse, axis=1) * slopes, strict=True))
         causes = [cause for cause, _ in self.explanation.steps]
         return {n: (v, float(spreads[n])) for cause in causes for n, v in self.explanation.sizes(cause).items()}
 
-    def predicts(self, new: Observation, tolerances: tuple[Tolerance, ...], without: frozenset[str]) -> np.ndarray:
-        """Return the residual of an observation where the fit on few lines ended, without what some causes do."""
-        fit, steps = _freed(self.explanation, self.few, without)
-        model = replace(self.base, observations=(new,), tolerances=tolerances)
-        return Foresight(fit, with_causes(model, steps)).unfitted[0]
+    def simulate(self, seen: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
+        """Return the noise-free data of a measurement; causes with the ids `absent` do not act on it."""
+        fit = self.few
+        nulls = {
+            name: self.explanation.parameters[name].null
+            for cause, _ in self.explanation.steps
+            if cause.id in absent
+            for name in self.explanation.sizes(cause)
+        }
+        values = np.array([nulls.get(name, value) for name, value in fit.values.items()])
+        x = fit.task.variables.from_values(values) if nulls else fit.x
+        model = seen.extend(self.base)
+        (one,) = model.observations
+        (data,) = NewObservations(fit.task.parameters, [one], [model.tolerances]).calculated(x)
+        # A cause that changes the quantity of the data has changed the placeholder data.
+        return data / one.receptance if isinstance(one, MeasuredFRF) else data
 
-    def answers(self, new: Observation, tolerances: tuple[Tolerance, ...], without: frozenset[str]) -> float:
-        """Return by how much chi-square grows where it is fitted to one more observation."""
-        steps = tuple(step for step in self.explanation.steps if step[0].id not in without)
-        # What all observations have, the fit has already.
-        particular = tuple(one for one in tolerances if one.configurations is not None)
-        added = with_causes(replace(self.base, observations=(new,), tolerances=particular), steps)
+    def chi_square_increase(self, seen: Hypothetical, data: NDArray[Any], absent: frozenset[str]) -> float:
+        """Return the increase of chi-square where one more measurement is fitted as well."""
         few = self.few.model
-        before = tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(few.observations)))
+        added = seen.extend(self.base, data)
+        fitted = tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(few.observations)))
         parameters = parameters_of(few.unknowns)
         unknowns = tuple(
-            replace(unknown, configurations=unknown.configurations or before)
-            if unknown.name in parameters and parameters[unknown.name].cause in without
+            replace(unknown, configurations=unknown.configurations or fitted)
+            if unknown.name in parameters and parameters[unknown.name].cause in absent
             else unknown
             for unknown in few.unknowns
         )
+        # The fit already has the errors that all observations share.
+        particular = tuple(one for one in added.tolerances if one.configurations is not None)
         joint = replace(
             few,
             observations=(*few.observations, *added.observations),
             unknowns=unknowns,
-            tolerances=(*few.tolerances, *added.tolerances),
+            tolerances=(*few.tolerances, *particular),
         )
         return max(refit(joint, self.few.values).chi_square - self.few.chi_square, 0.0)
 
 
 class Measurement(Protocol):
-    """Something that can be simulated."""
+    """A measurement that can be simulated."""
 
     def apart(self, truth: Rival, other: Rival) -> float:
-        """Return by how much chi-square of another explanation grows if one is true; zero where it does not apply."""
+        """Return the increase of chi-square of another explanation if one is true; zero where it does not apply."""
 
 
 @dataclass(frozen=True)
-class Known:
-    """Sizes of causes measured by themselves: a weight, a length, a gain.
+class DirectMeasurement:
+    """A direct measurement of the sizes of causes: a weight, a length, a gain.
 
     Attributes
     ----------
     accuracy : dict of str to float
-        By parameter ("sensor_mass.mass"): standard deviation of the measurement in SI units.
+        Standard deviation of the measurement in SI units, by parameter ("sensor_mass.mass").
     presence : frozenset of str
         Ids of causes without a size that it shows as well.
     """
@@ -145,26 +190,27 @@ class Known:
                 continue
             null = parameters[name].null
             true, _ = truth.sizes.get(name, (null, 0.0))
-            said, spread = other.sizes.get(name, (null, 0.0))
-            found += (true - said) ** 2 / (accuracy**2 + spread**2)
+            expected, spread = other.sizes.get(name, (null, 0.0))
+            found += (true - expected) ** 2 / (accuracy**2 + spread**2)
         return found
 
 
 @dataclass(frozen=True)
-class FRFAgain:
-    """One FRF more, at another place, under another condition, or without what a cause does.
+class SimulatedMeasurement:
+    """One more FRF, or natural frequencies of a part alone.
 
     Attributes
     ----------
-    change : callable
-        Gets the model and the number of an FRF that was measured; returns the one that would be, or None.
+    describe : callable
+        Gets the base model and the causes that act on the measurement, and returns the measurement; None where the
+        model does not have it.
     without : frozenset of str
-        Ids of causes of which it is certainly free, which is why it is done.
+        Ids of the causes that the measurement excludes, and for which it is made.
     elsewhere : frozenset of str
-        Ids of causes that act only where hits were before.
+        Ids of causes that act only at the places that were hit before.
     """
 
-    change: Callable[[Model, int], MeasuredFRF | None]
+    describe: Callable[[Model, tuple[Step, ...]], Hypothetical | None]
     without: frozenset[str] = frozenset()
     elsewhere: frozenset[str] = frozenset()
 
@@ -172,161 +218,137 @@ class FRFAgain:
         """See `Measurement`."""
         if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
             return 0.0
-        base = truth.base
-        index = next((i for i, one in enumerate(base.observations) if isinstance(one, MeasuredFRF)), None)
-        wanted = None if index is None else self.change(base, index)
-        if index is None or wanted is None:
-            return 0.0
-        own = _tolerances_of_new(base, index, anew=self.change is other_overhang)
-        blank = altered(wanted, receptance=np.ones(wanted.frequency_hz.size, dtype=np.complex128))
-        blank = altered(blank, configuration=_NEW, label=_NEW)
+        absent = self.without | self.elsewhere
         try:
-            spread = np.asarray(blank.standard_deviation)
-            real, imaginary = truth.predicts(blank, own, self.without | self.elsewhere).reshape(2, -1) * spread
-            values = np.exp(-real - 1j * imaginary)
-            variance = np.square(spread) + Floor().variance(blank.frequency_hz.real, values)
-            data = altered(blank, receptance=values, standard_deviation=np.sqrt(variance))
-            (fewer,) = thin(replace(base, observations=(data,)), _LINES).observations
-            return other.answers(fewer, own, self.without | self.elsewhere)
-        except (InfeasibleError, ReceptanceError, ValueError):
-            return 0.0
-
-
-@dataclass(frozen=True)
-class Alone:
-    """Natural frequencies of the tool or of the holder alone, hanging free."""
-
-    side: str
-
-    def apart(self, truth: Rival, other: Rival) -> float:
-        """See `Measurement`."""
-        base = truth.base
-        index = max(range(len(base.observations)), key=lambda i: _length_of(base, i))
-        if not getattr(base.anatomies[index], self.side):
-            return 0.0
-        own = _tolerances_of_new(base, index, anew=False)
-        try:
-            given, said = (self._seen(base, index, one.explanation) for one in (truth, other))
-            if given.modes != said.modes:
+            given, seen = (self._seen(one, absent) for one in (truth, other))
+            if given is None or seen is None or given.candidate.modes != seen.candidate.modes:
                 return 0.0
-            residual = Foresight(truth.few, replace(base, observations=(given,), tolerances=own)).unfitted
-            data = given.frequency_hz * (1.0 + _RESOLUTION * residual[0])
-            answered = altered(said, frequency_hz=data, standard_deviation_hz=_RESOLUTION * data)
-            few = other.few.model
-            particular = tuple(one for one in _there(own, answered) if one.configurations is not None)
-            joint = replace(few, observations=(*few.observations, answered), tolerances=(*few.tolerances, *particular))
-            return max(refit(joint, other.few.values).chi_square - other.few.chi_square, 0.0)
+            return other.chi_square_increase(seen, truth.simulate(given, absent), absent)
         except (InfeasibleError, ReceptanceError, ValueError):
             return 0.0
 
-    def _seen(self, base: Model, index: int, explanation: Explanation) -> MeasuredFrequencies:
-        """Return what would be observed of the side alone as an explanation has it."""
-        one = base.observations[index]
-        names = getattr(base.anatomies[index], self.side)
-        whole = with_causes(replace(base, observations=(one,)), explanation.steps).observations[0].assembly
-        own = [
-            replace(point, name=name)
-            for name, point in whole.attachments.items()
-            # What causes hang on the tool is there only when it is measured, or clamped.
-            if self.side == "holder" and point.part in names and name not in one.assembly.attachments
-        ]
-        alone = with_points(Assembly([whole.elements[name] for name in names]), *own)
-        frequencies = alone.natural_frequencies(_HIGHEST)[:_MODES]
-        return MeasuredFrequencies(
-            assembly=alone,
-            frequency_hz=frequencies,
-            standard_deviation_hz=_RESOLUTION * frequencies,
-            label=_NEW,
-            configuration=_NEW,
-            conditions=one.conditions,
-        )
+    def _seen(self, rival: Rival, absent: frozenset[str]) -> Hypothetical | None:
+        return self.describe(rival.base, tuple(step for step in rival.explanation.steps if step[0].id not in absent))
 
 
-def _tolerances_of_new(base: Model, index: int, *, anew: bool) -> tuple[Tolerance, ...]:
-    """Return the errors of what is measured next: those of a measurement taken, or new ones of the same size."""
-    place = place_of(base.observations[index], index)
-    found = []
-    for one in base.tolerances:
-        if place.among(one.configurations, one.labels):
-            particular = one.configurations is not None or one.labels is not None
-            name = f"{one.name}, {_NEW}" if anew and particular and _of_overhang(base, index, one) else one.name
-            found.append(replace(one, name=name, configurations=(_NEW,), labels=None) if particular else one)
-    return tuple(found)
+def assembly_again(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return the first FRF once more."""
+    index = _first_frf(model)
+    return None if index is None else Hypothetical(_frf(model, index), steps)
 
 
-def _of_overhang(base: Model, index: int, tolerance: Tolerance) -> bool:
-    anatomy = base.anatomies[index]
-    return bool(anatomy.joint) and overhang_of(base.observations[index].assembly, anatomy) in tolerance.moves
+def at_the_nose(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return a direct FRF at the nose of the holder."""
+    index = _first_frf(model)
+    if index is None or not model.anatomies[index].holder:
+        return None
+    nose = Coordinate(model.anatomies[index].holder[0], 0.0)
+    return Hypothetical(_frf(model, index, response=nose, excitation=nose), steps)
 
 
-def _there(tolerances: tuple[Tolerance, ...], one: Observation) -> tuple[Tolerance, ...]:
-    """Return tolerances of what an observation has."""
-    place = place_of(one, 0)
-    found = []
-    for tolerance in tolerances:
-        moves = {address: size for address, size in tolerance.moves.items() if place.covered(address)}
-        found += [replace(tolerance, moves=moves)] if moves else []
-    return tuple(found)
+def other_overhang(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return an FRF at a longer overhang than all that were measured, with a clamping of its own."""
+    index = _first_frf(model)
+    if index is None or not model.anatomies[index].joint:
+        return None
+    one = model.observations[index]
+    address = overhang_of(one.assembly, model.anatomies[index])
+    longest = max(one.assembly.get(address) for one in model.observations if address in one.assembly.parameters)
+    longer = _LONGER * longest
+    tolerances = tuple(
+        replace(error, name=f"{error.name}, {_NEW}") if error.configurations and address in error.moves else error
+        for error in _tolerances_of_new(model, index)
+    )
+    conditions = {name: longer if name in ("overhang", address) else x for name, x in one.conditions.items()}
+    assembly = one.assembly.replace({address: longer})
+    return Hypothetical(_frf(model, index, assembly=assembly, conditions=conditions, tolerances=tolerances), steps)
 
 
-def _freed(one: Explanation, fit: Fit, without: frozenset[str]) -> tuple[Fit, tuple[Step, ...]]:
-    """Return an explanation without causes: its fit with these at their null, and the others."""
-    gone = [cause for cause, _ in one.steps if cause.id in without]
-    if not gone:
-        return fit, one.steps
-    nulls = {name: one.parameters[name].null for cause in gone for name in one.sizes(cause)}
-    values = np.array([nulls.get(name, value) for name, value in fit.values.items()])
-    kept = tuple(step for step in one.steps if step[0].id not in without)
-    return replace(fit, x=fit.task.variables.from_values(values)), kept
+def other_force(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return an FRF at a higher force than all that were measured."""
+    index = _first_frf(model)
+    levels = [one.conditions["force"] for one in model.observations if "force" in one.conditions]
+    if index is None or not levels:
+        return None
+    conditions = {**model.observations[index].conditions, "force": _HARDER * max(levels)}
+    return Hypothetical(_frf(model, index, conditions=conditions), steps)
 
 
-def same_again(model: Model, index: int) -> MeasuredFRF | None:
-    """Return the same FRF once more."""
-    return _frf(model, index)
+def tool_alone(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the tool with the longest overhang alone, free-free."""
+    return _alone(model, "tool", steps)
 
 
-def _frf(model: Model, index: int) -> MeasuredFRF:
+def holder_alone(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the holder alone, free-free."""
+    return _alone(model, "holder", steps)
+
+
+def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the parts on one side of the joint, with the causes in their assembly."""
+    index = max(range(len(model.observations)), key=lambda i: _overhang(model, i))
+    one, names = model.observations[index], getattr(model.anatomies[index], side)
+    if not names:
+        return None
+    whole = with_causes(replace(model, observations=(one,)), steps).observations[0].assembly
+    own = [
+        replace(point, name=name)
+        for name, point in whole.attachments.items()
+        # Masses that causes attach to the tool are there only while it is measured or clamped.
+        if side == "holder" and point.part in names and name not in one.assembly.attachments
+    ]
+    assembly = with_points(Assembly([whole.elements[name] for name in names]), *own)
+    frequencies = assembly.natural_frequencies(_HIGHEST)[:_MODES]
+    place = Place(assembly)
+    tolerances = []
+    for error in _tolerances_of_new(model, index):
+        moves = {address: size for address, size in error.moves.items() if place.covered(address)}
+        tolerances += [replace(error, moves=moves)] if moves else []
+    candidate = Candidate(
+        label=_NEW,
+        assembly=assembly,
+        modes=tuple(range(1, frequencies.size + 1)),
+        standard_deviation_hz=_RESOLUTION * frequencies,
+        tolerances=tuple(tolerances),
+        conditions=one.conditions,
+    )
+    return Hypothetical(candidate, ())
+
+
+def _first_frf(model: Model) -> int | None:
+    return next((i for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)), None)
+
+
+def _frf(model: Model, index: int, **changes: Any) -> Candidate:
+    """Return an FRF like one that was measured, with changes."""
     one = model.observations[index]
     assert isinstance(one, MeasuredFRF)
-    spread = np.full(one.frequency_hz.size, float(np.median(np.asarray(one.standard_deviation))))
-    return altered(one, standard_deviation=spread, correlated_lines=np.ones_like(spread), force=None)
+    fields: dict[str, Any] = {
+        "assembly": one.assembly,
+        "response": one.response,
+        "excitation": one.excitation,
+        "conditions": one.conditions,
+        "tolerances": _tolerances_of_new(model, index),
+    }
+    return Candidate(
+        label=_NEW,
+        frequency_hz=one.frequency_hz,
+        standard_deviation=float(np.median(np.asarray(one.standard_deviation))),
+        floor=Floor(),
+        **(fields | changes),
+    )
 
 
-def at_the_nose(model: Model, index: int) -> MeasuredFRF | None:
-    """Return a direct FRF at the holder's nose."""
-    anatomy = model.anatomies[index]
-    if not anatomy.holder:
-        return None
-    nose = Coordinate(anatomy.holder[0], 0.0)
-    return altered(_frf(model, index), response=nose, excitation=nose)
+def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:
+    """Return the errors of an observation as those of the new measurement."""
+    place = place_of(model.observations[index], index)
+    own = [one for one in model.tolerances if place.among(one.configurations, one.labels)]
+    return tuple(
+        one if one.configurations is None and one.labels is None else replace(one, configurations=(_NEW,), labels=None)
+        for one in own
+    )
 
 
-def other_overhang(model: Model, index: int) -> MeasuredFRF | None:
-    """Return an FRF at an overhang longer than all that were measured, of a clamping of its own."""
-    anatomy = model.anatomies[index]
-    if not anatomy.joint:
-        return None
-    address = overhang_of(model.observations[index].assembly, anatomy)
-    lengths = [one.assembly.get(address) for one in model.observations if address in one.assembly.parameters]
-    longer = 1.3 * max(lengths)
-    one = _frf(model, index)
-    conditions = {**one.conditions}
-    for name in ("overhang", address):
-        if name in conditions:
-            conditions[name] = longer
-    assembly = one.assembly.replace({address: longer})
-    return altered(one, assembly=assembly, conditions=conditions)
-
-
-def other_force(model: Model, index: int) -> MeasuredFRF | None:
-    """Return an FRF at three times the highest force level."""
-    levels = [one.conditions["force"] for one in model.observations if "force" in one.conditions]
-    if not levels:
-        return None
-    one = _frf(model, index)
-    return altered(one, conditions={**one.conditions, "force": 3.0 * max(levels)})
-
-
-def _length_of(model: Model, index: int) -> float:
+def _overhang(model: Model, index: int) -> float:
     anatomy, one = model.anatomies[index], model.observations[index]
     return one.assembly.get(overhang_of(one.assembly, anatomy)) if anatomy.joint else 0.0

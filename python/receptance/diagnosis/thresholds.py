@@ -93,7 +93,7 @@ ROOTS = 3
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 RESTARTED = 8
-"""Explanations by several causes that are fitted level by level where nothing explains the data."""
+"""Explanations by several causes that are fitted level by level if no cause explains the data."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
 SETTLED = 1e-9
@@ -107,7 +107,7 @@ IDLE = 10.0
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
-BEHIND plus this share of what the best one gains."""
+BEHIND plus this share of the gain of the best one."""
 
 # Alternatives that are not causes.
 

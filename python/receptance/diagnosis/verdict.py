@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
     from receptance.diagnosis.adequacy import Adequacy
     from receptance.diagnosis.by_mode import Bias, ModeResidual
     from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
 
 __all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Verdict"]
@@ -245,7 +245,7 @@ class Verdict(Result):
         return self.gains[0] if self.gains else None
 
     def interrupt(self, position: Mapping[str, float], *, tried: bool) -> Verdict:
-        """Return the verdict of an interrupted diagnosis; `tried` says whether all causes had been tried."""
+        """Return the verdict of an interrupted diagnosis; `tried` is true if all causes had been tried."""
         note = (
             f"interrupted after {position['seconds']:.0f} s in step {position['step']} of about "
             f"{position['of_about']}: this answer is not final"
@@ -373,13 +373,13 @@ class Verdict(Result):
         if self.final or self.selection.base.converged:
             lines.append(f"misfit: {self.adequacy.misfit:.2f} times what noise and floor explain{left}")
         else:
-            lines.append("the base model is not fitted yet, so nothing is known of causes")
-        times = wording.wanting(self) if self.final else None
+            lines.append("the base model is not fitted yet, so no cause was tried")
+        times = wording.deviation_factor(self) if self.final else None
         if self.verdict == "unexplained" and times is not None:
             lines.append(f"the model would be adequate if all standard deviations were {times:.2g} times as large")
         lines += wording.on_causes(self)
         if self.ambiguous_between:
-            lines.append(f"cannot be told apart: {', '.join(self.ambiguous_between)}")
+            lines.append(f"indistinguishable: {', '.join(self.ambiguous_between)}")
         if self.bias is not None:
             lines.append(f"held out: {self.bias}")
         if self.next_measurement is not None:
@@ -439,8 +439,8 @@ class Verdict(Result):
             "candidate, alone",
             Column("evidence", form="+.1f"),
             Column("misfit left", form=".2f"),
-            Column("held out\nif believed", form=".3g"),
-            "but",
+            Column("held out\nwith it", form=".3g"),
+            "remarks",
         )
         return Table("Candidates, each alone", columns, rows).without_empty()
 

@@ -1,4 +1,4 @@
-"""Parts of a verdict in words."""
+"""Texts on parts of a verdict."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
 __all__ = [
+    "deviation_factor",
     "gained",
     "implausible",
     "improved",
@@ -19,20 +20,19 @@ __all__ = [
     "sentence",
     "sizes",
     "vetoes",
-    "wanting",
 ]
 
 SENTENCE = {
-    "adequate": "The model is adequate: noise, floor and tolerances explain what is left.",
+    "adequate": "The model is adequate: noise, floor and tolerances explain the residuals.",
     "undecided": "The model cannot be judged: too few degrees of freedom are left.",
-    "named": "The model lacks something, and the data say what.",
-    "suspected": "Something may be missing; one cause is suspected, no more.",
-    "ambiguous": "The model lacks something; these data cannot tell which of several causes it is.",
-    "unexplained": "The model lacks something, and no known cause explains it.",
+    "named": "The model is inadequate, and the data identify the cause.",
+    "suspected": "The model may be inadequate; one cause is suspected.",
+    "ambiguous": "The model is inadequate; these data cannot distinguish between several causes.",
+    "unexplained": "The model is inadequate, and no known cause explains the misfit.",
 }
 
 
-UNFINISHED = "This is what is known so far, and what was not tried may change it: the diagnosis was interrupted"
+UNFINISHED = "This result is preliminary, because causes were not tried: the diagnosis was interrupted"
 
 
 def sentence(verdict: Verdict) -> str:
@@ -49,12 +49,12 @@ def sizes(one: Candidate) -> str:
     for name, (found, *ends) in one.parameters.items():
         title = name.removeprefix(f"{one.id}.")
         parameter = one.declared[name]
-        # An interval by the curvature may reach beyond what the parameter can be.
+        # An interval by the curvature may exceed the bounds of the parameter.
         numbers = (found, *(min(max(end, parameter.lower), parameter.upper) for end in ends))
         largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
         scale, unit = _readable(parameter.unit, largest)
         if title.startswith("log_"):
-            # A logarithm of a factor, as everybody says it.
+            # A logarithm of a factor is shown in percent.
             title, unit = title.removeprefix("log_"), "%"
             value, low, high = (f"{_percent(number):+.3g}" for number in numbers)
         else:
@@ -89,7 +89,7 @@ def vetoes(verdict: Verdict) -> list[str]:
     """Return the causes that were not reported because of their sizes, one sentence each."""
     return [
         f"{' + '.join((one.id, *one.together_with))} takes the misfit from {verdict.adequacy.misfit:.2f} to "
-        f"{one.misfit:.2f}, more than any plausible cause does, but only with a size that is not believed: {one.vetoed}"
+        f"{one.misfit:.2f}, more than any plausible cause does, but only with an implausible size: {one.vetoed}"
         for one in verdict.vetoed
     ]
 
@@ -100,7 +100,7 @@ def _readable(unit: str, largest: float) -> tuple[float, str]:
 
 
 def _rounded(value: float, width: float, scale: float) -> str:
-    """Return a number with as many digits as its interval is worth."""
+    """Return a number with the digits that its interval justifies."""
     if not (math.isfinite(value) and math.isfinite(width) and width > 0.0):
         return f"{value:.4g}"
     digits = 1 - math.floor(math.log10(width * scale))
@@ -113,7 +113,7 @@ def _percent(logarithm: float) -> float:
 
 
 def improved(gain: Gain) -> str:
-    """Return the interval of an improvement in words; none where there is none."""
+    """Return the interval of an improvement as text."""
     low, high = gain.interval
     if low == high == 0.0:
         return "none: nothing is extended"
@@ -122,21 +122,21 @@ def improved(gain: Gain) -> str:
     return f"{low:.3g} to {high:.3g} (95 %), better in {gain.better} of {len(gain.folds)} folds"
 
 
-def wanting(verdict: Verdict) -> float | None:
-    """Return by how much standard deviations would have to grow for the base model to be adequate; None if it is."""
+def deviation_factor(verdict: Verdict) -> float | None:
+    """Return the factor on all standard deviations that makes the base model adequate; None if it is adequate."""
     found = verdict.adequacy
     short = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
     return math.sqrt(short) if short > 1.0 else None
 
 
 def gained(gain: Gain) -> str:
-    """Return an improvement in words; a gain of zero is zero."""
+    """Return an improvement as text."""
     text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
     return f"{text}; improvement {improved(gain)}"
 
 
 def on_causes(verdict: Verdict) -> list[str]:
-    """Return what is known of each reported cause, of vetoed ones and of what is no known cause; details indented."""
+    """Return lines on reported and vetoed causes and on a better alternative; details are indented."""
     lines = []
     near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
     if verdict.verdict == "unexplained" and near is not None:

@@ -1,4 +1,4 @@
-"""Complete campaigns that come with the package."""
+"""Complete campaigns that are part of the package."""
 
 from receptance.examples.catalogue import EXAMPLES, Example, write
 

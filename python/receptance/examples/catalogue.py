@@ -1,7 +1,7 @@
-"""Which examples there are, and writing one of them out.
+"""List of the examples, and a function that writes one of them.
 
-Campaign files are kept as they are read; simulated data are not kept but made from their seed when an example is
-written out, so that the package stays small and nobody takes old data for what the model of today gives.
+The package contains the campaign files. Simulated data are computed from their seed when an example is written, which
+keeps the package small and the data consistent with the current model.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Example:
-    """A campaign that comes with the package.
+    """A campaign that is part of the package.
 
     Attributes
     ----------
     name : str
-        What it is asked for by.
+        Name of the example.
     title : str
-        What it is, in a line.
+        Description in one line.
     folder : str
-        Where its files are kept in the package.
+        Folder of its files in the package.
     data : callable or None
-        Makes the data files; None where there are none.
+        Function that computes the data files; None without data files.
     """
 
     name: str
@@ -43,14 +43,14 @@ class Example:
 
     @property
     def campaign(self) -> str:
-        """The campaign file."""
+        """Content of the campaign file."""
         return (resources.files("receptance.examples") / self.folder / "campaign.toml").read_text(encoding="utf-8")
 
     def files(self, progress: Say | None = None) -> dict[str, bytes]:
-        """Return the content of all its files by name."""
-        kept = resources.files("receptance.examples") / self.folder
+        """Return the contents of all files by name."""
+        packaged = resources.files("receptance.examples") / self.folder
         found = {
-            file.name: file.read_bytes() for file in kept.iterdir() if file.name.endswith((".toml", ".md", ".csv"))
+            file.name: file.read_bytes() for file in packaged.iterdir() if file.name.endswith((".toml", ".md", ".csv"))
         }
         if self.data is not None:
             found |= self.data(self.campaign, progress or (lambda _: None))
@@ -84,7 +84,7 @@ EXAMPLES = {
         ),
         Example(
             "taper",
-            "a holder in its taper at 26 drawbar forces, along and across, SIMULATED; four forces held out",
+            "a holder in its taper at 26 drawbar forces, axial and radial, SIMULATED; four forces held out",
             "taper",
             taper,
         ),
@@ -95,16 +95,16 @@ EXAMPLES = {
 def write(
     name: str, folder: str | Path, *, overwrite: bool = False, progress: Callable[[str], None] | None = None
 ) -> list[Path]:
-    """Write an example out, data included: all of its files or none.
+    """Write an example with its data: all of its files or none.
 
     Parameters
     ----------
     name : str
-        One of `EXAMPLES`.
+        Key of `EXAMPLES`.
     folder : str or path
-        Where to; made if it is not there.
+        Target folder, created if it does not exist.
     overwrite : bool, optional
-        Whether files of the same names may be replaced.
+        Whether existing files may be replaced.
     progress : callable, optional
         Called with a line of text before each step.
 
@@ -116,11 +116,11 @@ def write(
     Raises
     ------
     ValueError
-        There is no such example.
+        An unknown name.
     FileExistsError
-        A file is there already.
+        A file exists already.
     OSError
-        A file that cannot be written; the message names it.
+        A file cannot be written; the message names it.
 
     Examples
     --------
@@ -131,30 +131,30 @@ def write(
     ['campaign.toml']
     """
     if name not in EXAMPLES:
-        raise ValueError(f"there is no example {name!r}; the examples are {', '.join(EXAMPLES)}")
+        raise ValueError(f"there is no example {name!r}, expected one of {', '.join(EXAMPLES)}")
     target = Path(folder)
     if target.exists() and not target.is_dir():
         raise NotADirectoryError(f"cannot write to {target}: it is a file, expected a folder")
     contents = {target / file: content for file, content in EXAMPLES[name].files(progress).items()}
-    there = [str(path) for path in contents if path.exists()]
-    if there and not overwrite:
-        raise FileExistsError(f"there is already {', '.join(there)}; choose another folder")
-    made = _make_folders(target)
+    existing = [str(path) for path in contents if path.exists()]
+    if existing and not overwrite:
+        raise FileExistsError(f"{', '.join(existing)} exists already; choose another folder or overwrite")
+    created = _create_folders(target)
     try:
         write_whole(contents)
     except BaseException:
-        for path in reversed(made):
+        for path in reversed(created):
             with contextlib.suppress(OSError):
                 path.rmdir()
         raise
     return sorted(contents, key=lambda path: path.name != "campaign.toml")
 
 
-def _make_folders(target: Path) -> list[Path]:
-    """Make a folder and those above it; return the new ones, the outermost first."""
+def _create_folders(target: Path) -> list[Path]:
+    """Create a folder with its parents, and return the new ones, the outermost first."""
     new = [path for path in (target, *target.parents) if not path.exists()]
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OSError(f"cannot make the folder {target}: {error.strerror or error}") from error
+        raise OSError(f"cannot create the folder {target}: {error.strerror or error}") from error
     return new[::-1]

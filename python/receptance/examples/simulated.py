@@ -1,6 +1,6 @@
-"""Simulated measurements of the examples: made from a stated seed, and labelled as simulated.
+"""Simulated measurements of the examples, computed from a stated seed and labelled as simulated.
 
-What is simulated is the structure as the campaign describes it, with a joint that the campaign does not know.
+The simulated structure is that of the campaign, with joint parameters that are not in the campaign.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
-    from receptance.coordinates import Coordinate
     from receptance.frf import FRF
     from receptance.io import TimeSeries
+    from receptance.model.assembly import Assembly
+    from receptance.model.coordinates import Coordinate
 
 __all__ = [
     "FREE_FREE_JOINT",
@@ -35,18 +35,18 @@ Say = Callable[[str], None]
 
 FREE_FREE_SEED = 20240229
 FREE_FREE_JOINT = {"joint.k_y": 4.2e8, "joint.k_theta": 1.6e5, "joint.c_y": 400.0, "joint.c_theta": 0.08}
-"""The joint behind the data of the example free-free, in SI units."""
+"""True joint parameters of the example free-free, in SI units."""
 _LINES_HZ = np.arange(200.0, 6000.5, 4.0)
 _HITS = 10
 _SCATTER = 0.03
-"""Relative standard deviation of each hit, real and imaginary part each: it is not the same spot twice."""
+"""Relative standard deviation of real and imaginary part between hits, from the scatter of the hit point."""
 _FLOOR = 0.02
-"""Noise of the accelerometer in m/s^2/N under the weakest hit, real and imaginary part each."""
+"""Noise of the accelerometer in m/s^2/N for the weakest hit, for real and imaginary part."""
 _DIGITS = 7
 
 HAMMER_SEED = 20241017
 HAMMER_JOINT = {"collet.k_y": 2.8e8, "collet.k_theta": 5.0e4, "collet.c_y": 400.0, "collet.c_theta": 0.06}
-"""The joint behind the data of the example hammer, in SI units."""
+"""True joint parameters of the example hammer, in SI units."""
 _HAMMER_HITS = 8
 _RATE_HZ = 25600.0
 _BLOCK_S = 0.4
@@ -108,7 +108,7 @@ def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
 
 
 def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
-    """Return the FRFs of the example taper by file name: the virtual BT50 rig at every force, along and across."""
+    """Return the FRFs of the example taper by file name: the virtual BT50 rig at all forces, axial and radial."""
     from receptance.examples.virtual_rig import load_rig
 
     files = {}
@@ -120,7 +120,7 @@ def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
 
 
 def _content(thing: FRF | TimeSeries, ending: str) -> bytes:
-    """Return the content of a file with a measurement."""
+    """Return the content of a file of a measurement."""
     from receptance.io import write
 
     with tempfile.TemporaryDirectory() as folder:
@@ -130,7 +130,7 @@ def _content(thing: FRF | TimeSeries, ending: str) -> bytes:
 
 
 def _averaged(assembly: Assembly, tip: Coordinate, random: np.random.Generator, name: str) -> FRF:
-    """Return H1 of several hits with coherence, as an analyser gives them."""
+    """Return the H1 estimate of several hits with its coherence, as an analyser computes them."""
     from receptance.frf import FRF
 
     lines = _LINES_HZ
@@ -158,5 +158,5 @@ def _noise(random: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.co
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return numbers with as many digits as an export has."""
+    """Return numbers rounded to the digits of an export."""
     return np.array([float(f"{value:.{_DIGITS - 1}e}") for value in values])

@@ -1,4 +1,4 @@
-"""A virtual BT50 rig: poles from finite elements, hit and recorded as Xu et al. 2012 recorded their own rig.
+"""A virtual BT50 rig: poles from finite elements, with the hits and records of Xu et al. 2012.
 
 The holder has the taper of JIS B 6339 BT50; its other dimensions and the contact are invented, because the paper
 prints none. `tests/bt50_rig.py` computes the poles and residues in `virtual_rig.csv`.
@@ -16,18 +16,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from receptance.beams import Part, Segment
-from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
-from receptance.materials import Material
 from receptance.measurement import estimate_frf, find_hits, simulate_hits
+from receptance.model.beams import Material, Part, Segment
+from receptance.model.coordinates import Coordinate
 from receptance.taper import Holder, without_each
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
-    from receptance.measurement import TimeRecords
+    from receptance.measurement import HammerRecords
 
 __all__ = ["ESTIMATE", "HITS", "SAMPLE_RATE_HZ", "SPACING_HZ", "VirtualRig", "holder", "load_rig"]
 
@@ -119,7 +118,7 @@ class VirtualRig:
         records = self.records(seed)
         with warnings.catch_warnings():
             # The study states it once.
-            warnings.filterwarnings("ignore", ".*has not died away", ReceptanceWarning)
+            warnings.filterwarnings("ignore", ".*has not decayed", ReceptanceWarning)
             plain = estimate_frf(records)
         hits = find_hits(records)
         windowed = estimate_frf(hits, **ESTIMATE)
@@ -129,7 +128,7 @@ class VirtualRig:
         """Return the second FRF of `measure` alone."""
         return estimate_frf(find_hits(self.records(seed)), **ESTIMATE)
 
-    def records(self, seed: int) -> TimeRecords:
+    def records(self, seed: int) -> HammerRecords:
         """Hit it ten times and record at 20 480 Hz."""
         return simulate_hits(
             self,

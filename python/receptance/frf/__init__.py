@@ -1,6 +1,5 @@
-"""Frequency response functions with their form, places, quality and provenance."""
+"""Measured frequency response functions."""
 
-from receptance.frf.frf import FRF
-from receptance.frf.places import Unplaced
+from receptance.frf.frf import FRF, form_factor
 
-__all__ = ["FRF", "Unplaced"]
+__all__ = ["FRF", "form_factor"]

@@ -1,25 +1,22 @@
-"""Frequency response functions: what was measured, with its form, places, quality and provenance."""
+"""Measured frequency response functions with form, coordinates, variance and provenance."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf import arrays
-from receptance.frf.creation import checked
-from receptance.frf.forms import converted, unit_of
-from receptance.frf.places import picked
-from receptance.frf.record import Record, set_fields
-from receptance.frf.resampling import resampled
-from receptance.frf.showing import as_dataset, describing_table
-from receptance.frf.variance import half_width_of, pool_entries, variance_from_coherence
-from receptance.units import Form
+from receptance.frf.plausibility import DRIVE_POINT_NOTE, drive_point_notes
+from receptance.frf.resampling import resample
+from receptance.frf.validation import check_form, check_lines, checked_fields
+from receptance.frf.variance import interval_factor, pool_entries, variance_from_coherence
+from receptance.model.coordinates import Coordinate, Side
+from receptance.units import FORMS, Form, FRFKind, frf_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -27,52 +24,59 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.frf.places import Pick, Side
+__all__ = ["FRF", "form_factor"]
 
-__all__ = ["FRF"]
+Selection: TypeAlias = Coordinate | str | int | Sequence[Coordinate | str | int] | None
+"""Responses or excitations to select: by number, coordinate or label; all by default."""
+
+_PER_ENTRY = ("values", "coherence", "log_variance", "degrees_of_freedom")
+"""Fields with an array of lines by responses by excitations."""
+_PER_LINE = (*_PER_ENTRY, "correlated_lines", "usable")
+"""Fields with an array whose first axis is that of the lines."""
+_PHYSICAL = {"frequency_hz", "values", "form", "responses", "excitations", "usable"}
+"""Fields whose change requires a new plausibility check of the drive points."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class FRF(Record):
-    """A frequency response function between some excitations and responses.
+class FRF:
+    """Frequency response function (FRF) between one or several excitations and responses.
 
     Parameters
     ----------
     frequency_hz : array_like
-        `(n,)` ascending lines in Hz; the first may be at 0 Hz. Where the values of that line are not finite it is
-        dropped, with a note.
+        `(n,)` ascending lines in Hz; the first may be at 0 Hz. It is dropped with a note if its values are not finite.
     values : array_like
         `(n,)` or `(n, n_responses, n_excitations)` complex, in SI units of the form, for e^(+i w t).
     form : {"receptance", "mobility", "accelerance"}, optional
         Displacement, velocity or acceleration per load.
     responses, excitations : Coordinate or sequence, optional
-        Where motion was seen and where loads acted; "y" or "theta" where only a direction is known. Direction
-        "theta" of an excitation means per moment. By default y at an unknown place.
+        Where motion was measured and where loads acted; "y" or "theta" if only the direction is known. Direction
+        "theta" of an excitation means per moment. By default y at an unknown position.
     decay_rate : float, optional
-        sigma in 1/s of an exponential window exp(-sigma t) on force and response: the values then belong to the
-        complex lines w - i sigma.
+        sigma in 1/s of an exponential window exp(-sigma t) on force and response; the values are then those at the
+        complex frequencies w - i sigma.
     coherence : array_like, optional
         From 0 to 1, shaped as `values` or `(n,)`.
     averages : int, optional
-        How many were averaged.
+        Number of averages.
     log_variance : array_like, optional
-        Variance of the real and of the imaginary part, each, of the logarithm of the values; shaped as `values`,
-        `(n,)` or one number. Infinite where nothing is known.
+        Variance of the real part, and of the imaginary part, of the logarithm of the values; shaped as `values`,
+        `(n,)` or one number. Infinite where it is unknown.
     degrees_of_freedom : array_like, optional
-        Of that variance; infinite or None where it is known exactly.
+        Degrees of freedom of that variance; infinite or None if it is known exactly.
     correlated_lines : array_like, optional
-        How many neighbouring lines share one independent value (an exponential window and zero padding correlate
-        them), one number or `(n,)`.
+        Number of neighbouring lines per independent value (exponential windows and zero padding correlate lines), one
+        number or `(n,)`.
     usable : array_like of bool, optional
         `(n,)` lines inside the usable band.
     labels : pair of sequences of str, optional
         Names of the responses and of the excitations in the file.
     label : str, optional
-        For people.
+        Free-text label.
     source : str, optional
-        File and reader, or how the FRF was made.
+        File and reader, or origin of the FRF.
     notes : sequence of str, optional
-        What was changed or is suspicious.
+        Notes for the user: changes to the data, doubts.
 
     Attributes
     ----------
@@ -82,14 +86,14 @@ class FRF(Record):
     Raises
     ------
     TypeError, ValueError
-        Shapes that do not fit, lines that are not ascending, values that are not finite, a coherence that is clearly
-        above 1; the message names the field and the line.
+        Mismatched shapes, lines that are not ascending, values that are not finite, a coherence above 1; the message
+        names the field and the line.
 
     Warns
     -----
     ReceptanceWarning
-        A drive point whose peaks fit another form, sign or time convention than the declared ones. Nothing is
-        changed: declare another form, or use `conjugated` or `flipped`.
+        A drive point whose peaks contradict the declared form, sign or time convention. The data are not changed:
+        declare another form, or use `conjugated` or `flipped`.
 
     Examples
     --------
@@ -102,6 +106,23 @@ class FRF(Record):
     >>> frf.to("accelerance").unit
     'm/s^2/N'
     """
+
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    form: Form
+    responses: tuple[Coordinate, ...]
+    excitations: tuple[Coordinate, ...]
+    decay_rate: float
+    coherence: NDArray[np.float64] | None
+    averages: int | None
+    log_variance: NDArray[np.float64] | None
+    degrees_of_freedom: NDArray[np.float64] | None
+    correlated_lines: NDArray[np.float64]
+    usable: NDArray[np.bool_] | None
+    labels: tuple[tuple[str, ...], tuple[str, ...]] | None
+    label: str
+    source: str
+    notes: tuple[str, ...]
 
     def __init__(
         self,
@@ -124,8 +145,8 @@ class FRF(Record):
         notes: Sequence[str] = (),
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
-        set_fields(self, checked(**given))
-        self._look_at_drive_points()
+        _checks.set_fields(self, checked_fields(**given))
+        self._check_drive_points()
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -135,55 +156,69 @@ class FRF(Record):
 
     @property
     def complex_frequency_hz(self) -> NDArray[Any]:
-        """`(n,)` lines that the values belong to, f - i sigma / (2 pi) in Hz; real without an exponential window."""
+        """`(n,)` frequencies of the values, f - i sigma / (2 pi) in Hz; real without an exponential window."""
         if self.decay_rate == 0.0:
             return self.frequency_hz
         return self.frequency_hz - 1j * self.decay_rate / (2.0 * np.pi)
 
     @property
     def standard_deviation(self) -> NDArray[np.float64] | None:
-        """Standard deviation of the real and of the imaginary part, each, of the logarithm of the values."""
+        """Standard deviation of the real part, and of the imaginary part, of the logarithm of the values."""
         return None if self.log_variance is None else np.sqrt(self.log_variance)
 
     @property
     def units(self) -> tuple[tuple[str, ...], ...]:
         """SI unit of each entry, responses first."""
-        return tuple(tuple(unit_of(self.form, r, e) for e in self.excitations) for r in self.responses)
+        return tuple(
+            tuple(frf_unit(FRFKind(self.form, r.direction, e.direction)) for e in self.excitations)
+            for r in self.responses
+        )
 
     @property
     def unit(self) -> str:
-        """SI unit of all entries; raises ValueError where translations and rotations are mixed, see `units`."""
+        """SI unit of all entries; raises ValueError if translations and rotations are mixed, see `units`."""
         found = sorted({unit for row in self.units for unit in row})
         if len(found) > 1:
             raise ValueError(f"{self!r} has several units: {', '.join(found)}; use units, or select one entry")
         return found[0]
 
     def to(self, form: Form) -> FRF:
-        """Return the FRF in another form: multiplied by powers of i w, with the complex w of an exponential window.
+        """Return the FRF in another form: multiplied by a power of i w, with the complex w of an exponential window.
 
-        The variance of the logarithm, the coherence and the lines stay; a line at 0 Hz is dropped, with a note, where
-        it would be divided by zero.
+        Variance of the logarithm, coherence and lines are kept. A line at 0 Hz is dropped with a note if it would be
+        divided by zero.
 
         Raises
         ------
         TypeError, ValueError
-            Something else than a form, or no line but the one at 0 Hz.
+            An unknown form, or a conversion of the line at 0 Hz alone.
 
         Examples
         --------
         >>> from receptance import FRF
         >>> mass = FRF(frequency_hz=[0.0, 10.0], values=[0.5, 0.5], form="accelerance")
         >>> mass.to("receptance").notes
-        ('the line at 0 Hz is dropped: acceleration says nothing of displacement there',)
+        ('the line at 0 Hz is dropped: the displacement does not follow from the acceleration there',)
         """
-        changes, kept = converted(self, form)
-        return self._lines(kept)._made(**changes)
+        new = check_form(repr(self), form)
+        if new == self.form:
+            return self
+        source, notes = self, self.notes
+        if self.frequency_hz[0] == self.decay_rate == 0.0 and FORMS.index(new) < FORMS.index(self.form):
+            motions = dict(zip(FORMS, ("displacement", "velocity", "acceleration"), strict=True))
+            if self.frequency_hz.size == 1:
+                raise ValueError(f"{self!r}: the {new} does not follow from the {self.form} at 0 Hz, its only line")
+            reason = f"the {motions[new]} does not follow from the {motions[self.form]} there"
+            notes = (*notes, f"the line at 0 Hz is dropped: {reason}")
+            source = self._on_lines(slice(1, None))
+        factor = form_factor(source.complex_frequency_hz, self.form, new)[:, None, None]
+        return source._copy(form=new, values=source.values * factor, notes=notes)
 
     def select(
         self,
         *,
-        responses: Pick = None,
-        excitations: Pick = None,
+        responses: Selection = None,
+        excitations: Selection = None,
         low_hz: float | None = None,
         high_hz: float | None = None,
     ) -> FRF:
@@ -192,24 +227,27 @@ class FRF(Record):
         Parameters
         ----------
         responses, excitations : int, Coordinate, str or sequence, optional
-            Which ones: by number from 0, by coordinate, or by label in the file; by default all.
+            By number from 0, by coordinate, or by label in the file; all by default.
         low_hz, high_hz : float, optional
             Ends of the band in Hz.
 
         Raises
         ------
         TypeError, ValueError
-            Something that is not there, or is there several times, and a band without lines.
+            An unknown or ambiguous response or excitation, or a band without lines.
         """
         low = -np.inf if low_hz is None else _checks.number(repr(self), "low_hz", low_hz, unit="Hz")
         high = np.inf if high_hz is None else _checks.number(repr(self), "high_hz", high_hz, unit="Hz")
         inside = (self.frequency_hz >= low) & (self.frequency_hz <= high)
         if not inside.any():
             raise ValueError(f"{self!r}: there is no line from {low:g} to {high:g} Hz")
-        return self._lines(inside)._entries(*picked(self, responses, excitations))
+        names = self.labels or (None, None)
+        rows = _selected(repr(self), "responses", responses, self.responses, names[0])
+        columns = _selected(repr(self), "excitations", excitations, self.excitations, names[1])
+        return self._on_lines(inside)._of_entries(rows, columns)
 
     def masked(self) -> FRF:
-        """Return the usable lines alone; all where no band is stated.
+        """Return the usable lines only; all lines if `usable` is None.
 
         Raises
         ------
@@ -220,13 +258,13 @@ class FRF(Record):
             return self
         if not self.usable.any():
             raise ValueError(f"{self!r}: no line is usable")
-        return self._lines(self.usable)
+        return self._on_lines(self.usable)
 
     def resample(self, frequency_hz: ArrayLike) -> FRF:
-        """Return the FRF on other lines, which may not stand closer than the measured ones.
+        """Return the FRF on other lines, which may not be closer together than the measured ones.
 
-        Lines that were measured keep their values exactly; others lie on a cubic spline. Variances and coherence lie on
-        straight lines between neighbours: a mean of two lines knows no more than one.
+        Measured lines keep their values exactly; others are interpolated by a cubic spline. Variance and coherence are
+        interpolated linearly: the mean of two lines is not taken to be more precise than one line.
 
         Parameters
         ----------
@@ -236,12 +274,12 @@ class FRF(Record):
         Raises
         ------
         TypeError, ValueError
-            Lines outside the measured ones, or closer together than these: that would invent resolution.
+            Lines outside the measured band, or closer together than the measured lines.
 
         Warns
         -----
         ReceptanceWarning
-            A peak too sharp for its lines: under four in the half-power band, 1 % and more are lost between them.
+            A peak with fewer than four lines in its half-power band, where the interpolation error exceeds 1 %.
 
         Examples
         --------
@@ -250,20 +288,21 @@ class FRF(Record):
         >>> frf.resample([15.0, 30.0]).values.ravel().real
         array([3.5, 2. ])
         """
-        changes, sharp = resampled(self, arrays.lines(repr(self), frequency_hz))
-        if sharp:
-            warnings.warn(f"{self!r}: {sharp}", ReceptanceWarning, stacklevel=2)
-        return self._made(**changes)
+        changes, warning = resample(self, check_lines(repr(self), frequency_hz))
+        if warning:
+            warnings.warn(f"{self!r}: {warning}", ReceptanceWarning, stacklevel=2)
+        return self._copy(**changes)
 
     def log_interval(self, level: float = 0.95) -> NDArray[np.float64]:
-        """Half-width `(n, n_responses, n_excitations)` of the interval for the real and the imaginary part of the log.
+        """Half-width `(n, n_responses, n_excitations)` of the interval of the real and the imaginary part of the log.
 
-        Student's t with the degrees of freedom of the variance, the normal distribution where there are none.
+        From Student's t distribution with the degrees of freedom of the variance; from the normal distribution if the
+        variance is known exactly.
 
         Raises
         ------
         ValueError
-            No variance, or a level that is not between 0 and 1.
+            No variance, or a level outside 0 to 1.
 
         Examples
         --------
@@ -273,22 +312,24 @@ class FRF(Record):
         0.0278
         """
         if self.log_variance is None:
-            raise ValueError(f"{self!r} has no variance; with coherence and averages: with_coherence_variance()")
-        return half_width_of(self.log_variance, self.degrees_of_freedom, level)
+            raise ValueError(
+                f"{self!r} has no variance; with coherence and averages it follows from with_coherence_variance()"
+            )
+        return np.asarray(np.sqrt(self.log_variance) * interval_factor(level, self.degrees_of_freedom))
 
     def with_coherence_variance(
         self, *, averages: int | None = None, pool: bool = True, half_width: int | None = None
     ) -> FRF:
-        """Return the FRF with the variance that follows from its coherence and its number of averages.
+        """Return the FRF with the variance computed from its coherence and number of averages.
 
         Parameters
         ----------
         averages : int, optional
-            Where the FRF does not know it.
+            Number of averages; that of the FRF by default.
         pool : bool, optional
             Whether neighbouring lines are pooled, see `receptance.frf.variance`.
         half_width : int, optional
-            Lines to each side that are pooled; by default as many as are needed.
+            Number of lines pooled to each side; by default as many as are needed.
 
         Raises
         ------
@@ -297,44 +338,46 @@ class FRF(Record):
         """
         n = self.averages if averages is None else averages
         if self.coherence is None:
-            raise ValueError(f"{self!r} has no coherence, so its variance is not known")
+            raise ValueError(f"{self!r} has no coherence, from which its variance could be computed")
         if n is None:
-            raise ValueError(f"{self!r} does not know how many were averaged: give averages")
+            raise ValueError(f"{self!r} has no number of averages: give averages")
         variance, freedom = variance_from_coherence(self.coherence, n)
         known = np.full(self.shape, freedom)
         if pool:
             variance, known = pool_entries(self, variance, known, half_width)
-        return self._made(averages=int(n), log_variance=variance, degrees_of_freedom=known)
+        return self._copy(averages=int(n), log_variance=variance, degrees_of_freedom=known)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an `xarray.Dataset` over frequency_hz, response and excitation; needs xarray.
+        """Return an `xarray.Dataset` with the dimensions frequency_hz, response and excitation.
 
-        The values are the variable `frf`; coherence, log_variance and so on where they are known. Units, long names and
-        everything else are attributes.
+        The values are the variable `frf`; coherence, log_variance and so on are variables if they are known. Units,
+        long names and all other fields are attributes.
         """
-        return as_dataset(self)
+        from receptance.frf.presentation import dataset
+
+        return dataset(self)
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Return a figure of magnitude, phase and, where known, coherence; see `receptance.frf.figure.draw_frf`."""
-        from receptance.frf.figure import draw_frf
+        """Draw magnitude, phase and, if known, coherence; see `receptance.frf.presentation.draw_frf`."""
+        from receptance.frf.presentation import draw_frf
 
         return draw_frf(self, ax)
 
     def conjugated(self) -> FRF:
         """Return the complex conjugate, for files written for e^(-i w t), with a note."""
-        return self._replaced({"values": self.values.conj(), "notes": (*self.notes, "conjugated on request")}, 4)
+        return self._checked_copy({"values": self.values.conj(), "notes": (*self.notes, "conjugated on request")})
 
     def flipped(self) -> FRF:
-        """Return the FRF with the other sign, for a sensor or hammer that faces the other way, with a note."""
-        return self._replaced({"values": -self.values, "notes": (*self.notes, "sign changed on request")}, 4)
+        """Return the FRF with the opposite sign, for a sensor or hammer of reversed direction, with a note."""
+        return self._checked_copy({"values": -self.values, "notes": (*self.notes, "sign changed on request")})
 
     def with_coordinates(self, responses: Side = None, excitations: Side = None) -> FRF:
-        """Return the FRF with other coordinates; None leaves a side as it is."""
+        """Return the FRF with other coordinates; None keeps those of a side."""
         sides = {"responses": responses, "excitations": excitations}
-        return self._replaced({name: side for name, side in sides.items() if side is not None}, 4)
+        return self._checked_copy({name: side for name, side in sides.items() if side is not None})
 
     def with_(self, **changes: Any) -> FRF:
-        """Return the FRF with other fields, checked as on creation.
+        """Return the FRF with some fields replaced, validated as on creation.
 
         Examples
         --------
@@ -346,12 +389,13 @@ class FRF(Record):
         for name in changes:
             if name not in names:
                 raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(names)}")
-        return self._replaced(changes, 4)
+        return self._checked_copy(changes)
 
     def _repr_html_(self) -> str:
+        from receptance.frf.presentation import summary_table
         from receptance.report.html import table_html
 
-        return table_html(describing_table(self))
+        return table_html(summary_table(self))
 
     def __repr__(self) -> str:
         units = sorted({unit for row in self.units for unit in row})
@@ -362,3 +406,92 @@ class FRF(Record):
             f"FRF({name}{self.form} in {', '.join(units)}, {n_out} x {n_in}, {n} lines from {self.frequency_hz[0]:g} "
             f"to {self.frequency_hz[-1]:g} Hz{window})"
         )
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        _checks.set_fields(self, state)
+
+    def _check_drive_points(self, stacklevel: int = 3) -> None:
+        """Warn of drive points that contradict the declared form, and add the warnings to the notes."""
+        found = drive_point_notes(self)
+        for text in found:
+            warnings.warn(f"{self!r}: {text}", ReceptanceWarning, stacklevel=stacklevel)
+        _checks.set_fields(self, {"notes": (*self.notes, *found)})
+
+    def _checked_copy(self, changes: dict[str, Any]) -> Self:
+        """Return a copy with some fields replaced and validated."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)} | changes
+        recheck = not changes.keys().isdisjoint(_PHYSICAL)
+        if recheck:
+            given["notes"] = tuple(note for note in given["notes"] if not note.startswith(DRIVE_POINT_NOTE))
+        other = object.__new__(type(self))
+        _checks.set_fields(other, checked_fields(**given))
+        if recheck:
+            other._check_drive_points(stacklevel=4)
+        return other
+
+    def _copy(self, **changes: Any) -> Self:
+        """Return a copy with some fields replaced that need no validation."""
+        other = object.__new__(type(self))
+        _checks.set_fields(other, {**{field.name: getattr(self, field.name) for field in fields(self)}, **changes})
+        return other
+
+    def _on_lines(self, chosen: NDArray[np.bool_] | slice) -> Self:
+        arrays = {name: getattr(self, name) for name in ("frequency_hz", *_PER_LINE)}
+        return self._copy(**{name: array[chosen] for name, array in arrays.items() if array is not None})
+
+    def _of_entries(self, rows: list[int], columns: list[int]) -> Self:
+        arrays = {name: getattr(self, name) for name in _PER_ENTRY}
+        changes: dict[str, Any] = {
+            name: array[:, rows][:, :, columns] for name, array in arrays.items() if array is not None
+        }
+        if self.labels is not None:
+            names = self.labels
+            changes["labels"] = tuple(names[0][i] for i in rows), tuple(names[1][j] for j in columns)
+        responses, excitations = [self.responses[i] for i in rows], [self.excitations[j] for j in columns]
+        return self._copy(responses=tuple(responses), excitations=tuple(excitations), **changes)
+
+
+def form_factor(frequency_hz: NDArray[Any], old: Form, new: Form) -> NDArray[np.complex128]:
+    """Return the factors `(n,)` from one form to another on real or complex lines, a power of i w.
+
+    The power is computed by multiplication, so that converting there and back changes at most the last digit.
+    """
+    s = 2j * np.pi * frequency_hz.astype(np.complex128)
+    power = FORMS.index(new) - FORMS.index(old)
+    factor = np.ones_like(s)
+    for _ in range(abs(power)):
+        factor = factor * s
+    return 1.0 / factor if power < 0 else factor
+
+
+def _selected(
+    owner: str, quantity: str, wanted: Selection, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None
+) -> list[int]:
+    """Return the numbers of the selected responses or excitations."""
+    if wanted is None:
+        return list(range(len(side)))
+    many = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
+    if not many:
+        raise ValueError(f"{owner}: {quantity} is empty, expected at least one")
+    return [_index(owner, quantity, one, side, labels) for one in many]
+
+
+def _index(owner: str, quantity: str, one: Any, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None) -> int:
+    if isinstance(one, Coordinate):
+        found = [index for index, coordinate in enumerate(side) if coordinate == one]
+    elif isinstance(one, str):
+        found = [index for index, label in enumerate(labels or ()) if label == one]
+    else:
+        try:
+            index = one.__index__()
+        except AttributeError:
+            raise TypeError(f"{owner}: {quantity} holds {one!r}, expected a number, Coordinate or label") from None
+        found = [index % len(side)] if -len(side) <= index < len(side) else []
+    if len(found) == 1:
+        return found[0]
+    known = "; ".join(
+        f"{index}: {coordinate.describe()}" + (f" ({labels[index]})" if labels and labels[index] else "")
+        for index, coordinate in enumerate(side)
+    )
+    count = "several" if found else "none"
+    raise ValueError(f"{owner}: {count} of the {quantity} is {one!r}; they are {known}")

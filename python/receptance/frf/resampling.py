@@ -1,4 +1,4 @@
-"""Values between measured lines, without inventing resolution."""
+"""Interpolation of an FRF to other lines that are no closer together than the measured ones."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ if TYPE_CHECKING:
 
     from receptance.frf.frf import FRF
 
-__all__ = ["Between", "between", "resampled", "too_sharp"]
+__all__ = ["Interpolation", "curvature_warning", "interpolate", "resample"]
 
-_SAME = 1e-9
-"""Of the spacing: a line this near to a measured one is that line."""
-_BEND = 0.05
-"""Of the magnitude, between spline and straight line. With 5, 4, 3, 2 lines in the half-power band of a single mode
-it is 0.035, 0.05, 0.07, 0.12, and the spline's own error 0.004, 0.01, 0.03, 0.11."""
-_NOISE = 4.0
-"""Standard deviations of noise that are not taken for a bend."""
+_SAME_LINE = 1e-9
+"""Distance, relative to the spacing, within which a line equals a measured one."""
+_MAX_CURVATURE = 0.05
+"""Largest difference of spline and linear interpolation, relative to the magnitude. With 5, 4, 3, 2 lines in the
+half-power band of a mode it is 0.035, 0.05, 0.07, 0.12, and the error of the spline 0.004, 0.01, 0.03, 0.11."""
+_NOISE_DEVIATIONS = 4.0
+"""Standard deviations of noise up to which a difference is not taken for curvature."""
 _ROUNDING = 1e-6
-"""Of the spacing: what the frequencies of a file may be rounded by."""
+"""Rounding of the frequencies of a file, relative to the spacing."""
 
 
 @dataclass(frozen=True)
-class Between:
-    """Where new lines lie among the measured ones: between `left` and `left + 1`, `share` of the way, `(n_new,)`."""
+class Interpolation:
+    """Positions `(n_new,)` of new lines: at `share` of the distance from the measured line `left` to `left + 1`."""
 
     measured_hz: NDArray[np.float64]
     frequency_hz: NDArray[np.float64]
@@ -36,114 +36,114 @@ class Between:
 
     @property
     def exact(self) -> NDArray[np.bool_]:
-        """Which new lines are measured ones."""
+        """New lines that are measured lines."""
         found: NDArray[np.bool_] = (self.share == 0.0) | (self.share == 1.0)
         return found
 
     @property
     def steps(self) -> NDArray[np.float64]:
-        """How many measured lines a new one stands from its neighbours, `(n_new,)`, at least 1."""
+        """Distance of each new line to its nearer neighbour, `(n_new,)` in measured lines, at least 1."""
         apart = np.diff(self.left + self.share)
         return np.ones(self.left.size) if not apart.size else np.minimum(np.append(apart, np.inf), np.r_[np.inf, apart])
 
-    def straight(self, array: NDArray[Any]) -> NDArray[Any]:
-        """Return `(n_new, ...)` on straight lines between neighbours; measured lines keep their numbers."""
+    def linear(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return `(n_new, ...)` by linear interpolation; measured lines keep their values exactly."""
         share = self.share.reshape(-1, *(1,) * (array.ndim - 1))
         left, right = array[self.left], array[np.minimum(self.left + 1, len(array) - 1)]
         with np.errstate(invalid="ignore"):
             mixed = left + share * (right - left)
-        # An infinite variance on either side is infinite between, and not on the other line.
+        # Infinite variance on one side gives infinite variance between the lines, but not on the other line.
         mixed = np.where(np.isnan(mixed), np.inf, mixed) if array.dtype.kind == "f" else mixed
         return np.where(share == 0.0, left, np.where(share == 1.0, right, mixed))
 
     def both(self, array: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return True where all lines that a new one is made of are."""
+        """Return True where all lines contributing to a new line are True."""
         right = np.minimum(self.left + 1, len(array) - 1)
         chosen: NDArray[np.bool_] = (array[self.left] | (self.share == 1.0)) & (array[right] | (self.share == 0.0))
         return chosen
 
-    def smooth(self, array: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-        """Return `(n_new, ...)` on a cubic spline, and how far it is from straight lines, relative to the magnitude."""
+    def spline(self, array: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Return `(n_new, ...)` by a cubic spline, and its relative difference from linear interpolation."""
         from scipy.interpolate import CubicSpline  # slow to import
 
-        straight = self.straight(array)
+        linear = self.linear(array)
         if self.exact.all() or len(array) < 4:
-            return straight, np.zeros(straight.shape)
+            return linear, np.zeros(linear.shape)
         curve = CubicSpline(self.measured_hz, array)(self.frequency_hz)
-        found = np.where(self.exact.reshape(-1, *(1,) * (array.ndim - 1)), straight, curve)
-        size = np.maximum(np.abs(found), np.abs(straight))
-        return found, np.abs(found - straight) / np.where(size > 0.0, size, 1.0)
+        found = np.where(self.exact.reshape(-1, *(1,) * (array.ndim - 1)), linear, curve)
+        size = np.maximum(np.abs(found), np.abs(linear))
+        return found, np.abs(found - linear) / np.where(size > 0.0, size, 1.0)
 
 
-def between(measured_hz: NDArray[np.float64], frequency_hz: NDArray[np.float64], owner: str) -> Between:
-    """Return where new lines lie, or raise for those outside or too close together."""
+def interpolate(measured_hz: NDArray[np.float64], frequency_hz: NDArray[np.float64], owner: str) -> Interpolation:
+    """Return the positions of new lines, or raise if they are outside or too close together."""
     spacing = np.diff(measured_hz) if measured_hz.size > 1 else measured_hz * 0.0 + 1.0
     slack = _ROUNDING * float(spacing.min())
     outside = (frequency_hz < measured_hz[0] - slack) | (frequency_hz > measured_hz[-1] + slack)
     if outside.any():
         first = frequency_hz[outside][0]
         raise ValueError(
-            f"{owner}: cannot be resampled at {first:g} Hz, outside the lines measured "
+            f"{owner}: cannot be resampled at {first:g} Hz, outside the measured band "
             f"({measured_hz[0]:g} to {measured_hz[-1]:g} Hz)"
         )
     left = np.clip(np.searchsorted(measured_hz, frequency_hz, side="right") - 1, 0, max(0, measured_hz.size - 2))
     share = (frequency_hz - measured_hz[left]) / spacing[left]
-    share = np.where(np.abs(share) <= _SAME, 0.0, np.where(np.abs(share - 1.0) <= _SAME, 1.0, share))
-    place = Between(measured_hz, frequency_hz, left, share)
-    _check_spacing(place, owner)
-    return place
+    share = np.where(np.abs(share) <= _SAME_LINE, 0.0, np.where(np.abs(share - 1.0) <= _SAME_LINE, 1.0, share))
+    positions = Interpolation(measured_hz, frequency_hz, left, share)
+    _check_spacing(positions, owner)
+    return positions
 
 
-def _check_spacing(place: Between, owner: str) -> None:
-    """Raise where new lines stand closer than the measured ones around them: by less than one line's number."""
-    steps = np.diff(place.left + place.share)
+def _check_spacing(positions: Interpolation, owner: str) -> None:
+    """Raise if new lines are closer together than the measured lines around them."""
+    steps = np.diff(positions.left + positions.share)
     close = np.flatnonzero(steps < 1.0 - _ROUNDING)
     if close.size:
-        low, high = place.frequency_hz[close[0] : close[0] + 2]
+        low, high = positions.frequency_hz[close[0] : close[0] + 2]
         raise ValueError(
-            f"{owner}: cannot be resampled to {low:g} and {high:g} Hz, {high - low:g} Hz apart where it was measured "
-            f"every {(high - low) / steps[close[0]]:g} Hz: such lines would look measured without being so; measure "
-            "longer records for a finer resolution, or fit a model"
+            f"{owner}: cannot be resampled to {low:g} and {high:g} Hz, {high - low:g} Hz apart where the measured "
+            f"lines are {(high - low) / steps[close[0]]:g} Hz apart: interpolation adds no resolution; measure longer "
+            "records, or fit a model"
         )
 
 
-def too_sharp(
-    place: Between,
+def curvature_warning(
+    positions: Interpolation,
     values: NDArray[np.complex128],
-    bend: NDArray[np.float64],
+    curvature: NDArray[np.float64],
     log_variance: NDArray[np.float64] | None,
 ) -> str:
-    """Return what is to be said where the curve bends too sharply between its lines; empty where it does not.
+    """Return a warning if the curvature between lines is too large for interpolation, else an empty text.
 
-    Only large values count, half of all: what is lost beside an antiresonance is small, and mostly noise.
+    Only the upper half of the magnitudes is checked: errors near an antiresonance are small and mostly noise.
     """
     size = np.abs(values)
-    limit = np.full(bend.shape, _BEND)
+    limit = np.full(curvature.shape, _MAX_CURVATURE)
     if log_variance is not None:
-        limit = np.maximum(limit, _NOISE * np.sqrt(log_variance))
-    sharp = np.where((bend > limit) & (size >= np.median(size, axis=0)), bend, 0.0)
+        limit = np.maximum(limit, _NOISE_DEVIATIONS * np.sqrt(log_variance))
+    sharp = np.where((curvature > limit) & (size >= np.median(size, axis=0)), curvature, 0.0)
     if not sharp.any():
         return ""
     worst = np.unravel_index(int((sharp * size).argmax()), sharp.shape)
     return (
-        f"around {place.frequency_hz[worst[0]]:g} Hz the curve bends too sharply between its lines (about "
-        f"{100.0 * sharp[worst]:.2g} % from one to the next): values between them are uncertain by 1 % and more"
+        f"around {positions.frequency_hz[worst[0]]:g} Hz the lines are too far apart for interpolation (spline and "
+        f"linear interpolation differ by {100.0 * sharp[worst]:.2g} %): values between them are uncertain by over 1 %"
     )
 
 
-def resampled(frf: FRF, frequency_hz: NDArray[np.float64]) -> tuple[dict[str, Any], str]:
-    """Return the fields that change on other lines, and what should be said aloud; see `FRF.resample`."""
-    place = between(frf.frequency_hz, frequency_hz, repr(frf))
-    values, bend = place.smooth(frf.values)
+def resample(frf: FRF, frequency_hz: NDArray[np.float64]) -> tuple[dict[str, Any], str]:
+    """Return the fields that change on other lines, and a warning or an empty text; see `FRF.resample`."""
+    positions = interpolate(frf.frequency_hz, frequency_hz, repr(frf))
+    values, curvature = positions.spline(frf.values)
     quality = {name: getattr(frf, name) for name in ("coherence", "log_variance", "degrees_of_freedom")}
-    changes: dict[str, Any] = {name: place.straight(array) for name, array in quality.items() if array is not None}
+    changes: dict[str, Any] = {name: positions.linear(array) for name, array in quality.items() if array is not None}
     if frf.usable is not None:
-        changes["usable"] = place.both(frf.usable)
-    # What n lines shared, fewer share of lines that stand further apart.
-    changes["correlated_lines"] = np.maximum(1.0, place.straight(frf.correlated_lines) / place.steps)
+        changes["usable"] = positions.both(frf.usable)
+    # Lines further apart are less correlated.
+    changes["correlated_lines"] = np.maximum(1.0, positions.linear(frf.correlated_lines) / positions.steps)
     notes = list(frf.notes)
-    if not place.exact.all():
-        notes.append(f"resampled: {np.count_nonzero(~place.exact)} lines are between measured ones")
-    sharp = too_sharp(place, values, bend, changes.get("log_variance"))
-    notes += [sharp] if sharp else []
-    return {"frequency_hz": frequency_hz, "values": values, "notes": tuple(notes), **changes}, sharp
+    if not positions.exact.all():
+        notes.append(f"resampled: {np.count_nonzero(~positions.exact)} lines are interpolated")
+    warning = curvature_warning(positions, values, curvature, changes.get("log_variance"))
+    notes += [warning] if warning else []
+    return {"frequency_hz": frequency_hz, "values": values, "notes": tuple(notes), **changes}, warning

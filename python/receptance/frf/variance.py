@@ -1,10 +1,10 @@
-"""Variance of an FRF from coherence, pooled over neighbouring lines.
+"""Variance of an FRF from its coherence, pooled over neighbouring lines, and intervals from variances.
 
-Of n averages, with g^2 the coherence, the real and the imaginary part of the logarithm of H1 have the variance
-(1 - g^2) / (2 (n - 1) g^2) each (Bendat and Piersol 2010, sect. 9.1, with n - 1 for n: the slope itself takes one),
-known with 2 (n - 1) degrees of freedom. Of few averages that is itself noisy, a factor of 1.6 either way for ten.
-Neighbouring lines share what changes slowly with frequency: noise of the response and relative scatter, so the
-variance of the values is a + b |H|^2 with a and b smooth, fitted over a window of lines around each one.
+For n averages with the coherence g^2, the real part and the imaginary part of the logarithm of H1 each have the
+variance (1 - g^2) / (2 (n - 1) g^2) (Bendat and Piersol 2010, sect. 9.1, with n - 1 for n because the slope is
+estimated as well), with 2 (n - 1) degrees of freedom. For ten averages it is uncertain by a factor of 1.6. Noise of the
+response and relative scatter change slowly with frequency, so the variance of the values is modelled as a + b |H|^2 and
+fitted over a window of lines around each line.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
-from receptance.frf import arrays
+from receptance.frf.validation import average_count
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "additive_share",
-    "half_width_of",
+    "interval_factor",
     "lines_around",
     "pool_entries",
     "pool_variance",
@@ -32,23 +32,22 @@ __all__ = [
 ]
 
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-_ENOUGH = 60.0
-"""Degrees of freedom of the median line at which the window stops to grow: t is then within 2 % of the normal."""
-_ROUNDS = 4
-"""Of fitting with the weights of the last fit; nothing moves after three."""
-_LEVEL = 1e-9
-"""Relative spread of |H|^2 in a window below which it says nothing of b."""
-_OWN = 1e-3
-"""A line so unlikely under its neighbours (hum, say) keeps its own variance."""
-_AROUND = 8
-"""Lines to each side from which the additive part of the variance is found, in units of those that are correlated."""
-_FLAT = 1e-9
-"""Relative spread of |H|^2 below which the additive part cannot be told from the other."""
-_AT_ONCE = 4096
+_TARGET_FREEDOM = 60.0
+"""Degrees of freedom of the median line at which the window stops growing; t is then within 2 % of the normal."""
+_REWEIGHTINGS = 4
+"""Fits with the weights of the previous fit; the result does not change after three."""
+_MIN_SPREAD = 1e-9
+"""Relative spread of |H|^2 in a window below which a and b cannot be separated."""
+_MIN_PROBABILITY = 1e-3
+"""A line less likely than this given its neighbours (hum, for example) keeps its own variance."""
+_SHARE_HALF_WIDTH = 8
+"""Independent lines to each side from which the additive share of the variance is estimated."""
+_CHUNK = 4096
+"""Lines processed at once, to limit memory."""
 
 
 def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArray[np.float64], float]:
-    """Variance of the logarithm of an FRF from its coherence.
+    """Return the variance of the logarithm of an FRF from its coherence.
 
     Parameters
     ----------
@@ -60,14 +59,14 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
     Returns
     -------
     log_variance : ndarray
-        Of the real and of the imaginary part, each; of the shape of `coherence`. Infinite where that is 0.
+        Variance of the real part and of the imaginary part; of the shape of `coherence`. Infinite where that is 0.
     degrees_of_freedom : float
         2 (n - 1).
 
     Raises
     ------
     TypeError, ValueError
-        Coherence outside 0 to 1, or fewer than two averages: its coherence is 1 whatever was measured.
+        Coherence outside 0 to 1, or fewer than two averages.
 
     Examples
     --------
@@ -80,18 +79,20 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
     wrong = ~((quality >= 0.0) & (quality <= 1.0))
     if wrong.any():
         raise ValueError(f"variance_from_coherence: coherence is {quality[wrong][0]:g}, expected from 0 to 1")
-    n = arrays.count("variance_from_coherence", "averages", averages)
-    if n is None or n < 2:
+    n = average_count("variance_from_coherence", averages)
+    if n < 2:
         raise ValueError(
-            f"variance_from_coherence: averages is {n}, expected at least 2: the coherence of a single record is 1 "
-            "whatever was measured"
+            f"variance_from_coherence: averages is {n}, expected at least 2: the coherence of one record is always 1"
         )
     with np.errstate(divide="ignore"):
         return (1.0 - quality) / (2.0 * (n - 1) * quality), 2.0 * (n - 1)
 
 
 def with_variance(frf: FRF) -> FRF:
-    """Return an FRF of one entry with the variance of its coherence, pooled; as it is where it has one, or cannot."""
+    """Return an FRF of one entry with the pooled variance from its coherence.
+
+    The FRF is returned unchanged if it has a variance, or lacks coherence or averages.
+    """
     if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
         return frf
     variance, freedom = variance_from_coherence(frf.coherence[:, 0, 0], frf.averages)
@@ -112,25 +113,25 @@ def pool_variance(
     Parameters
     ----------
     values : ndarray
-        `(n,)` complex, in the form that was measured.
+        `(n,)` complex, in the measured form.
     log_variance : ndarray
-        `(n,)` of each line alone; lines where it is infinite or the value is zero are left as they are.
+        `(n,)` variance of each line; lines with infinite variance or a value of zero are returned unchanged.
     degrees_of_freedom : array_like
-        Of each line alone, one number or `(n,)`.
+        Degrees of freedom of each line, one number or `(n,)`.
     correlated_lines : array_like, optional
-        How many neighbouring lines share one independent value, one number or `(n,)`.
+        Number of neighbouring lines per independent value, one number or `(n,)`.
     half_width : int, optional
-        Lines to each side; by default as few as give 60 degrees of freedom on the median line, at most 64.
+        Lines to each side; by default the fewest that give 60 degrees of freedom on the median line, at most 64.
 
     Returns
     -------
     log_variance, degrees_of_freedom : ndarray
-        `(n,)` each. The degrees follow from the fit's own variance (Satterthwaite 1946).
+        `(n,)` each. The degrees of freedom follow from the variance of the fit (Satterthwaite 1946).
 
     Raises
     ------
     ValueError
-        A half width below zero.
+        A negative half width.
 
     Examples
     --------
@@ -148,7 +149,7 @@ def pool_variance(
     own = np.array(np.broadcast_to(freedoms, values.shape))
     known = np.isfinite(result) & np.isfinite(own) & (values != 0.0)
     shares = _checks.unmasked(owner, "correlated_lines", correlated_lines, np.float64)
-    alike = np.broadcast_to(shares, values.shape)[known]
+    correlated = np.broadcast_to(shares, values.shape)[known]
     gain = np.abs(values[known]) ** 2
     gain /= gain.max(initial=np.finfo(float).tiny)
     scatter = result[known] * gain
@@ -157,46 +158,46 @@ def pool_variance(
     else:
         width = _checks.not_negative("pool_variance", "half_width", half_width)
         widths = [min(int(width), (gain.size - 1) // 2)]
-    # All zero is what simulated data without noise have: nothing to fit.
+    # Simulated data without noise have zero variance and are not fitted.
     if not scatter.any() or not widths or widths[0] < 1:
         return result, own
-    alone = own[known]
+    own_freedom = own[known]
     for width in widths:
         with np.errstate(all="ignore"):
-            fitted, freedom = _fit(scatter, gain, alone, alike, width)
+            fitted, freedom = _fit(scatter, gain, own_freedom, correlated, width)
             pooled = fitted / gain
-        if float(np.median(freedom)) >= _ENOUGH:
+        if float(np.median(freedom)) >= _TARGET_FREEDOM:
             break
-    # Values that span hundreds of decades leave nothing to fit: such lines keep their own.
+    # Lines keep their own variance where values spanning hundreds of decades make the fit overflow.
     sound = np.isfinite(pooled) & np.isfinite(freedom)
     result[known] = np.where(sound, pooled, result[known])
-    own[known] = np.where(sound, freedom, alone)
+    own[known] = np.where(sound, freedom, own_freedom)
     return result, own
 
 
 def _fit(
     scatter: NDArray[np.float64],
     gain: NDArray[np.float64],
-    alone: NDArray[np.float64],
-    alike: NDArray[np.float64],
+    own_freedom: NDArray[np.float64],
+    correlated: NDArray[np.float64],
     width: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a + b |H|^2, both at least zero, on each line from those within `width`, and its degrees of freedom."""
+    """Return a + b |H|^2 on each line from those within `width`, with a, b >= 0, and its degrees of freedom."""
     from scipy.special import gammaincc  # slow to import
 
     def total(terms: NDArray[np.float64]) -> NDArray[np.float64]:
-        # Added up afresh for each window: a running sum would lose the small terms beside a resonance.
+        # Summed separately for each window: a running sum would lose the small terms beside a resonance.
         return np.convolve(terms, np.ones(2 * width + 1), mode="same")
 
     lowest = 1e-12 * float(scatter.max())
     power = np.maximum(total(scatter) / total(np.ones_like(scatter)), lowest)
-    for _ in range(_ROUNDS):
+    for _ in range(_REWEIGHTINGS):
         weight = power**-2.0
         w, wg, wgg = total(weight), total(weight * gain), total(weight * gain**2)
         ws, wgs = total(weight * scatter), total(weight * gain * scatter)
         centre = wg / w
         spread = wgg - wg * centre
-        level = spread <= _LEVEL * wgg
+        level = spread <= _MIN_SPREAD * wgg
         spread = np.where(level, 1.0, spread)
         slope = np.where(level, 0.0, (wgs - centre * ws) / spread)
         flat = slope <= 0.0
@@ -206,21 +207,20 @@ def _fit(
         alpha = np.where(flat, 1.0 / w, np.where(through_zero, 0.0, 1.0 / w - off * centre / spread))
         beta = np.where(flat, 0.0, np.where(through_zero, gain / wgg, off / spread))
         power = np.maximum(alpha * ws + beta * wgs, lowest)
-    size = weight**2 * power**2 * alike * 2.0 / alone
+    size = weight**2 * power**2 * correlated * 2.0 / own_freedom
     variance = alpha**2 * total(size) + 2.0 * alpha * beta * total(size * gain) + beta**2 * total(size * gain**2)
-    # Correlated or steeply weighted neighbours cannot know less than the line alone.
-    freedom = np.maximum(2.0 * power**2 / variance, alone)
-    unlikely = gammaincc(alone / 2.0, alone / 2.0 * scatter / power) < _OWN
-    return np.where(unlikely, scatter, power), np.where(unlikely, alone, freedom)
+    # The line own_freedom is a lower limit, with correlated or steeply weighted neighbours as well.
+    freedom = np.maximum(2.0 * power**2 / variance, own_freedom)
+    unlikely = gammaincc(own_freedom / 2.0, own_freedom / 2.0 * scatter / power) < _MIN_PROBABILITY
+    return np.where(unlikely, scatter, power), np.where(unlikely, own_freedom, freedom)
 
 
 def additive_share(
     values: NDArray[np.complex128], log_variance: NDArray[np.float64], correlated_lines: ArrayLike = 1.0
 ) -> NDArray[np.float64]:
-    """Share of a in the variance a + b |H|^2 of the values of one entry, from the lines around each one.
+    """Return the share of a in the variance a + b |H|^2 of one entry, from the lines around each line.
 
-    Noise of the response is additive and gives a. Noise of the force, and scatter from hit to hit, is in proportion to
-    the FRF and gives b.
+    Noise of the response is additive (a). Noise of the force and scatter between hits are proportional to the FRF (b).
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def additive_share(
     log_variance : ndarray
         `(n,)` finite.
     correlated_lines : array_like, optional
-        How many neighbouring lines share one independent value, one number or `(n,)`.
+        Number of neighbouring lines per independent value, one number or `(n,)`.
 
     Returns
     -------
@@ -250,27 +250,27 @@ def additive_share(
     noise = log_variance * power
     stride = np.maximum(np.rint(np.broadcast_to(correlated_lines, power.shape)), 1.0).astype(np.intp)
     result = np.zeros(power.size)
-    half = min(_AROUND, (power.size - 1) // (2 * int(stride.max())))
+    half = min(_SHARE_HALF_WIDTH, (power.size - 1) // (2 * int(stride.max())))
     if half < 1:
         return result
-    for first in range(0, power.size, _AT_ONCE):
-        own = np.arange(first, min(first + _AT_ONCE, power.size))
+    for first in range(0, power.size, _CHUNK):
+        own = np.arange(first, min(first + _CHUNK, power.size))
         near = lines_around(own, half, stride[own], power.size)
-        # Variances of zero are for the caller to judge.
+        # Variances of zero are handled by the caller.
         with np.errstate(divide="ignore", invalid="ignore"):
             result[own] = _share(power[near], noise[near], near == own[:, None])
     return result
 
 
 def _share(power: NDArray[np.float64], noise: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the share of a in noise = a + b |H|^2, both at least zero; each row has the lines around one."""
+    """Return the share of a in noise = a + b |H|^2 with a, b >= 0; each row has the lines around one line."""
     g = power / power.mean(axis=1, keepdims=True)
     y = noise / noise.mean(axis=1, keepdims=True)
-    # Relative deviations count: both span decades beside a resonance.
+    # Weighted for relative deviations, because both span decades beside a resonance.
     w = 1.0 / (0.5 * (y + 1.0)) ** 2
     total, first, second = (np.sum(w * g**k, axis=1) for k in range(3))
     spread = total * second - first**2
-    flat = spread <= _FLAT * total * second
+    flat = spread <= _MIN_SPREAD * total * second
     slope = (total * np.sum(w * g * y, axis=1) - first * np.sum(w * y, axis=1)) / np.where(flat, 1.0, spread)
     slope = np.clip(slope, 0.0, np.sum(w * g * y, axis=1) / second)
     constant = np.maximum(np.sum(w * y, axis=1) - slope * first, 0.0) / total
@@ -281,7 +281,7 @@ def _share(power: NDArray[np.float64], noise: NDArray[np.float64], own: NDArray[
 
 
 def lines_around(own: NDArray[np.intp], half: int, stride: NDArray[np.intp], size: int) -> NDArray[np.intp]:
-    """Return the lines around each one, `(n, 2 half + 1)`, in steps of a stride; within the record at its ends."""
+    """Return the indices of the lines around each line, `(n, 2 half + 1)`, in steps of a stride, within the record."""
     begin = np.clip(own - half * stride, 0, size - 1 - 2 * half * stride)
     return np.asarray(begin[:, None] + stride[:, None] * np.arange(2 * half + 1))
 
@@ -289,7 +289,7 @@ def lines_around(own: NDArray[np.intp], half: int, stride: NDArray[np.intp], siz
 def pool_entries(
     frf: FRF, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64], half_width: int | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return variance and degrees of freedom `(n, n_responses, n_excitations)`, pooled for each entry."""
+    """Return variance and degrees of freedom `(n, n_responses, n_excitations)`, pooled in each entry."""
     variance, freedom = log_variance.copy(), degrees_of_freedom.copy()
     for i, j in np.ndindex(frf.values.shape[1:]):
         variance[:, i, j], freedom[:, i, j] = pool_variance(
@@ -302,19 +302,39 @@ def pool_entries(
     return variance, freedom
 
 
-def half_width_of(
-    variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64] | None, level: float
-) -> NDArray[np.float64]:
-    """Return half the width of the interval at a level: Student's t, or the normal distribution without degrees."""
+def interval_factor(level: float, degrees_of_freedom: ArrayLike | None) -> NDArray[np.float64]:
+    """Return the half-width of a two-sided interval in standard deviations.
+
+    Parameters
+    ----------
+    level : float
+        Probability of the interval.
+    degrees_of_freedom : array_like or None
+        Degrees of freedom of the variance; None or infinite if the variance is known exactly.
+
+    Returns
+    -------
+    ndarray
+        Quantile of Student's t distribution, of the shape of `degrees_of_freedom`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A level outside 0 to 1.
+
+    Examples
+    --------
+    >>> from receptance.frf.variance import interval_factor
+    >>> interval_factor(0.95, [4.0, float("inf")]).round(3).tolist()
+    [2.776, 1.96]
+    """
     from scipy.special import ndtri, stdtrit  # slow to import
 
-    share = _checks.positive("log_interval", "level", level)
-    if share >= 1.0:
-        raise ValueError(f"log_interval: level is {share:g}, expected less than 1")
-    upper = 0.5 * (1.0 + share)
-    factor = np.full(variance.shape, ndtri(upper))
-    if degrees_of_freedom is not None:
-        estimated = np.isfinite(degrees_of_freedom)
-        factor[estimated] = stdtrit(degrees_of_freedom[estimated], upper)
-    half: NDArray[np.float64] = np.sqrt(variance) * factor
-    return half
+    level = _checks.number("interval", "level", level)
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"interval: level is {level:g}, expected between 0 and 1")
+    upper = 0.5 + 0.5 * level
+    freedom = np.asarray(np.inf if degrees_of_freedom is None else degrees_of_freedom, dtype=np.float64)
+    estimated = np.isfinite(freedom)
+    quantile = stdtrit(np.where(estimated, freedom, 1.0), upper)
+    return np.asarray(np.where(estimated, quantile, ndtri(upper)))

@@ -1,4 +1,4 @@
-"""What observations are made of, checked, with the observation named in every mistake."""
+"""Checks of the fields of observations; messages name the observation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.assembly import Assembly
+from receptance.model.assembly import Assembly
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,6 +18,7 @@ __all__ = ["ascending", "conditions_of", "decaying", "fill", "mode_numbers", "ow
 
 
 def owner_of(kind: str, label: str, assembly: Any) -> str:
+    """Return the name of an observation in messages; raise unless it has an assembly."""
     owner = f"{kind} {label!r}" if label else kind
     if not isinstance(assembly, Assembly):
         raise TypeError(f"{owner}: assembly is {assembly!r}, expected an Assembly")
@@ -25,7 +26,7 @@ def owner_of(kind: str, label: str, assembly: Any) -> str:
 
 
 def fill(target: Any, **fields: Any) -> None:
-    """Fill a frozen dataclass; its arrays are its own and stay as they are."""
+    """Set the fields of a frozen dataclass; arrays are copied and read-only."""
     for name, value in fields.items():
         if isinstance(value, np.ndarray):
             value = value.copy()
@@ -34,10 +35,12 @@ def fill(target: Any, **fields: Any) -> None:
 
 
 def conditions_of(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
+    """Return conditions as numbers by name."""
     return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
 
 
 def ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
+    """Return ascending frequencies, or raise."""
     try:
         return _checks.frequencies(array)
     except (TypeError, ValueError) as error:
@@ -45,7 +48,7 @@ def ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
-    """Return complex lines that a decaying window can have caused; as real ones where none was used."""
+    """Return the lines of an exponential window: imaginary parts of zero or less; real without a window."""
     bad = np.flatnonzero(lines.imag > 0.0)
     if bad.size:
         raise ValueError(
@@ -56,6 +59,7 @@ def decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
 
 
 def spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return positive numbers, one for each line; a single number stands for all."""
     array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), shape):
         raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
@@ -67,6 +71,7 @@ def spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) 
 
 
 def mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
+    """Return ascending mode numbers from 1 on."""
     array = _checks.unmasked(owner, "modes", modes)
     if array.ndim != 1 or array.dtype.kind not in "iu":
         raise TypeError(f"{owner}: modes is {modes!r}, expected a list of whole numbers")
@@ -78,7 +83,7 @@ def mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
 def damping(
     owner: str, ratio: ArrayLike | None, deviation: ArrayLike | None, weighed: bool, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """Return damping ratios and their standard deviations; some may be missing, but not all."""
+    """Return damping ratios and their standard deviations; NaN is a missing ratio, at least one is needed."""
     if ratio is None:
         if deviation is not None:
             raise ValueError(f"{owner}: standard_deviation_damping is given without damping_ratio")
@@ -97,7 +102,7 @@ def damping(
         if not weighed:
             given, missing = missing, given
         raise ValueError(
-            f"{owner}: {given} has standard deviations and {missing} has none, so they cannot be weighed against each "
-            "other; give both, or neither"
+            f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
+            "both, or neither"
         )
     return values, None if deviation is None else spread(owner, "standard_deviation_damping", deviation, shape)

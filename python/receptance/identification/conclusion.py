@@ -1,4 +1,4 @@
-"""From the ends of all starts to one result with its uncertainty and advice."""
+"""The result of a fit from the ends of all starts, with uncertainty and advice."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.identification.covariance import covariance_of, variance_factor
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
-from receptance.identification.spread import covariance_of, variance_factor
 from receptance.identification.unknowns import Variables
 from receptance.report import Provenance
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 __all__ = ["conclude", "contradicts"]
 
 _TIED = 0.99
-"""Two parameters whose estimates correlate more than this are said to be tied."""
+"""Least correlation of two parameters that are reported as tied."""
 _AT_BOUND = 1e-3
-"""A variable within this share of its range from a bound is said to be at it."""
+"""Largest distance from a bound, as a share of the range, of a variable that is reported at its bound."""
 _SAME = 0.2
-"""Ends that differ by less than this many standard errors are the same."""
-_RARE = 1e-3
-"""Chance of residuals so small from which on standard deviations are said to be too large."""
-_CONTRADICTION = 0.01
-"""Chance of a chi-square so large from which on data, tolerances and model are said to contradict each other."""
+"""Ends that differ by less than this many standard errors are one optimum."""
+_SMALL_PROBABILITY = 1e-3
+"""Standard deviations are reported as too large below this probability of so small a chi-square."""
+_LARGE_PROBABILITY = 0.01
+"""Data and model are contradictory below this probability of so large a chi-square."""
 _UNEXPLAINED = 2.0
-"""Residuals this many times their standard deviation, as rms, are said to be unexplained."""
+"""Residuals are reported as unexplained above this rms, in standard deviations, and as too small below its inverse."""
 
 
 def conclude(
@@ -55,14 +55,14 @@ def conclude(
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
     values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
-    # What is reported is counted in the standard deviations that were stated.
+    # Residuals are reported in the stated standard deviations.
     parts = [task.noise_factor * part for part in problem.parts(residual)]
     rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-    same, elsewhere = _agreement(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
+    same, elsewhere = _count_optima(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
     if not known and residual.size == count:
         notes.append(
-            "there are as many unknowns as observed numbers, so nothing is left to estimate the scatter from and the "
-            "standard errors are infinite: give the observations standard deviations"
+            "there are as many unknowns as observed numbers, so the scatter cannot be estimated and the standard "
+            "errors are infinite: give the observations standard deviations"
         )
     lost = [run for run in runs if not np.isfinite(run.cost)]
     if lost:
@@ -82,11 +82,11 @@ def conclude(
         noise_factor=task.noise_factor,
         converged=best.converged,
         advice=[
-            *_on_starts(runs, best, same, elsewhere),
-            *_on_bounds(best.variables, variables, task.parameters.errors),
-            *_on_spread(inverse, correlation, variables.names),
-            *(_on_misfit(parts, sum(task.independent_numbers()), count, task.noise_factor) if known else ()),
-            *_on_copies(observed),
+            *_start_advice(runs, best, same, elsewhere),
+            *_bound_advice(best.variables, variables, task.parameters.errors),
+            *_covariance_advice(inverse, correlation, variables.names),
+            *(_misfit_advice(parts, sum(task.independent_numbers()), count, task.noise_factor) if known else ()),
+            *_copy_advice(observed),
         ],
         notes=notes,
         starts=tuple(runs),
@@ -100,33 +100,33 @@ def conclude(
 
 
 def _scaled(inverse: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    """Return factor times the matrix, where what is infinite stays so although the factor may be zero."""
+    """Return factor times the matrix; infinite elements stay infinite if the factor is zero."""
     return np.where(np.isinf(inverse), np.inf, np.where(np.isinf(inverse), 0.0, inverse) * factor)
 
 
-def _agreement(
+def _count_optima(
     runs: Sequence[Start], best: Start, variables: Variables, size: int, spread: NDArray[np.float64]
 ) -> tuple[int, int]:
-    """Count the runs that reached the best optimum, and those as good that ended elsewhere."""
+    """Count the runs that reached the best optimum, and equally good ones that ended at another."""
     low, high = variables.limits
-    # Along a flat valley fits stop where nothing changes any more; a small part of the spread is no other place.
-    reach = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(spread), _SAME * spread, 0.0))
+    # Along a flat valley ends differ by a small part of the standard errors.
+    tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(spread), _SAME * spread, 0.0))
     good = best.cost * (1.0 + 1e-3) + 1e-12 * size
     as_good = [run for run in runs if run.cost <= good]
-    same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= reach)]
+    same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= tolerance)]
     return len(same), len(as_good) - len(same)
 
 
-def _on_starts(runs: Sequence[Start], best: Start, same: int, elsewhere: int) -> list[str]:
+def _start_advice(runs: Sequence[Start], best: Start, same: int, elsewhere: int) -> list[str]:
     advice = []
     if not best.converged:
         advice.append(
             f"not converged after {best.evaluations} evaluations ({best.message.rstrip('.')}): raise max_evaluations, "
-            "start nearer, or narrow the bounds"
+            "give a better start, or narrow the bounds"
         )
     if elsewhere:
         advice.append(
-            f"{elsewhere} start(s) fit as well with other values: the data do not tell them apart; fix a parameter or "
+            f"{elsewhere} start(s) fit as well with other values: the data do not distinguish them; fix a parameter or "
             "measure another assembly"
         )
     if len(runs) > 1 and same == 1 and not elsewhere:
@@ -137,34 +137,36 @@ def _on_starts(runs: Sequence[Start], best: Start, same: int, elsewhere: int) ->
     return advice
 
 
-def _on_bounds(x: NDArray[np.float64], variables: Variables, errors: Sequence[str]) -> list[str]:
+def _bound_advice(x: NDArray[np.float64], variables: Variables, errors: Sequence[str]) -> list[str]:
     low, high = variables.limits
     advice = []
-    far: list[str] = []
+    extreme: list[str] = []
     for i, unknown in enumerate(variables.unknowns):
         near = _AT_BOUND * (high[i] - low[i])
         if unknown.name in errors:
-            far += [unknown.name] if min(x[i] - low[i], high[i] - x[i]) <= near else []
+            extreme += [unknown.name] if min(x[i] - low[i], high[i] - x[i]) <= near else []
             continue
         sides = (("lower", unknown.lower, x[i] - low[i]), ("upper", unknown.upper, high[i] - x[i]))
         advice += [
-            f"{unknown.name} is at its {side} bound {bound:g}: widen the bound, or take it that the data only "
-            "limit it from one side; its interval means nothing there"
+            f"{unknown.name} is at its {side} bound {bound:g}: widen the bound, unless the data limit it from one "
+            "side only; its interval is not valid there"
             for side, bound, distance in sides
             if distance <= near
         ]
-    if far:
-        limit = variables.unknowns[variables.names.index(far[0])].upper
+    if extreme:
+        limit = variables.unknowns[variables.names.index(extreme[0])].upper
         advice.append(
-            f"{', '.join(far)}: found {limit:g} standard deviations off, the limit of the fit: the tolerances are too "
-            "small, a dimension is wrong, or the model lacks something"
+            f"{', '.join(extreme)}: {limit:g} standard deviations off, the limit of the fit: the tolerances are too "
+            "small, a dimension is wrong, or the model is incomplete"
         )
     return advice
 
 
-def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], names: tuple[str, ...]) -> list[str]:
+def _covariance_advice(
+    inverse: NDArray[np.float64], correlation: NDArray[np.float64], names: tuple[str, ...]
+) -> list[str]:
     advice = [
-        f"the data do not determine {name}: fix it, or measure something that it moves"
+        f"the data do not determine {name}: fix it, or measure something that depends on it"
         for name, variance in zip(names, np.diag(inverse), strict=True)
         if np.isinf(variance)
     ]
@@ -179,34 +181,33 @@ def _on_spread(inverse: NDArray[np.float64], correlation: NDArray[np.float64], n
 
 
 def contradicts(chi_square: float, left: float) -> bool:
-    """Return whether chi-square is larger than chance makes it in one of a hundred cases."""
+    """Return whether chi-square with `left` degrees of freedom is significantly large, at the 1 % level."""
     from scipy.special import chdtrc  # the light part of scipy.stats
 
-    return left > 0.0 and bool(chdtrc(left, chi_square) < _CONTRADICTION)
+    return left > 0.0 and bool(chdtrc(left, chi_square) < _LARGE_PROBABILITY)
 
 
-def _on_misfit(
+def _misfit_advice(
     residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int, noise_factor: float
 ) -> list[str]:
-    """Compare residuals with what is expected of them: one for each independent number, however many lines share it."""
+    """Compare chi-square with its expectation, one for each independent number."""
     from scipy.special import chdtr  # the light part of scipy.stats
 
     chi_square = sum(float(np.sum(part**2)) for part in residuals)
     rms = float(np.sqrt(chi_square / independent))
     if noise_factor > 1.0:
         return [
-            "the model does not explain the data within standard deviations and tolerances: it lacks something or "
-            f"these are too small; the fit and its intervals take the standard deviations {noise_factor:.3g} times as "
-            "large"
+            "the model does not explain the data within standard deviations and tolerances: it is incomplete or "
+            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations"
         ]
     if rms > _UNEXPLAINED:
         return [
-            f"the residuals are {rms:.3g} times what the standard deviations explain: the model lacks something or the "
-            "standard deviations are too small, and the standard errors are then too small as well"
+            f"the residuals are {rms:.3g} times what the standard deviations explain: the model is incomplete or the "
+            "standard deviations are too small, and then the standard errors are too small as well"
         ]
-    # Every fitted number may have taken one up, errors of tolerances as well.
+    # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
-    if left > 0.0 and chi_square < left / _UNEXPLAINED**2 and chdtr(left, chi_square) < _RARE:
+    if left > 0.0 and chi_square < left / _UNEXPLAINED**2 and chdtr(left, chi_square) < _SMALL_PROBABILITY:
         share = float(np.sqrt(chi_square / left))
         return [
             f"the residuals are only {share:.2g} times what the standard deviations explain: these are stated too "
@@ -216,24 +217,24 @@ def _on_misfit(
     return []
 
 
-def _may_be_one(one: Observation, other: Observation) -> bool:
-    # Two structures may well have the same natural frequencies, to the digits that are written.
+def _comparable(one: Observation, other: Observation) -> bool:
+    # Two structures may have the same natural frequencies to the digits that are written.
     if isinstance(one, MeasuredFRF):
         return True
     return one.assembly is other.assembly or bool(one.configuration and one.configuration == other.configuration)
 
 
-def _on_copies(observed: Sequence[Observation]) -> list[str]:
-    """Say which observations hold the same numbers: noise does not repeat itself."""
+def _copy_advice(observed: Sequence[Observation]) -> list[str]:
+    """Return advice on observations with the same numbers, which noise would make different."""
     advice = []
     names = [one.label or f"observation {i}" for i, one in enumerate(observed)]
     pairs = [
         (i, j)
         for i in range(len(observed))
         for j in range(i)
-        if type(observed[i]) is type(observed[j]) and _may_be_one(observed[i], observed[j])
+        if type(observed[i]) is type(observed[j]) and _comparable(observed[i], observed[j])
     ]
-    # Sorting takes longer than a fit of one joint, so only observations that may be the same are sorted.
+    # Sorting can take longer than a fit, so only comparable observations are sorted.
     values = {
         i: np.unique(one.receptance if isinstance(one, MeasuredFRF) else one.frequency_hz)
         for i, one in enumerate(observed)

@@ -9,16 +9,7 @@ of a fit.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.assembly import Assembly
-
-__all__ = ["DECAY_RATES", "DELAY", "END", "FACTORS", "LOG_GAIN", "frequency_powers", "frequency_weights"]
+__all__ = ["DECAY_RATES", "DELAY", "END", "FACTORS", "LOG_GAIN"]
 
 LOG_GAIN = "observation.log_gain"
 """Natural logarithm of measured over true magnitude."""
@@ -31,29 +22,6 @@ DECAY_RATES = {
 }
 """Rate in 1/s of an exponential window on both channels, and how often what was recorded is integrated."""
 END = "observation.end"
-"""Time in s after the hit at which the record ended, of an observation that says that it did (see `early_end`)."""
+"""Time in s after the hit at which a truncated record ended."""
 FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES, END)
-
-_POWERS = {"density": 2.0, "mass": 2.0, "inertia": 2.0, "c_y": 1.0, "c_theta": 1.0, "c_ytheta": 1.0}
-_MODAL_POWERS = dict.fromkeys(("frequency_hz", "y", "theta", "y_imaginary", "theta_imaginary"), -1.0)
-"""Of the numbers of a mode: its receptance is phi^2 / w^2 times a function of w over its natural frequency."""
-
-
-def frequency_powers(assembly: Assembly) -> dict[str, float]:
-    """Return the addresses beside which frequency enters, and its power there."""
-    powers = {}
-    for name in assembly.parameters:
-        owner, quantity = name.rsplit(".", 1)
-        powers[name] = (_MODAL_POWERS if ".mode[" in owner else _POWERS).get(quantity, 0.0)
-    return {name: power for name, power in powers.items() if power}
-
-
-def frequency_weights(assembly: Assembly) -> tuple[list[str], NDArray[np.float64]]:
-    """Return addresses a and numbers n v with w dH/dw = sum n v dH/da.
-
-    Frequency enters a structure beside its densities, masses and dashpots, as w^2 m and w c, and in modal parts as
-    phi / w and w / w_r, so that its derivative follows from theirs, and no difference has to be taken.
-    """
-    chosen = {name: power * assembly.get(name) for name, power in frequency_powers(assembly).items()}
-    kept = {name: weight for name, weight in chosen.items() if weight}
-    return list(kept), np.array(list(kept.values()))
+"""All of them, in the order of the core."""

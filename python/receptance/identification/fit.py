@@ -11,19 +11,17 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.identification.bands import check_bands
 from receptance.identification.conclusion import conclude, contradicts
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.peaks import check_bands
 from receptance.identification.result import Identification
 from receptance.identification.search import fit_direct, fit_staged
 from receptance.identification.task import Observation, Task, place_of
 from receptance.identification.unknowns import Unknown
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.identification.problem import Problem
     from receptance.identification.residuals import Unit
 
@@ -31,16 +29,17 @@ __all__ = ["identify"]
 
 Objective = Literal["log", "percentage"]
 Strategy = Literal["direct", "staged"]
-_APPROACH = 1e-4
-"""Tolerance of the fit of logarithms that begins a fit of percentages."""
+Noise = Literal["scaled", "stated"]
+_START_TOLERANCE = 1e-4
+"""Tolerance of the fit of logarithms that gives the starts of percentages."""
 _SMOOTHING_PERCENT = 0.1
-"""Percentages well above this count by their absolute value, those below by their square."""
-_REWEIGHTINGS = 10
-"""Most fits with another size of the noise."""
-_SETTLED = 0.05
-"""Chi-square this near its expectation, as a share, ends them."""
-_LEAST_SLOPE = -0.3
-"""Flattest slope of log chi-square over the log of the factor that a step is taken from."""
+"""The cost is the absolute value of percentages well above this, and the square of those below."""
+_MAX_RESCALINGS = 10
+"""Largest number of fits with rescaled standard deviations."""
+_CHI_SQUARE_TOLERANCE = 0.05
+"""Relative tolerance of chi-square after rescaling."""
+_MAX_SLOPE = -0.3
+"""Largest slope of log chi-square over the log of the factor in a secant step."""
 
 
 def identify(
@@ -57,68 +56,72 @@ def identify(
     threads: int | None = None,
     tolerances: Tolerance | Sequence[Tolerance] = (),
     strategy: Strategy = "direct",
+    noise: Noise = "scaled",
 ) -> Identification:
-    """Identify parameters of assemblies from what was measured on them.
+    """Identify parameters of assemblies from measured receptances and natural frequencies.
 
-    One least-squares problem over all observations: an unknown is shared by every observation whose assembly has
-    its address. The fit runs from several starts on analytic derivatives, with the trust-region reflective method
-    (Branch, Coleman and Li 1999), and the best end is kept.
+    All observations form one least-squares problem. An unknown is shared by every observation whose assembly has its
+    address. The fit uses analytic derivatives and a trust-region method within bounds. It runs from several starts, and
+    the best end is the result.
 
     Parameters
     ----------
     observations : sequence of MeasuredFRF and MeasuredFrequencies
-        What was measured; kinds and assemblies may be mixed.
+        The measurements, of one or several assemblies.
     unknowns : sequence of Unknown and Law
-        The parameters to identify, with bounds; a `Law` ties one across configurations.
+        The parameters to identify, with bounds; a `Law` relates the values in several configurations.
     objective : {"log", "percentage"}, optional
-        "log": the complex logarithm of measured over calculated receptance, real and imaginary part, and natural
-        frequencies calculated minus measured; in standard deviations where these are given, else natural
-        frequencies in percent. Sum of squares.
+        "log": sum of squares of the complex logarithm of measured over calculated receptance, real and imaginary part,
+        and of natural frequencies, calculated minus measured. Residuals are in standard deviations if these are given;
+        otherwise natural frequencies are in percent.
 
-        "percentage": the absolute percentage difference between the magnitudes of calculated and measured
-        receptance in bands around several resonances (Matthias et al. 2016, fig. 3), and natural frequencies in
-        percent. The sum of absolute values is not smooth where a residual is zero, so it is smoothed: a residual well
-        above 0.1 % counts by its absolute value, one below by its square. Standard deviations are not
-        used, phases neither.
+        "percentage": sum of the absolute percentage differences between the magnitudes of calculated and measured
+        receptance in bands around several resonances (Matthias et al. 2016, fig. 3), and of natural frequencies. The
+        cost is smoothed at zero: it is the absolute value of residuals well above 0.1 % and the square of smaller ones.
+        Standard deviations and phases are not used.
     bands : sequence of (float, float), optional
-        Bands in Hz, the same for all receptances; only lines inside count. By default all lines with "log", and
-        with "percentage" bands around each measurement's own peaks, see `find_bands`.
+        Bands in Hz of the lines that are used, the same for all receptances. The default is all lines with "log", and
+        bands around the peaks of each measurement with "percentage", see `find_bands`.
     band_width_percent : float, optional
-        How far the bands that are found reach to either side of their peak.
+        Half width of the bands that are found, in percent of the peak's frequency.
     starts : int, optional
-        Number of starts: first the given one, then a Latin hypercube within the bounds on the scale of the fit.
+        Number of starts: the given one, then a Latin hypercube within the bounds on the scale of the fit.
     seed : int, optional
-        Seed of the starts that are drawn.
+        Seed of the drawn starts.
     max_evaluations : int, optional
-        Most evaluations from one start.
+        Largest number of evaluations from one start.
     tolerance : float, optional
         Relative change of the cost and of the variables at which a fit has converged.
     threads : int, optional
         As in `Assembly.receptance`.
     tolerances : sequence of Tolerance, optional
-        Errors of dimensions and materials, fitted as well, each with its prior. Where chi-square, priors included, is
-        then larger than chance makes it in one of a hundred cases, the model or the standard deviations are wrong;
-        these are multiplied by one factor that brings it to its expectation, so that such data do not overrule the
-        tolerances.
+        Errors of dimensions and materials, which are fitted as well, each with its prior.
     strategy : {"direct", "staged"}, optional
-        "direct": every start goes straight into the problem.
+        "direct": the problem is fitted from every start.
 
-        "staged": every start, and some drawn besides it, is led to it by way of easier problems: peaks as natural
-        frequencies, then data and model with added damping that is taken down step by step, then the problem itself.
-        It finds the best optimum from starts that are decades off, and one start is usually enough. Only with the
-        objective "log".
+        "staged": continuation. Every start, and additional drawn ones, are refined by a sequence of easier problems:
+        peaks as natural frequencies, then data and model with added damping that is reduced step by step, then the
+        problem itself. It finds the global optimum from starts that are decades off, and one start is usually enough.
+        Only with the objective "log".
+    noise : {"scaled", "stated"}, optional
+        "scaled": with tolerances or individual parts, chi-square (priors included) is compared with its distribution.
+        If it is significantly large at the 1 % level, the model or the standard deviations are wrong. Then all standard
+        deviations are multiplied by one factor that brings chi-square to its expectation (Paule and Mandel 1982), so
+        that data that contradict the model do not overrule the tolerances.
+
+        "stated": the standard deviations are used as they are. Fits whose evidence is compared must have the same
+        noise, see `log_evidence`.
 
     Returns
     -------
     Identification
-        Values with their uncertainty, residuals, every start's end, whether it converged and what to try if not.
+        Values with their uncertainty, residuals, the ends of all starts, convergence and advice.
 
     Raises
     ------
     TypeError, ValueError
-        Unusable observations, unknowns or settings; more unknowns than observed numbers and priors;
-        standard deviations for some observations and not for others, or for none where there are
-        priors or tolerances.
+        Invalid observations, unknowns or settings; more unknowns than observed numbers and priors; standard deviations
+        for only some observations, or for none with priors or tolerances.
     ReceptanceError
         The model has no value at any of the starts.
 
@@ -145,6 +148,8 @@ def identify(
     parameters = Parameters(wanted, errors, [place_of(one, i) for i, one in enumerate(observed)])
     if objective not in get_args(Objective):
         raise ValueError(f"objective is {objective!r}, expected one of {', '.join(get_args(Objective))}")
+    if noise not in get_args(Noise):
+        raise ValueError(f"noise is {noise!r}, expected one of {', '.join(get_args(Noise))}")
     if strategy not in get_args(Strategy):
         raise ValueError(f"strategy is {strategy!r}, expected one of {', '.join(get_args(Strategy))}")
     if strategy == "staged" and objective != "log":
@@ -159,58 +164,57 @@ def identify(
     known = "standard deviations" in units
     if not known and any(unknown.prior is not None for unknown in parameters.unknowns):
         raise ValueError(
-            "priors and tolerances can only be weighed against observations whose standard deviations are used: give "
-            'all observations one, and the objective "log"'
+            "priors and tolerances can only be weighed against observations with standard deviations: give all "
+            'observations one, and the objective "log"'
         )
     task = Task(observed, parameters, tuple(units), chosen, band_width_percent, threads)
     smoothing = _SMOOTHING_PERCENT if objective == "percentage" else None
     variables, problem = task.variables, task.problem(smoothing=smoothing)
     free = sum(unknown.prior is None for unknown in variables.unknowns)
-    seen = problem.size - (len(variables.unknowns) - free)
-    if seen < free:
-        raise ValueError(f"there are {free} unknowns but only {seen} observed numbers; measure more or fix some")
+    count = problem.size - (len(variables.unknowns) - free)
+    if count < free:
+        raise ValueError(f"there are {free} unknowns but only {count} observed numbers; measure more or fix some")
     notes = [note for observation in observed for note in getattr(observation, "notes", ())]
-    notes += [*parameters.notes, *_on_weights(observed, units, objective)]
+    notes += [*parameters.notes, *_weight_notes(observed, units, objective)]
 
-    def fitted(task: Task, problem: Problem, x: NDArray[np.float64]) -> Identification:
+    x = variables.draw(starts, seed)
+
+    def fit(task: Task, problem: Problem) -> Identification:
         if strategy == "staged":
             runs = fit_staged(task, problem, x, seed, max_evaluations, tolerance)
         else:
-            begun = task.approach().fit(x, max_evaluations, tolerance=_APPROACH) if smoothing is not None else None
-            runs = fit_direct(problem, x, max_evaluations, tolerance, begun)
+            ends = None if smoothing is None else task.approach().fit(x, max_evaluations, tolerance=_START_TOLERANCE)
+            runs = fit_direct(problem, x, max_evaluations, tolerance, ends)
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(
                 f"the model has no value at any of the {len(x)} starts; at the first: {runs[0].message}"
             )
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
-    x = variables.draw(starts, seed)
-    found = fitted(task, problem, x)
-    if not parameters.errors:
-        return found
-    # Errors that are fitted take up what they can, so chi-square with their priors has as many degrees of freedom as
-    # there are numbers less unknowns without a prior. Data that contradict the model must not overrule tolerances:
-    # one factor of their standard deviations brings chi-square to its expectation (Paule and Mandel 1982).
+    found = fit(task, problem)
+    # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
+    # numbers minus unknowns without a prior.
     left = sum(task.independent_numbers()) - free
-    if not contradicts(_chi_square(found), left):
+    if noise == "stated" or not parameters.errors or not contradicts(_chi_square(found), left):
         return found
+    # Secant steps for the logarithm of chi-square over that of the factor.
     factor, slope = 1.0, -2.0
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(_MAX_RESCALINGS):
         ratio = _chi_square(found) / left
-        if abs(ratio - 1.0) < _SETTLED:
+        if abs(ratio - 1.0) < _CHI_SQUARE_TOLERANCE:
             break
         last = (factor, ratio)
         factor = max(factor * ratio ** (-1.0 / slope), 1.0)
-        noisier = task.noisier(factor)
-        found = fitted(noisier, noisier.problem(smoothing=smoothing), x)
+        rescaled = task.noisier(factor)
+        found = fit(rescaled, rescaled.problem(smoothing=smoothing))
         if factor != last[0]:
             slope = math.log(max(_chi_square(found) / left, 1e-9) / last[1]) / math.log(factor / last[0])
-            slope = min(max(slope, -2.0), _LEAST_SLOPE)
+            slope = min(max(slope, -2.0), _MAX_SLOPE)
     return found
 
 
 def _chi_square(found: Identification) -> float:
-    """Return the sum of squares of residuals and priors where the fit ended."""
+    """Return the sum of squares of residuals and priors at the best end."""
     return 2.0 * min(run.cost for run in found.starts)
 
 
@@ -225,31 +229,31 @@ def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observ
 
 
 def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
-    """Return what a residual of 1 is to mean for each observation, so that they can be weighed against each other."""
+    """Return the unit of the residuals of each observation."""
     if objective == "percentage":
         return ["percent"] * len(observed)
     known = [observation.weighted for observation in observed]
     if any(known) and not all(known):
         with_, without = observed[known.index(True)], observed[known.index(False)]
         raise ValueError(
-            f"{with_!r} has a standard deviation but {without!r} has none, so they cannot be weighed against each "
-            "other; give all observations one, or none"
+            f"{with_!r} has a standard deviation but {without!r} has none, so their weights are unknown; give all "
+            "observations one, or none"
         )
     if all(known):
         return ["standard deviations"] * len(observed)
     kinds = {type(observation) for observation in observed}
-    lonely: Unit = "percent" if len(kinds) == 1 else "relative"
-    return ["logarithm" if isinstance(observation, MeasuredFRF) else lonely for observation in observed]
+    frequencies: Unit = "percent" if len(kinds) == 1 else "relative"
+    return ["logarithm" if isinstance(observation, MeasuredFRF) else frequencies for observation in observed]
 
 
-def _on_weights(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:
+def _weight_notes(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:
     notes = []
     if objective == "percentage" and any(observation.weighted for observation in observed):
         notes.append("the percentage objective does not use the standard deviations that were given")
     if "relative" in units:
         notes.append(
-            "receptances and natural frequencies without standard deviations: 1 % of a frequency weighs as much as 1 % "
-            "of the receptance on one line; give standard deviations to weigh them by what is known"
+            "receptances and natural frequencies have no standard deviations: 1 % of a frequency weighs as much as 1 % "
+            "of the receptance on one line; give standard deviations to weigh them by their precision"
         )
         warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
     return notes

@@ -1,15 +1,29 @@
-"""A joint's complex stiffness line by line, and how far each line can be believed."""
+"""Inverse coupling: the complex stiffness of a joint from measured and modelled receptances, line by line."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks
-from receptance.identification.line_solutions import TERMS, names_of
+from receptance.identification.common_lines import check_observations, common_lines, masked_lines
+from receptance.identification.laws import Tolerance
+from receptance.identification.mapping import Parameters
+from receptance.identification.observations import MeasuredFRF
+from receptance.identification.pointwise_joint import (
+    TERMS,
+    Equations,
+    constant_grid_starts,
+    constant_joint,
+    join_names,
+    solve_lines,
+)
+from receptance.identification.task import place_of
 from receptance.identification.unknowns import Unknown
+from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell
 
@@ -18,15 +32,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-__all__ = ["InverseCoupling", "InverseCouplings"]
+    from receptance.model.assembly import Assembly
 
-_FAINT_LOSS = 1e-3
-"""Loss factor at which a dashpot starts that the lines do not show to be above zero."""
+__all__ = ["InverseCoupling", "InverseCouplings", "invert_coupling"]
+
+_RIGID = PointJoint(k_y=1e15, k_theta=1e11)
+"""Stiff joint at which an assembly is evaluated; its remaining compliance is subtracted exactly."""
+_MISFIT_RMS = 3.0
+"""Above this rms, in standard deviations, the notes say that no constant joint fits."""
+_MEDIAN_ITERATIONS = 4
+"""Medians over the informative lines; each uses the standard deviations at the one before."""
+_MIN_LOSS_FACTOR = 1e-3
+"""Least loss factor of a dashpot's start: the fitted one may be zero or negative."""
+_DEFAULT_TERMS = (("k_theta",), ("k_y", "k_theta"), ("k_y", "k_theta", "k_ytheta"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class InverseCoupling(Result):
-    """The complex stiffness of a joint on each line, and how far each line can be believed.
+    """The complex stiffness of a joint on each line, with its uncertainty.
 
     Attributes
     ----------
@@ -35,32 +58,32 @@ class InverseCoupling(Result):
     joint : str
         Name of the joint.
     terms : tuple of str
-        What was solved for, of "k_y", "k_theta" and "k_ytheta"; the rest has the values of the assembly.
+        Terms that were solved for, of "k_y", "k_theta" and "k_ytheta"; the others have the values of the assembly.
     stiffness : ndarray
-        `(n, 2, 2)` complex, over (y, theta): k + i w c where the joint is one of those.
+        `(n, 2, 2)` complex, over (y, theta); k + i w c if the joint is a spring with a dashpot.
     standard_deviation : ndarray
-        `(n, 2, 2)` of the real and of the imaginary part, each, from the variance of the receptances; first order.
+        `(n, 2, 2)` of the real and of the imaginary part, each, from the variance of the receptances, to first order.
     model_deviation : ndarray
-        `(n, 2, 2)` standard deviation of the modulus that the tolerances of the modelled parts make; the same error on
-        all lines, so no averaging makes it smaller. Zero without tolerances.
+        `(n, 2, 2)` standard deviation of the magnitude from the tolerances of the modelled parts. It is one error on
+        all lines, so averaging does not reduce it. Zero without tolerances.
     condition : ndarray
-        `(n,)` by how much a relative error of the receptances can grow on its way to the stiffness; an error of the
-        coupling term is counted relative to sqrt(k_y k_theta).
+        `(n,)` largest ratio of a relative error of the stiffness to a relative error of the receptances. Errors of
+        the coupling term are relative to sqrt(k_y k_theta).
     usable : ndarray
-        `(n, 2, 2)` where the data speak: at the joint that suits all lines both deviations together are below `limit`
-        of the term's size, sqrt(k_y k_theta) for the coupling. A line's own stiffness does not decide it: one that
-        comes out too soft by chance would seem well known.
+        `(n, 2, 2)` whether both deviations together are below `limit` times the term, times sqrt(k_y k_theta) for the
+        coupling. They are evaluated at the constant joint that fits all lines: at the stiffness of the line itself,
+        lines on which noise makes the joint too soft would appear precise.
     limit : float
-        That share.
+        Largest relative standard deviation of a usable line.
     ambiguous : ndarray
-        `(n,)` where several stiffnesses explain the data, and the one that agrees with the other lines was taken.
+        `(n,)` whether several stiffnesses fit; the one closest to those of the other lines was selected.
     rms : float
-        Root mean square of what is left of the logarithms with that joint on all lines, in standard deviations: about 1
-        where it is one joint k + i w c and all else is as it is modelled.
+        Root mean square of the residuals of the constant joint, in standard deviations: about 1 if the joint is
+        k + i w c and the parts are as modelled.
     labels : tuple of str
-        What was measured.
+        Labels of the measurements.
     typical : dict of str to (float, float)
-        Stiffness and dashpot of each term that suit all lines together.
+        Stiffness and dashpot of each term of the constant joint that fits all lines.
     notes : tuple of str
         Notes for the user.
     name : str
@@ -86,7 +109,7 @@ class InverseCoupling(Result):
     name: str = ""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
-    heading = "Joints line by line"
+    heading = "Inverse coupling"
 
     def term(self, name: str) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
         """Return values, standard deviations and mask of one term, `(n,)` each.
@@ -97,16 +120,15 @@ class InverseCoupling(Result):
             A term that was not solved for.
         """
         if name not in self.terms:
-            raise ValueError(f"{name!r} was not solved for, only {names_of(self.terms)}")
+            raise ValueError(f"{name!r} was not solved for, only {join_names(self.terms)}")
         at = (slice(None), *TERMS[name])
         return self.stiffness[at], self.standard_deviation[at], self.usable[at]
 
     def start(self) -> dict[str, float]:
-        """Return stiffnesses and dashpots that suit the lines that speak, in SI units by address.
+        """Return stiffnesses and dashpots of the constant joint, in SI units by address, as starts for a fit.
 
-        Least squares of the logarithm over all lines, from medians of Re K and of Im K / w, and from a coarse grid
-        where these do not suit. Lines that say little each may say enough together; look at `rms`. Empty where no line
-        says anything.
+        Least squares of the logarithms over all lines, from medians of Re K and of Im K / w and from a coarse grid.
+        Empty if no line is informative; check `rms`.
         """
         found = {}
         for name, (k, c) in self.typical.items():
@@ -115,26 +137,26 @@ class InverseCoupling(Result):
         return found
 
     def unknowns(self, *, decades: float = 2.0, damping: bool = True) -> list[Unknown]:
-        """Return unknowns for `identify` that start there.
+        """Return unknowns for `identify` that start at the constant joint.
 
         Parameters
         ----------
         decades : float, optional
-            How far the bounds of a stiffness are from the start; a dashpot has one more to either side.
+            Distance of the bounds of a stiffness from the start; the bounds of a dashpot are one decade wider.
         damping : bool, optional
-            Whether dashpots are unknown as well.
+            Whether dashpots are unknowns as well.
 
         Raises
         ------
         ValueError
-            No line speaks of any term.
+            No line is informative.
         """
-        reach = 10.0 ** _checks.positive("InverseCoupling.unknowns", "decades", decades)
+        factor = 10.0 ** _checks.positive("InverseCoupling.unknowns", "decades", decades)
         start = self.start()
         if not start:
             raise ValueError(
-                f"no line says anything of {names_of(self.terms)} at a standard deviation below {self.limit:g} of its "
-                "size, so there is no start; measure with less noise, elsewhere, or raise limit"
+                f"there is no start: no line gives {join_names(self.terms)} with a relative standard deviation below "
+                f"{self.limit:g}; reduce the noise, measure at other coordinates, or raise limit"
             )
         w = 2.0 * np.pi * float(np.median(np.asarray(self.frequency_hz).real))
         found = []
@@ -143,17 +165,17 @@ class InverseCoupling(Result):
             if address not in start:
                 continue
             if name == "k_ytheta":
-                most = reach * max(abs(start[address]), self._coupling_size())
+                most = factor * max(abs(start[address]), self._coupling_size())
                 found.append(Unknown(address=address, lower=-most, upper=most, start=start[address]))
                 continue
             k = start[address]
             if k <= 0.0:
                 continue
-            found.append(Unknown(address=address, lower=k / reach, upper=k * reach, start=k))
+            found.append(Unknown(address=address, lower=k / factor, upper=k * factor, start=k))
             if damping:
                 address = f"{self.joint}.c{name[1:]}"
-                c = max(start[address], _FAINT_LOSS * k / w)
-                found.append(Unknown(address=address, lower=c / (10.0 * reach), upper=10.0 * c * reach, start=c))
+                c = max(start[address], _MIN_LOSS_FACTOR * k / w)
+                found.append(Unknown(address=address, lower=c / (10.0 * factor), upper=10.0 * c * factor, start=c))
         return found
 
     def _coupling_size(self) -> float:
@@ -161,7 +183,7 @@ class InverseCoupling(Result):
         return float(np.median(np.sqrt(np.abs(k[:, 0, 0] * k[:, 1, 1]))))
 
     def tables(self) -> list[Table]:
-        """Return for each term its usable lines, and the stiffness and dashpot that suit all lines."""
+        """Return the usable lines of each term, and the stiffness and dashpot of the constant joint."""
         columns = (
             "term",
             "usable lines",
@@ -169,7 +191,7 @@ class InverseCoupling(Result):
             Column("condition\nnumber", form=".2g"),
             Column("k", form=".4g"),
             Column("c", form=".3g"),
-            Column("rms left", form=".3g"),
+            Column("rms of\nresiduals", form=".3g"),
         )
         lines = np.asarray(self.frequency_hz).real
         rows: list[list[Cell]] = []
@@ -188,11 +210,11 @@ class InverseCoupling(Result):
                     self.rms if np.isfinite(self.rms) else None,
                 ]
             )
-        title = f"Standard deviation below {100.0 * self.limit:g} %; k and c that suit all lines, SI units"
+        title = f"Lines with a standard deviation below {100.0 * self.limit:g} %; k and c fitted to all lines, SI units"
         return [Table(title, columns, rows)]
 
     def data(self) -> dict[str, Any]:
-        """Return each term on each line with its deviations, and the start for a fit."""
+        """Return each term on each line with its standard deviations, and the start for a fit."""
         terms = {}
         for name in self.terms:
             value, deviation, usable = self.term(name)
@@ -220,14 +242,14 @@ class InverseCoupling(Result):
         return InverseCouplings({self.name or self.joint: self}).plot(ax)
 
     def __repr__(self) -> str:
-        spoken = ", ".join(f"{name} on {int(self.term(name)[2].sum())}" for name in self.terms)
-        return f"InverseCoupling({self.joint!r}, {len(self.frequency_hz)} lines; the data speak of {spoken})"
+        usable = ", ".join(f"{name} on {int(self.term(name)[2].sum())}" for name in self.terms)
+        return f"InverseCoupling({self.joint!r}, {len(self.frequency_hz)} lines; usable: {usable})"
 
 
 class InverseCouplings(Results[InverseCoupling]):
-    """Joints line by line, by name of the joint."""
+    """Inverse couplings by name of the joint."""
 
-    heading = "Joints line by line"
+    heading = "Inverse coupling"
     key = "joints"
 
     def plot(self, ax: Axes | None = None) -> Figure:
@@ -235,3 +257,379 @@ class InverseCouplings(Results[InverseCoupling]):
         from receptance.identification.figures.inverse_coupling import draw_inverse_coupling
 
         return draw_inverse_coupling(self, ax)
+
+
+def invert_coupling(
+    observations: MeasuredFRF | Sequence[MeasuredFRF],
+    *,
+    joint: str = "joint",
+    terms: Sequence[str] | None = None,
+    tolerances: Tolerance | Sequence[Tolerance] = (),
+    limit: float = 0.2,
+    threads: int | None = None,
+) -> InverseCoupling:
+    """Solve the coupling equations for a joint's complex stiffness, line by line.
+
+    The method follows Ozsahin, Erturk, Ozguven and Budak (2009), who use the whole receptance matrix at the tip with
+    rotations from finite differences. Here any receptances serve, translations included, at the tip, the holder's nose
+    or elsewhere, on one assembly or on several with the same joint. Each receptance is one complex equation per line,
+    and each complex term needs one equation. As many equations as terms are solved in closed form, more by least
+    squares.
+
+    Parameters
+    ----------
+    observations : MeasuredFRF or sequence of MeasuredFRF
+        Measurements with standard deviations. Lines that some of them lack are left out. If few lines are common, all
+        are resampled to the lines of the measurement with the widest spacing.
+    joint : str, optional
+        Name of the joint. Terms that are not solved for have the values of the assembly.
+    terms : sequence of str, optional
+        Of "k_y", "k_theta", "k_ytheta"; by default as many as there are observations: k_theta, then k_y, then k_ytheta.
+    tolerances : Tolerance or sequence of Tolerance, optional
+        Errors of the modelled parts. Their effect is stated beside that of the noise.
+    limit : float, optional
+        Largest relative standard deviation of a term on a usable line.
+    threads : int, optional
+        As in `Assembly.receptance`.
+
+    Returns
+    -------
+    InverseCoupling
+        The stiffness with its variance and condition number, and a start for `identify`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Fewer observations than terms, or observations that cannot separate the terms on any line: all responses to one
+        load of one structure, for instance, determine at most two of the three terms. No standard deviations, no
+        common lines, no such joint.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, PointJoint, Segment
+    >>> from receptance.identification import invert_coupling
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> lines, nose = np.linspace(100.0, 4000.0, 40), Coordinate("holder", 0.0)
+    >>> measured = [
+    ...     MeasuredFRF(
+    ...         assembly=pair,
+    ...         frequency_hz=lines,
+    ...         receptance=pair.receptance(lines, response=place),
+    ...         response=place,
+    ...         standard_deviation=0.001,
+    ...     )
+    ...     for place in (Coordinate(), nose)
+    ... ]
+    >>> found = invert_coupling(measured)
+    >>> {name: f"{value:.3g}" for name, value in found.start().items() if ".k" in name}
+    {'joint.k_y': '1e+08', 'joint.k_theta': '1e+05'}
+    """
+    observed = check_observations(observations)
+    wanted = _check_terms(terms, len(observed))
+    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    share = _checks.positive("invert_coupling", "limit", limit)
+    _check_joint(observed, joint, wanted)
+    observed, lines, rows, dropped = common_lines(observed)
+    equations = _equations(observed, joint, wanted, lines, rows, threads)
+    x, ambiguous = solve_lines(equations)
+    with np.errstate(all="ignore"):
+        # A stiffness beyond that of the joint that represents a rigid one cannot be resolved.
+        good = (np.abs(x) < _RIGID.k_y).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
+        x = np.where(good[:, None], x, 0.0)
+        rank = np.where(good, equations.rank(x), 0)
+    if rank.max(initial=0) < len(wanted):
+        raise ValueError(_rank_message(wanted, int(rank.max(initial=0)), observed))
+    with np.errstate(all="ignore"):
+        good &= rank == len(wanted)
+        scale = equations.scale(x)
+        relative = equations.sensitivity(x) / scale[..., None]
+        good &= np.isfinite(relative).all(axis=(1, 2))
+        condition = np.linalg.norm(np.where(good[:, None, None], relative, 0.0), ord=2, axis=(1, 2))
+        noise = equations.standard_deviation(x)
+    typical, usable, rms = _fit_constant_joint(equations, x, good, share)
+    model = np.zeros(x.shape)
+    if errors:
+        moved = _moved_by_errors(observed, joint, wanted, lines, errors, typical, threads)
+        with np.errstate(all="ignore"):
+            change = np.einsum("nmp,npt->nmt", relative * scale[..., None], moved)
+            model = np.sqrt(np.sum(np.abs(change) ** 2, axis=2))
+            usable &= np.hypot(noise, model) <= share * scale
+
+    def matrices(values: NDArray[Any]) -> NDArray[Any]:
+        """Return values of the terms as symmetric matrices, zero for known terms."""
+        return replace(equations, known=np.zeros((len(x), 2, 2), dtype=values.dtype)).stiffness(values)
+
+    found = InverseCoupling(
+        frequency_hz=lines,
+        joint=joint,
+        terms=wanted,
+        stiffness=np.where(good[:, None, None], equations.stiffness(x), np.nan),
+        standard_deviation=matrices(np.where(good[:, None], noise, np.inf)),
+        model_deviation=matrices(np.where(good[:, None], model, np.inf)),
+        condition=np.where(good, condition, np.inf),
+        usable=matrices(usable),
+        limit=share,
+        ambiguous=ambiguous & good,
+        typical=typical,
+        rms=rms,
+        labels=tuple(o.label or f"observation {i}" for i, o in enumerate(observed)),
+        notes=tuple(_notes(wanted, usable, ambiguous & good, dropped, share, observed, joint, rms, lines[~good])),
+    )
+    for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
+        getattr(found, name).setflags(write=False)
+    return found
+
+
+def _moved_by_errors(
+    observed: tuple[MeasuredFRF, ...],
+    joint: str,
+    terms: tuple[str, ...],
+    lines: NDArray[Any],
+    errors: tuple[Tolerance, ...],
+    typical: dict[str, tuple[float, float]],
+    threads: int | None,
+) -> NDArray[np.complex128]:
+    """Return the derivatives of the logarithms of the modelled receptances by the errors, `(n, p, t)`.
+
+    They count standard deviations. The joint is the constant one. A modelled receptance that moves by dH has the same
+    effect on the solution as a measured one that moves by -dH.
+    """
+    assembly = observed[0].assembly
+    values = {name: typical[name][0] if name in typical else assembly.get(f"{joint}.{name}") for name in TERMS}
+    for name in ("k_y", "k_theta"):
+        values[name] = abs(values[name])
+    most = 0.99 * float(np.sqrt(values["k_y"] * values["k_theta"]))
+    values["k_ytheta"] = float(np.clip(values["k_ytheta"], -most, most))
+    places = [place_of(o, i) for i, o in enumerate(observed)]
+    # The parameter map needs an unknown; only its errors are used.
+    some = Unknown(address=f"{joint}.{terms[0]}", lower=1.0, upper=2.0)
+    parameters = Parameters([some], errors, places)
+    vector = np.array([unknown.start for unknown in parameters.unknowns], dtype=np.float64)
+    result = []
+    for one, place in zip(observed, places, strict=True):
+        placed = parameters.at(place)
+        keep = [i for i, address in enumerate(placed.addresses) if not address.startswith(f"{joint}.")]
+        h, dh = place.assembly.replace({f"{joint}.{name}": value for name, value in values.items()}).derivatives(
+            lines,
+            [placed.addresses[i] for i in keep],
+            response=one.response,
+            excitation=one.excitation,
+            threads=threads,
+        )
+        result.append(dh @ placed.jacobian(vector)[keep][:, parameters.count :] / h[:, None])
+    return np.stack(result, axis=1)
+
+
+def _fit_constant_joint(
+    equations: Equations, x: NDArray[np.complex128], good: NDArray[np.bool_], share: float
+) -> tuple[dict[str, tuple[float, float]], NDArray[np.bool_], float]:
+    """Fit a constant joint k + i w c to all lines, from medians over the informative ones and from a grid.
+
+    Returns
+    -------
+    typical : dict of str to (float, float)
+        Stiffness and dashpot of each term; empty without informative lines.
+    usable : ndarray
+        `(n, m)` whether the standard deviation at the constant joint is below `share` of the term.
+    rms : float
+        Root mean square of the residuals, in standard deviations.
+    """
+    w = equations.angular_frequency
+    starts = []
+    with np.errstate(all="ignore"):
+        at = x
+        for _ in range(_MEDIAN_ITERATIONS):
+            noise = equations.standard_deviation(at)
+            informative = good[:, None] & (noise <= share * equations.scale(at))
+            if not informative.any(axis=0).all():
+                break
+            columns = np.ascontiguousarray(informative.T)
+            start = np.array([_median_joint(x[rows, i], noise[rows, i], w[rows]) for i, rows in enumerate(columns)])
+            starts.append(start)
+            # On lines where noise makes the joint too soft the standard deviation at x is too small.
+            at = start[:, 0] + 1j * w[:, None] * start[:, 1]
+    if not starts:
+        return {}, np.zeros(x.shape, dtype=np.bool_), np.nan
+    count = 2 * int(good.sum()) * equations.rigid.shape[1]
+    with np.errstate(all="ignore"):
+        # Medians of lines with large standard deviations are unreliable, hence the grid.
+        starts = [starts[0], starts[-1], *constant_grid_starts(equations, good)]
+        ends = [constant_joint(equations, start, good) for start in starts]
+        misfit, stiffness, dashpots = min(ends, key=lambda end: end[0])
+        typical = stiffness + 1j * w[:, None] * dashpots
+        usable = good[:, None] & (equations.standard_deviation(typical) <= share * equations.scale(typical))
+    pairs = zip(stiffness.tolist(), dashpots.tolist(), strict=True)
+    return dict(zip(equations.terms, pairs, strict=True)), usable, float(np.sqrt(misfit / count))
+
+
+def _equations(
+    observed: tuple[MeasuredFRF, ...],
+    joint: str,
+    terms: tuple[str, ...],
+    lines: NDArray[Any],
+    rows: list[NDArray[np.intp]],
+    threads: int | None,
+) -> Equations:
+    parts = [_with_rigid_joint(o.assembly, joint, lines, o, threads) for o in observed]
+    known = _joint_of(observed[0].assembly, joint)
+    w = 2.0 * np.pi * lines.astype(np.complex128)
+    springs = np.array([[known.k_y, known.k_ytheta], [known.k_ytheta, known.k_theta]])
+    dashpots = np.array([[known.c_y, known.c_ytheta], [known.c_ytheta, known.c_theta]])
+    deviations = [np.asarray(o.standard_deviation)[row] for o, row in zip(observed, rows, strict=True)]
+    return Equations(
+        rigid=np.stack([part[0] for part in parts], axis=1),
+        measured=np.stack([o.receptance[row] for o, row in zip(observed, rows, strict=True)], axis=1),
+        response=np.stack([part[1] for part in parts], axis=1),
+        excitation=np.stack([part[2] for part in parts], axis=1),
+        surroundings=np.stack([part[3] for part in parts], axis=1),
+        deviation=np.stack(deviations, axis=1),
+        known=(1.0 + 1j * known.loss_factor) * springs + 1j * w[:, None, None] * dashpots,
+        angular_frequency=w,
+        terms=terms,
+    )
+
+
+def _with_rigid_joint(
+    assembly: Assembly, joint: str, lines: NDArray[Any], one: MeasuredFRF, threads: int | None
+) -> tuple[NDArray[np.complex128], ...]:
+    """Return H, F_r, F_e and Y of (T8) with the joint rigid."""
+    planes = assembly.reduced_to_joint(
+        joint,
+        lines,
+        response=one.response,
+        excitation=one.excitation,
+        at=_RIGID,
+        planes=True,
+        threads=threads,
+    ).planes()
+    assert planes is not None, "planes were requested"
+    h, *forces, yy, yt, tt = planes[0::2] + 1j * planes[1::2]
+    r, e = np.stack(forces[:2], axis=1), np.stack(forces[2:], axis=1)
+    y = np.stack([np.stack([yy, yt], axis=1), np.stack([yt, tt], axis=1)], axis=1)
+    compliance = np.diag([1.0 / _RIGID.k_y, 1.0 / _RIGID.k_theta])
+    factor = np.linalg.inv(np.eye(2) - y @ compliance)
+    h = h - np.einsum("ni,ij,njk,nk->n", r, compliance, factor, e)
+    return h, np.einsum("nij,nj->ni", factor, r), np.einsum("nij,nj->ni", factor, e), factor @ y
+
+
+def _median_joint(
+    value: NDArray[np.complex128], deviation: NDArray[np.float64], w: NDArray[np.complex128]
+) -> tuple[float, float]:
+    """Return k and c of k + i w c as weighted medians over lines."""
+    deviation = np.maximum(deviation, 1e-300)
+    # With complex w the imaginary part of K is c Re w, and its real part contains -c Im w.
+    c = value.imag / w.real
+    k = value.real + w.imag * c
+    return _weighted_median(k, deviation**-2.0), _weighted_median(c, (deviation / w.real) ** -2.0)
+
+
+def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+    order = np.argsort(values)
+    total = np.cumsum((weights / weights.max())[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+
+
+def _check_terms(terms: Sequence[str] | None, count: int) -> tuple[str, ...]:
+    """Return the terms to solve for, in the order of `TERMS`."""
+    if terms is None:
+        return _DEFAULT_TERMS[min(count, 3) - 1]
+    given = (terms,) if isinstance(terms, str) else tuple(terms)
+    if not given or len(set(given)) < len(given) or not set(given) <= TERMS.keys():
+        raise ValueError(f"terms is {terms!r}, expected some of {', '.join(TERMS)}, each once")
+    if len(given) > count:
+        raise ValueError(
+            f"{join_names(given)} are {len(given)} unknown terms on each line, but there "
+            f"{'is one receptance' if count == 1 else f'are {count} receptances'}, one equation each; measure at "
+            "another coordinate or with another overhang as well, or solve for fewer terms"
+        )
+    return tuple(name for name in TERMS if name in given)
+
+
+def check_tolerances(tolerances: Tolerance | Sequence[Tolerance]) -> tuple[Tolerance, ...]:
+    """Return tolerances as a tuple."""
+    return (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+
+
+def _joint_of(assembly: Assembly, joint: str) -> PointJoint:
+    """Return the joint, which must be a `PointJoint`."""
+    found = assembly.elements.get(joint)
+    if not isinstance(found, PointJoint):
+        known = [name for name, element in assembly.elements.items() if isinstance(element, PointJoint)]
+        raise ValueError(
+            f"there is no point joint {joint!r} in {assembly!r}; its point joints are: {', '.join(known) or 'none'}"
+        )
+    return found
+
+
+def _check_joint(observed: tuple[MeasuredFRF, ...], joint: str, terms: tuple[str, ...]) -> None:
+    """Raise if the joints of the observations differ in their known terms."""
+    solved = {name for term in terms for name in (term, f"c{term[1:]}")}
+    if len(terms) == len(TERMS):
+        solved.add("loss_factor")
+    first = _joint_of(observed[0].assembly, joint)
+    for one in observed[1:]:
+        other = _joint_of(one.assembly, joint)
+        for name in PointJoint.columns_of:
+            if name not in solved and getattr(other, name) != getattr(first, name):
+                raise ValueError(
+                    f"{joint}.{name} is {getattr(first, name):g} in {observed[0]!r} and {getattr(other, name):g} in "
+                    f"{one!r}, expected the same joint, or {name} among the terms"
+                )
+
+
+def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF, ...]) -> str:
+    """Return the message for equations that cannot separate the terms."""
+    loads = {(o.excitation, str(o.assembly)) for o in observed}
+    hint = (
+        "all of them are responses to one load, which determine at most two terms: excite at another coordinate as well"
+        if len(loads) == 1 and len(terms) == len(TERMS)
+        else "measure at another coordinate or with another overhang"
+    )
+    return (
+        f"the {len(observed)} receptances cannot separate {join_names(terms)}: no line determines more than {rank} of "
+        f"these terms; {hint}, or solve for fewer terms"
+    )
+
+
+def _notes(
+    terms: tuple[str, ...],
+    usable: NDArray[np.bool_],
+    ambiguous: NDArray[np.bool_],
+    dropped: int,
+    share: float,
+    observed: tuple[MeasuredFRF, ...],
+    joint: str,
+    rms: float,
+    masked: NDArray[Any],
+) -> list[str]:
+    """Return the notes for the user; `masked` are the lines without a solution."""
+    notes = [note for one in observed for note in one.notes]
+    if dropped:
+        notes.append(f"{dropped} lines are left out because some measurements lack them")
+    if masked.size:
+        notes.append(masked_lines(masked, len(usable)))
+    known = [name for name in TERMS if name not in terms]
+    if known:
+        held = ", ".join(f"{name} = {getattr(_joint_of(observed[0].assembly, joint), name):g}" for name in known)
+        notes.append(f"taken as known: {held}, with their damping; errors of them cause errors of the other terms")
+    for column, term in enumerate(terms):
+        count = int(usable[:, column].sum())
+        if not count:
+            notes.append(f"no line is usable for {term}: its standard deviation is nowhere below {100.0 * share:g} %")
+        elif count < len(usable):
+            notes.append(
+                f"{count} of {len(usable)} lines are usable for {term} (standard deviation below {100.0 * share:g} %)"
+            )
+    if rms > _MISFIT_RMS:
+        notes.append(
+            f"no k + i w c fits all lines: the rms is {rms:.3g} standard deviations; the parts or the known terms "
+            "differ from the model, and the start may be poor"
+        )
+    if ambiguous.any():
+        notes.append(
+            f"on {int(ambiguous.sum())} of {len(ambiguous)} lines two stiffnesses fit; the one closer to those of the "
+            "other lines was selected"
+        )
+    return notes

@@ -1,4 +1,4 @@
-"""How a parameter goes across configurations: one value, a power of a condition, or a value for each."""
+"""Relations of parameters between configurations, tolerances, and combinations of parameters."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 __all__ = ["Law", "Move", "Power", "Tolerance", "error_of"]
 
-_FARTHEST = 8.0
-"""Standard deviations beyond which no error of a tolerance is looked for."""
+_ERROR_BOUND = 8.0
+"""Bounds of an error of a tolerance, in standard deviations."""
 
 
-# A diagnosis asks for the same errors in every one of some hundred models.
+# A diagnosis needs the same errors in some hundred models.
 @lru_cache(maxsize=1 << 12)
 def error_of(name: str) -> Unknown:
-    """Return the unknown for an error, in standard deviations of it."""
+    """Return the unknown of an error, in its standard deviations."""
     return Unknown(
         address=name,
-        lower=-_FARTHEST,
-        upper=_FARTHEST,
+        lower=-_ERROR_BOUND,
+        upper=_ERROR_BOUND,
         start=0.0,
         scale="linear",
         prior=Prior(mean=0.0, standard_deviation=1.0),
@@ -35,26 +35,26 @@ def error_of(name: str) -> Unknown:
 
 @dataclass(frozen=True, kw_only=True)
 class Power:
-    """A power law (x / reference)^exponent of a condition, with the exponent to be identified.
+    """A power law (x / reference)^exponent of a condition, with an unknown exponent.
 
     Parameters
     ----------
     of : str
-        Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies, whose
-        value counts as it stands there ("tool.segment[0].length").
+        Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies
+        ("tool.segment[0].length").
     reference : float
-        Value of the condition, in SI units, at which the law has the value of its unknown.
+        Value of the condition in SI units at which the parameter equals its unknown.
     lower, upper : float, optional
         Bounds of the exponent.
     start : float, optional
-        Where the first fit starts.
+        Start of the first fit.
     prior : Prior, optional
-        What is known of the exponent beforehand.
+        Prior of the exponent.
 
     Raises
     ------
     TypeError, ValueError
-        A reference that is not above zero, and unusable bounds.
+        A reference of zero or less, or invalid bounds.
     """
 
     of: str
@@ -72,7 +72,7 @@ class Power:
         self.exponent("")
 
     def exponent(self, name: str) -> Unknown:
-        """Return the unknown for the exponent."""
+        """Return the unknown of the exponent for a law with this name."""
         title = f"{name} ~ {self.of}"
         return Unknown(
             address=title, lower=self.lower, upper=self.upper, start=self.start, scale="linear", prior=self.prior
@@ -81,35 +81,36 @@ class Power:
 
 @dataclass(frozen=True, kw_only=True)
 class Law(Unknown):
-    """A parameter to be identified, and how it goes across configurations.
+    """A parameter to identify, and the relation of its values in several configurations.
 
-    Its value in a configuration is that of the unknown, times its powers of conditions, times an individual part.
+    The value in a configuration is that of the unknown, times powers of conditions, times an individual part.
 
     Parameters
     ----------
     address, lower, upper, start, scale, prior, configurations, name
-        As in `Unknown`; of the value at the references of the powers.
+        As in `Unknown`; they refer to the value at the references of the powers.
     powers : Power or sequence of Power, optional
-        None for a constant. The exponent is called `<name> ~ <condition>`.
+        Powers of conditions. Their exponents are called `<name> ~ <condition>`.
     free : bool, optional
-        A value for each configuration, called `<name> @ <configuration>`; bounds, start and prior are the same.
+        Whether each configuration has its own value, called `<name> @ <configuration>`, with the same bounds, start and
+        prior.
     along : str, optional
-        Of a free one: name of a condition. A configuration that took no part in the fit has the value between those
-        of its two neighbours in that condition, on a straight line.
+        Name of a condition, for a free law. A configuration that was not fitted has the value that is interpolated
+        linearly between its two neighbours in this condition.
     starts : mapping of str to float, optional
-        Of a free one: where the first fit starts in some configurations; in the others at `start`.
+        Starts of a free law in some configurations; the others start at `start`.
     individual : float, optional
-        Standard deviation of the natural logarithm of the part that every configuration has of its own: 0.05 where
-        clamping again changes a stiffness by 5 %. That part is called `<name> @ <configuration>` and is
-        counted in these standard deviations. A configuration is one clamping here.
+        Standard deviation of the natural logarithm of an individual factor of every configuration: 0.05 if the
+        stiffness varies by 5 % between clampings. The factor is called `<name> @ <configuration>` and is counted in
+        these standard deviations. A configuration is one clamping here.
     follows : mapping of str to float, optional
-        Further parameters by address that vary with it: they are multiplied by its powers and its individual part,
-        raised to the number that is given here. 0.5 with each of two stiffnesses for the term that couples them.
+        Further parameters by address that vary in proportion: they are multiplied by the powers and the individual
+        factor, raised to the given number. The number is 0.5 with each of two stiffnesses for their coupling term.
 
     Raises
     ------
     TypeError, ValueError
-        As in `Unknown`; a law that is free and has powers or individual parts.
+        As in `Unknown`; a free law with powers, an individual part or following parameters.
 
     Examples
     --------
@@ -132,7 +133,7 @@ class Law(Unknown):
         share = {str(a): _checks.number(owner, f"follows[{a!r}]", n) for a, n in dict(self.follows).items()}
         object.__setattr__(self, "follows", share)
         if self.free and share:
-            raise ValueError(f"{owner}: it is free, and what follows it would have no law, expected one of the two")
+            raise ValueError(f"{owner}: it is free and has parameters that follow it, expected one of the two")
         powers = (self.powers,) if isinstance(self.powers, Power) else tuple(self.powers)
         for index, power in enumerate(powers):
             if not isinstance(power, Power):
@@ -144,13 +145,8 @@ class Law(Unknown):
         if not isinstance(self.along, str) or (self.along and not self.free):
             raise ValueError(f"{owner}: along is {self.along!r}, expected the name of a condition, of a free law only")
 
-    @property
-    def plain(self) -> bool:
-        """Whether it is one number for all observations, and called by its address."""
-        return super().plain and not (self.powers or self.free or self.individual)
-
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
-        """Return all the unknowns of the law over these configurations."""
+        """Return the unknowns of the law for these configurations."""
         if self.free:
             own = [self.base(self.name_in(one), (one,)) for one in configurations]
             return [
@@ -165,11 +161,11 @@ class Law(Unknown):
         return found
 
     def name_in(self, configuration: str) -> str:
-        """Return the name of the value, or of the individual part, of one configuration."""
+        """Return the name of the value or of the individual part of one configuration."""
         return f"{self.name} @ {configuration}"
 
     def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
-        """Return the unknown for the value at the references."""
+        """Return the unknown of the value at the references."""
         fields = ("address", "lower", "upper", "start", "scale", "prior", "multiple", "also")
         given = {field: getattr(self, field) for field in fields}
         return replace(Unknown(**given), name=name, configurations=configurations)
@@ -177,24 +173,24 @@ class Law(Unknown):
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """An error of a thing: this blank's diameter, that material's modulus, the overhang of this clamping.
+    """An error of a dimension or material: the diameter of a blank, a modulus, the overhang of a clamping.
 
-    It is fitted as a standard normal number, which counts its standard deviations, with that as its prior. What has
-    the same name is one error, in whatever observations and addresses.
+    It is fitted in units of its standard deviation, with a standard normal prior. Tolerances with the same name are one
+    error in all observations and addresses.
 
     Parameters
     ----------
     name : str
-        What the error belongs to.
+        Name of the error.
     moves : mapping of str to float
-        Address, perhaps with `segment[*]`, and the standard deviation that the error gives it: in SI units, or of
-        the natural logarithm where `relative`. A negative number moves the other way.
+        Addresses, possibly with `segment[*]`, and their standard deviations, in SI units or of the natural logarithm if
+        `relative`. A negative number has the opposite sign of the error.
     relative : bool, optional
-        Whether the standard deviations are shares: 0.01 is 1 %.
+        Whether the standard deviations are relative: 0.01 is 1 %.
     configurations : str or sequence of str, optional
-        Only observations of these configurations (or with these labels) have it; by default all that have the address.
+        Configurations or labels of the observations that have the error; by default all that have the address.
     labels : str or sequence of str, optional
-        Only observations with these labels have it.
+        Labels of the observations that have the error.
 
     Raises
     ------
@@ -216,14 +212,14 @@ class Tolerance:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise TypeError(f"Tolerance: name is {self.name!r}, expected text that says what the error belongs to")
+            raise TypeError(f"Tolerance: name is {self.name!r}, expected the name of the error")
         owner = f"Tolerance {self.name!r}"
         moves = {address: _checks.number(owner, f"moves[{address!r}]", sd) for address, sd in dict(self.moves).items()}
         if not moves:
             raise ValueError(f"{owner}: moves is empty, expected an address and its standard deviation")
         for address, deviation in moves.items():
             if deviation == 0.0:
-                raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected something else")
+                raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected another number")
         object.__setattr__(self, "moves", moves)
         object.__setattr__(self, "configurations", listed(owner, self.configurations))
         object.__setattr__(self, "labels", listed(owner, self.labels))
@@ -231,30 +227,29 @@ class Tolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class Move(Unknown):
-    """An unknown that moves several parameters at once, whatever else they are made of.
+    """An unknown that changes several parameters together, in addition to other unknowns and errors.
 
-    A parameter becomes v exp(n u) where `relative`, else v + n u, with the unknown u and the number n given here; v is
-    what it would be without. So one unknown is a share of all moduli of a tool, lengthens one segment as it
-    shortens the next, or is the exponent of a force level.
+    A parameter v becomes v exp(n u) if `relative`, else v + n u, with the unknown u and the given number n. Examples
+    are a relative error of all moduli of a tool, a shift of the boundary between two segments, and the exponent of a
+    force level.
 
     Parameters
     ----------
     address, lower, upper, start, prior, configurations, name
-        As in `Unknown`; the address is a name of your choice here. The value itself is fitted.
+        As in `Unknown`, but the address is a free name. The scale is linear.
     moves : mapping of str to float
-        Address, perhaps with `segment[*]`, and how much of the unknown it gets.
+        Addresses, possibly with `segment[*]`, and the numbers n.
     relative : bool, optional
         Whether the unknown is a natural logarithm.
     of : str, optional
-        Name of a condition, or an address: n is multiplied by log(condition / reference), where the
-        observation has it.
+        Name of a condition, or an address: n is multiplied by log(condition / reference) in observations that have it.
     reference : float, optional
-        Value of that condition at which nothing changes.
+        Value of this condition without a change.
 
     Raises
     ------
     TypeError, ValueError
-        As in `Unknown`; nothing that is moved.
+        As in `Unknown`; no address.
 
     Examples
     --------
@@ -285,10 +280,5 @@ class Move(Unknown):
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Addresses that it changes."""
+        """Addresses of the parameters that it changes."""
         return tuple(self.moves)
-
-    @property
-    def plain(self) -> bool:
-        """It never is one number of an assembly."""
-        return False

@@ -1,35 +1,34 @@
-"""From the fitted vector to the parameters of each assembly, with derivatives.
+"""The map from unknowns to parameters of the assemblies, with its Jacobian.
 
-A parameter of an assembly is v = b exp(E u) + S u, where u are the values of all unknowns, b is one of them, a mean of
-two or the value of the assembly, E holds the logarithms of conditions (the unknown is an exponent) and the standard
-deviations of relative errors, S those of absolute ones (the unknown is an error).
+A parameter of an assembly is v = b exp(E u) + S u. Here u are the values of all unknowns, and b is one of them, a
+weighted mean of two, or the value of the assembly. E contains logarithms of conditions, for exponents, and standard
+deviations of relative errors; S contains standard deviations of absolute errors.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Tolerance, error_of
-from receptance.identification.residuals import InfeasibleError, Pair, Residual, Unit
 from receptance.identification.unknowns import Unknown, covered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
+    from receptance.model.assembly import Assembly
 
-__all__ = ["Addresses", "MappedResidual", "Parameters", "Place", "Placed"]
+__all__ = ["Parameters", "Place", "Placed"]
 
 
 @dataclass(frozen=True)
 class Place:
-    """What an observation or a prediction is of: an assembly in a configuration under conditions."""
+    """An assembly in a configuration under conditions, observed or predicted."""
 
     assembly: Assembly
     configuration: str = ""
@@ -38,15 +37,15 @@ class Place:
     factors: tuple[str, ...] = ()
 
     def covered(self, address: str) -> frozenset[str]:
-        """Return the parameters of the assembly, or of the observation, that an address stands for."""
+        """Return the parameters of the assembly or of the observation that match an address."""
         return frozenset((address,)) if address in self.factors else covered(address, self.assembly)
 
     def value(self, address: str) -> float:
-        """Return the value of a parameter as described; those of an observation are zero."""
+        """Return the value of a parameter of the assembly; parameters of an observation are zero."""
         return 0.0 if address in self.factors else self.assembly.get(address)
 
     def among(self, configurations: tuple[str, ...] | None, labels: tuple[str, ...] | str | None = None) -> bool:
-        """Return whether it belongs to these configurations, and has one of these labels."""
+        """Return whether configuration or label is among the configurations, and the label among the labels."""
         if labels is not None and self.label not in labels:
             return False
         return configurations is None or self.configuration in configurations or self.label in configurations
@@ -75,18 +74,18 @@ class Placed:
     Attributes
     ----------
     addresses : tuple of str
-        What moves, `m` of them; each is one parameter, `segment[*]` is spelled out.
+        The `m` variable parameters; `segment[*]` is expanded.
     base : ndarray
-        `(m,)` which unknown is the value before errors, -1 for none.
+        `(m,)` index of the unknown in b; -1 for none.
     scale : ndarray
-        `(m,)` by how much that unknown is multiplied.
+        `(m,)` factor of this unknown.
     fixed : ndarray
-        `(m,)` value where it is none.
+        `(m,)` value of b without an unknown.
     exponents, shifts : ndarray
         `(m, p)` E and S.
     second, share : ndarray
-        `(m,)` another unknown that is added to the value before errors, -1 for none, and how many times: what lies
-        between two configurations has part of both.
+        `(m,)` index and factor of a second unknown that is added in b; -1 for none. It interpolates between two
+        configurations.
     """
 
     addresses: tuple[str, ...]
@@ -98,8 +97,24 @@ class Placed:
     second: NDArray[np.intp]
     share: NDArray[np.float64]
 
+    @classmethod
+    def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> Placed:
+        """Return the parameters of addresses, each an unknown; the assemblies may lack some of them."""
+        own = [(name, i) for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))]
+        count, none = len(own), np.zeros((len(own), len(addresses)))
+        return cls(
+            addresses=tuple(name for name, _ in own),
+            base=np.array([i for _, i in own], dtype=np.intp),
+            scale=np.ones(count),
+            fixed=np.zeros(count),
+            exponents=none,
+            shifts=none,
+            second=np.full(count, -1, dtype=np.intp),
+            share=np.zeros(count),
+        )
+
     def _before(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the values before errors."""
+        """Return b."""
         first = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
         found: NDArray[np.float64] = first + np.where(self.second >= 0, self.share * unknowns[self.second], 0.0)
         return found
@@ -120,6 +135,11 @@ class Placed:
             result[own, column[own]] += factor[own] * scale[own]
         return result
 
+    def widened(self, count: int) -> Placed:
+        """Return the same functions of more unknowns, `count` of them, of which the further ones have no effect."""
+        more = ((0, 0), (0, count - self.exponents.shape[1]))
+        return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
+
     def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
         """Return the assembly with the values of its addresses."""
         values = dict(zip(self.addresses, self.values(unknowns).tolist(), strict=True))
@@ -127,30 +147,30 @@ class Placed:
 
 
 class Parameters:
-    """All unknowns of a fit, and how they make the parameters of every assembly.
+    """All unknowns of a fit, and their map to the parameters of every assembly.
 
     Parameters
     ----------
     wanted : sequence of Unknown
-        Unknowns and laws; none where assemblies have errors alone.
+        Unknowns and laws; may be empty if there are tolerances.
     tolerances : sequence of Tolerance
         Errors.
     places : sequence of Place
-        What was observed.
+        The observed assemblies, one for each observation.
 
     Attributes
     ----------
     unknowns : tuple of Unknown
         Values and exponents in the order of `wanted`, then errors: the fitted vector.
     count : int
-        How many of them are not errors.
-    plain : bool
-        Whether every unknown is one number for all observations, without priors and errors.
+        Number of unknowns that are not errors.
+    notes : list of str
+        Notes for the user.
 
     Raises
     ------
     TypeError, ValueError
-        Unknowns or tolerances that no observation has, two unknowns of one parameter, a missing condition.
+        Unknowns or tolerances without an observation, two unknowns of one parameter, a missing condition.
     """
 
     def __init__(self, wanted: Sequence[Unknown], tolerances: Sequence[Tolerance], places: Sequence[Place]) -> None:
@@ -165,8 +185,9 @@ class Parameters:
                 continue
             seen = dict.fromkeys(p.configuration for p in places if p.among(unknown.configurations))
             own = [name for name in seen if _has(unknown.address, [p for p in places if p.configuration == name])]
+            individual = {unknown.name_in(name) for name in own} if unknown.individual else set()
             for one in unknown.expanded(own):
-                if unknown.individual and one.name in {f"{unknown.name} @ {name}" for name in own}:
+                if one.name in individual:
                     errors[one.name] = one
                 else:
                     values.append(one)
@@ -177,15 +198,12 @@ class Parameters:
         names = [unknown.name for unknown in self.unknowns]
         if double := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
-        self.plain = not self.tolerances and all(
-            unknown.plain and unknown.address not in FACTORS for unknown in self.wanted
-        )
         self._index = {name: i for i, name in enumerate(names)}
         self._levels = {one.name: self._levels_of(one, places) for one in self.wanted if isinstance(one, Law)}
         self._placed = [(place, self.at(place)) for place in places]
 
     def of(self, places: Sequence[Place]) -> list[Placed]:
-        """Return the parameters of places; those for which this was made are at hand."""
+        """Return the parameters of places; those of the observed places are cached."""
         known = [*self._placed, *[(None, None)] * (len(places) - len(self._placed))]
         return [
             own if own is not None and place == other else self.at(place)
@@ -193,10 +211,10 @@ class Parameters:
         ]
 
     def _levels_of(self, law: Law, places: Sequence[Place]) -> dict[str, float]:
-        """Return the condition along which a free law goes, of all configurations of the fit."""
+        """Return the values of the condition `along` of a free law, by configuration of the fit."""
         if not law.along:
             return {}
-        own = [place for place in places if f"{law.name} @ {place.configuration}" in self._index]
+        own = [place for place in places if law.name_in(place.configuration) in self._index]
         for place in own:
             if law.along not in place.conditions:
                 known = ", ".join(place.conditions) or "none"
@@ -208,7 +226,7 @@ class Parameters:
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """Names of the errors."""
+        """Names of the errors of tolerances and of individual parts."""
         return tuple(unknown.name for unknown in self.unknowns[self.count :])
 
     def at(self, place: Place, tolerances: Sequence[Tolerance] | None = None, fresh: list[str] | None = None) -> Placed:
@@ -217,100 +235,106 @@ class Parameters:
         Parameters
         ----------
         place : Place
-            One that was observed, or another one.
+            Observed or not.
         tolerances : sequence of Tolerance, optional
-            Errors of that place; by default those of the fit.
+            Errors of this place; by default those of the fit.
         fresh : list of str, optional
-            Is filled with the names of errors that the fit does not know; they follow the unknowns, so that the maps
-            are of `p + len(fresh)` numbers, the new ones standard normal and independent.
+            Names of errors that were not fitted; those that this place adds are appended. They follow the unknowns: the
+            map has `p + len(fresh)` columns, and the new unknowns are standard normal and independent.
         """
-        index = dict(self._index)
-        bases: dict[str, int] = {}
-        scales: dict[str, float] = {}
-        seconds: dict[str, tuple[int, float]] = {}
-        exponents: dict[str, dict[int, float]] = {}
-        shifts: dict[str, dict[int, float]] = {}
+        index = {**self._index, **{name: len(self._index) + i for i, name in enumerate(fresh or ())}}
 
         def error(name: str) -> int:
             if name not in index:
                 if fresh is None:
-                    raise ValueError(f"the fit knows no error {name!r}")
+                    raise ValueError(f"the error {name!r} was not fitted")
                 index[name] = len(index)
                 fresh.append(name)
             return index[name]
 
+        bases: dict[str, list[tuple[int, float]]] = {}
+        exponents, shifts = _Rows(), _Rows()
         for unknown in self.wanted:
             if not place.among(unknown.configurations):
                 continue
             if isinstance(unknown, Move):
-                self._move(unknown, place, exponents if unknown.relative else shifts)
+                self._add_move(unknown, place, exponents if unknown.relative else shifts)
                 continue
-            own_addresses = dict.fromkeys(sorted(place.covered(unknown.address)), unknown.multiple)
-            own_addresses |= {other: n for other, n in unknown.also.items() if place.covered(other)}
-            varying: dict[int, float] = {}
-            if isinstance(unknown, Law) and own_addresses:
+            multiples = dict.fromkeys(sorted(place.covered(unknown.address)), unknown.multiple)
+            multiples |= {other: n for other, n in unknown.also.items() if place.covered(other)}
+            if not multiples:
+                continue
+            terms = [(index[unknown.name], 1.0)] if unknown.name in index else []
+            if isinstance(unknown, Law):
+                if unknown.free:
+                    terms = self._free_terms(unknown, place)
                 varying = _varying(unknown, place, index, error)
-            for address, multiple in own_addresses.items():
-                if isinstance(unknown, Law):
-                    exponents.setdefault(address, {}).update(varying)
-                    if unknown.free:
-                        first, second, share = self._free(unknown, place)
-                        bases[address], scales[address] = first, multiple * (1.0 - share)
-                        seconds[address] = (second, multiple * share)
-                        continue
-                bases[address] = index[unknown.name]
-                scales[address] = multiple
-            for address, power in unknown.follows.items() if varying and isinstance(unknown, Law) else ():
-                row = exponents.setdefault(address, {}) if place.covered(address) else {}
-                for column, slope in varying.items():
-                    row[column] = row.get(column, 0.0) + power * slope
+                powers = [(address, 1.0) for address in multiples]
+                powers += [(address, power) for address, power in unknown.follows.items() if place.covered(address)]
+                for address, power in powers:
+                    for column, slope in varying.items():
+                        exponents.add(address, column, power * slope)
+            bases |= {address: [(i, n * share) for i, share in terms] for address, n in multiples.items()}
         for tolerance in self.tolerances if tolerances is None else tolerances:
-            if not place.among(tolerance.configurations, tolerance.labels):
-                continue
-            for pattern, deviation in tolerance.moves.items():
-                for address in sorted(place.covered(pattern)):
-                    table = exponents if tolerance.relative else shifts
-                    row = table.setdefault(address, {})
-                    column = error(tolerance.name)
-                    row[column] = row.get(column, 0.0) + deviation
-        addresses = tuple(dict.fromkeys([*bases, *exponents, *shifts]))
+            if place.among(tolerance.configurations, tolerance.labels):
+                rows = exponents if tolerance.relative else shifts
+                for pattern, deviation in tolerance.moves.items():
+                    for address in sorted(place.covered(pattern)):
+                        rows.add(address, error(tolerance.name), deviation)
+        addresses = tuple(dict.fromkeys([*bases, *exponents.rows, *shifts.rows]))
+        first = [bases[address][0] if address in bases else (-1, 1.0) for address in addresses]
+        second = [bases[address][1] if len(bases.get(address, ())) == 2 else (-1, 0.0) for address in addresses]
         return Placed(
             addresses=addresses,
-            base=np.array([bases.get(address, -1) for address in addresses], dtype=np.intp),
-            scale=np.array([scales.get(address, 1.0) for address in addresses]),
+            base=np.array([column for column, _ in first], dtype=np.intp),
+            scale=np.array([scale for _, scale in first]),
             fixed=np.array([0.0 if a in bases else place.value(a) for a in addresses]),
-            exponents=_matrix(exponents, addresses, len(index)),
-            shifts=_matrix(shifts, addresses, len(index)),
-            second=np.array([seconds.get(address, (-1, 0.0))[0] for address in addresses], dtype=np.intp),
-            share=np.array([seconds.get(address, (-1, 0.0))[1] for address in addresses]),
+            exponents=exponents.matrix(addresses, len(index)),
+            shifts=shifts.matrix(addresses, len(index)),
+            second=np.array([column for column, _ in second], dtype=np.intp),
+            share=np.array([share for _, share in second]),
         )
 
-    def _free(self, law: Law, place: Place) -> tuple[int, int, float]:
-        """Return the unknown of a place, or the two between which it lies, and the share of the second one."""
-        own = self._index.get(f"{law.name} @ {place.configuration}")
+    def extended(
+        self, places: Sequence[Place], tolerances: Sequence[Sequence[Tolerance]]
+    ) -> tuple[list[Placed], tuple[str, ...]]:
+        """Return the parameters of places that were not fitted, and the names of errors that were not fitted.
+
+        Parameters
+        ----------
+        places : sequence of Place
+            The places.
+        tolerances : sequence of sequence of Tolerance
+            Errors of each place. Errors of one name are one error, in the fit and in all places.
+        """
+        fresh: list[str] = []
+        found = [self.at(place, own, fresh) for place, own in zip(places, tolerances, strict=True)]
+        return [placed.widened(len(self.unknowns) + len(fresh)) for placed in found], tuple(fresh)
+
+    def _free_terms(self, law: Law, place: Place) -> list[tuple[int, float]]:
+        """Return the unknown of a free law at a place, or two neighbouring ones, with their weights."""
+        own = self._index.get(law.name_in(place.configuration))
         if own is not None:
-            return own, -1, 0.0
+            return [(own, 1.0)]
         if not law.along:
-            raise ValueError(
-                f"{law.address} is free in each configuration, and {place.configuration!r} was not among those of the "
-                "fit"
-            )
-        levels = sorted((level, self._index[f"{law.name} @ {name}"]) for name, level in self._levels[law.name].items())
+            raise ValueError(f"{law.address} is free in each configuration, and {place.configuration!r} was not fitted")
         if law.along not in place.conditions:
             raise ValueError(f"Law {law.address!r}: {place.configuration!r} has no condition {law.along!r}")
+        levels = sorted((level, self._index[law.name_in(name)]) for name, level in self._levels[law.name].items())
         at = float(place.conditions[law.along])
-        after = next((i for i, (level, _) in enumerate(levels) if level >= at), 0)
-        if levels[after][0] == at:
-            return levels[after][1], -1, 0.0
-        if after == 0:
+        if not levels[0][0] <= at <= levels[-1][0]:
             raise ValueError(
                 f"{law.address} is known for {law.along!r} from {levels[0][0]:g} to {levels[-1][0]:g}, and "
                 f"{place.configuration!r} is at {at:g}"
             )
-        (low, first), (high, second) = levels[after - 1], levels[after]
-        return first, second, (at - low) / (high - low)
+        after = next(i for i, (level, _) in enumerate(levels) if level >= at)
+        if levels[after][0] == at:
+            return [(levels[after][1], 1.0)]
+        (low, below), (high, above) = levels[after - 1], levels[after]
+        share = (at - low) / (high - low)
+        return [(below, 1.0 - share), (above, share)]
 
-    def _move(self, unknown: Move, place: Place, table: dict[str, dict[int, float]]) -> None:
+    def _add_move(self, unknown: Move, place: Place, rows: _Rows) -> None:
         column, size = self._index[unknown.name], 1.0
         if unknown.of:
             if unknown.of not in place.conditions and not covered(unknown.of, place.assembly):
@@ -318,11 +342,10 @@ class Parameters:
             size = math.log(place.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
         for pattern, coefficient in unknown.moves.items():
             for address in sorted(place.covered(pattern)):
-                row = table.setdefault(address, {})
-                row[column] = row.get(column, 0.0) + size * coefficient
+                rows.add(address, column, size * coefficient)
 
     def _check(self, places: Sequence[Place]) -> list[str]:
-        """Return what is to be said of addresses that other assemblies may have; raise for what is wrong."""
+        """Check unknowns and tolerances against the places; return notes on addresses that none of them has."""
         for index, unknown in enumerate(self.wanted):
             if not isinstance(unknown, Unknown):
                 raise TypeError(f"unknowns[{index}] is {unknown!r}, expected an Unknown")
@@ -334,7 +357,7 @@ class Parameters:
             for unknown in self.wanted:
                 for name in place.covered(unknown.address) if place.among(unknown.configurations) else ():
                     if name in owner:
-                        raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} are both {name!r}")
+                        raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} both determine {name!r}")
                     owner[name] = unknown.name
         known = dict.fromkeys(name for place in places for name in place.assembly.parameters)
         notes: list[str] = []
@@ -352,16 +375,16 @@ class Parameters:
         ]
         among: dict[tuple[Names, Names | str], list[Place]] = {}
         for title, addresses, configurations, labels in rows:
-            # Most rows are of the same places.
+            # Most rows have the same places.
             if (configurations, labels) not in among:
                 among[configurations, labels] = [one for one in places if one.among(configurations, labels)]
-            there = among[configurations, labels]
-            if not there:
+            chosen = among[configurations, labels]
+            if not chosen:
                 names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in places))
                 raise ValueError(
                     f"{title}: no observation is of {', '.join(labels or configurations or ())}; there are {names}"
                 )
-            missing = [address for address in addresses if not _has(address, there)]
+            missing = [address for address in addresses if not _has(address, chosen)]
             if missing and len(missing) == len(addresses):
                 first = missing[0].split(".", 1)[0] + "."
                 near = [name for name in known if name.startswith(first)] or list(known)
@@ -369,10 +392,8 @@ class Parameters:
                     f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else missing[0]}; there are "
                     f"{', '.join(near)}"
                 )
-            # Others may have it: an assembly that is held out, or one that is predicted.
-            notes += [
-                f"{title}: no observation's assembly has {one}; it matters for predictions alone" for one in missing
-            ]
+            # Assemblies that are held out or predicted may have it.
+            notes += [f"{title}: no observation's assembly has {one}; it affects predictions only" for one in missing]
         return notes
 
 
@@ -380,59 +401,32 @@ def _has(address: str, places: Sequence[Place]) -> bool:
     return any(place.covered(address) for place in places)
 
 
-def _matrix(rows: Mapping[str, Mapping[int, float]], addresses: Sequence[str], width: int) -> NDArray[np.float64]:
-    result = np.zeros((len(addresses), width))
-    for i, address in enumerate(addresses):
-        for column, value in rows.get(address, {}).items():
-            result[i, column] = value
-    return result
+class _Rows:
+    """Sparse rows of coefficients by address and column."""
 
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[int, float]] = {}
 
-@dataclass(frozen=True)
-class Addresses:
-    """The addresses that an observation's own residual has for its unknowns, one each."""
+    def add(self, address: str, column: int, value: float) -> None:
+        """Add a value to an element."""
+        row = self.rows.setdefault(address, {})
+        row[column] = row.get(column, 0.0) + value
 
-    addresses: tuple[str, ...]
-
-
-class MappedResidual:
-    """A residual in the parameters of its assembly, as one in the unknowns of the whole fit."""
-
-    def __init__(self, inner: Residual, placed: Placed) -> None:
-        self.inner = inner
-        self.unit: Unit = inner.unit
-        self.placed = placed
-        self._ones = np.ones(len(placed.addresses))
-
-    @property
-    def size(self) -> int:
-        """Number of residuals."""
-        return self.inner.size
-
-    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
-        """Return residuals and their derivatives; see `residuals.Residual`."""
-        own = self._own(values)
-        residual, slope = self.inner.evaluate(own, self._ones)
-        return residual, slope @ (self.placed.jacobian(values) * slopes)
-
-    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals alone."""
-        return self.inner.value(self._own(values))
-
-    def _own(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        with np.errstate(over="ignore"):
-            own = self.placed.values(values)
-        if not np.isfinite(own).all():
-            raise InfeasibleError("a law or an error leaves the range of numbers")
-        return own
+    def matrix(self, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
+        """Return the rows of these addresses as a dense matrix."""
+        result = np.zeros((len(addresses), width))
+        for i, address in enumerate(addresses):
+            for column, value in self.rows.get(address, {}).items():
+                result[i, column] = value
+        return result
 
 
 def _varying(law: Law, place: Place, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
-    """Return by column what multiplies a law's value in a place: its powers of conditions and its individual part."""
+    """Return the exponents of a law at a place by column: its powers of conditions and its individual part."""
     found: dict[int, float] = {}
     for power in law.powers:
         ratio = place.condition(power.of, f"Law {law.address!r}") / power.reference
         found[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
     if law.individual:
-        found[error(f"{law.name} @ {place.configuration}")] = law.individual
+        found[error(law.name_in(place.configuration))] = law.individual
     return found

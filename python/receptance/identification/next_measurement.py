@@ -1,31 +1,249 @@
-"""Which measurement next: what each of some candidates is expected to tell, before it is taken."""
+"""The choice of the next measurement: the intervals that are expected with each of several candidates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.errors import ReceptanceError
-from receptance.identification.candidates import Candidate, FrequencyTarget, ReceptanceTarget
-from receptance.identification.expectations import Expectation, NextMeasurement, RankedCandidate
-from receptance.identification.information import Point, Surroundings, Target, deviation, joined, widened
+from receptance.identification.candidates import Candidate
+from receptance.identification.new_observations import NewObservations, information_root, standard_deviations
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.profiles import Profile
+from receptance.identification.residuals import InfeasibleError
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.report.table import Cell, Interval
 
-__all__ = ["next_measurement"]
+__all__ = ["Expectation", "NextMeasurement", "RankedCandidate", "Target", "next_measurement"]
+
+Target = str | Candidate
+"""A parameter by name, or a prediction."""
 
 _WIDE = 0.1
-"""Half an interval, as log10 or as a share of the range of the bounds, beyond which a profile is taken: a quarter of
-the value."""
+"""Half width of an interval from which a profile is computed: in log10, or as a share of the range of the bounds."""
+_EDGE = 1e-3
+"""Distance from a bound, as a share of the range, up to which a parameter counts as at the bound."""
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Of the likelihood along a profile: points of equal weight."""
+"""Quantiles of the likelihood along a profile at which the information is taken, with equal weights."""
+_SMALLEST = 1e-300
+"""Smallest standard deviation whose logarithm is taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expectation:
+    """The present interval of a target, and the one that is expected with one more measurement.
+
+    Attributes
+    ----------
+    name : str
+        Name of a parameter, of a natural frequency or of the logarithm of a receptance.
+    value : float
+        Present value in SI units or Hz; zero for the logarithm of a receptance.
+    scale : {"log", "linear"}
+        Whether intervals are symmetric in the logarithm.
+    now : (float, float)
+        Present interval; infinite or zero at an open side.
+    lower, upper : float
+        Expected interval about the present value, not beyond the present interval.
+    deviation, deviation_now : float
+        Expected and present standard deviation, of log10 of the value where the scale is "log".
+    deviations : tuple of float
+        Expected standard deviation at each point, if the true values were there; `deviation` is their geometric mean.
+    stays_open : float
+        Share of these points at which the interval would still reach the bounds of the fit.
+    """
+
+    name: str
+    value: float
+    scale: str
+    now: tuple[float, float]
+    lower: float
+    upper: float
+    deviation: float
+    deviation_now: float
+    deviations: tuple[float, ...]
+    stays_open: float
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The 10 % and 90 % quantiles of the deviations: the dependence of the expectation on the true values."""
+        low, high = np.quantile(self.deviations, [0.1, 0.9])
+        return float(low), float(high)
+
+    @property
+    def shrink(self) -> float:
+        """Expected standard deviation as a share of the present one."""
+        return self.deviation / self.deviation_now if self.deviation_now > 0.0 else 1.0
+
+    @property
+    def percent(self) -> float:
+        """Half width of the expected interval, in percent of the value."""
+        if self.scale == "log":
+            return 100.0 * (self.upper / self.value - 1.0)
+        whole = abs(self.value) or 1.0
+        return 100.0 * 0.5 * (self.upper - self.lower) / whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedCandidate:
+    """A candidate and its expected intervals.
+
+    Attributes
+    ----------
+    candidate : Candidate
+        The measurement.
+    expected : dict of str to Expectation
+        By target.
+    shrink : float
+        Geometric mean over the targets of the expected standard deviation as a share of the present one.
+    score : float
+        -ln(shrink) / cost; the ranking is by this.
+    """
+
+    candidate: Candidate
+    expected: dict[str, Expectation]
+    shrink: float
+    score: float
+
+    @property
+    def label(self) -> str:
+        """Label of the candidate."""
+        return self.candidate.label
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextMeasurement(Result):
+    """Ranked candidates and the intervals that are expected with them.
+
+    Attributes
+    ----------
+    ranking : tuple of RankedCandidate
+        The candidates, the best one first.
+    targets : tuple of str
+        Names of the targets.
+    level : float
+        Level of all intervals.
+    points : tuple of dict
+        Values of the unknowns of the fit, in SI units by name, at which the information was taken and averaged.
+    profiled : tuple of str
+        Parameters with intervals so wide that these points lie along their profiles.
+    notes : tuple of str
+        Notes for the user.
+    provenance : Provenance
+        Campaign, seed and versions of the software.
+    """
+
+    ranking: tuple[RankedCandidate, ...]
+    targets: tuple[str, ...]
+    level: float
+    points: tuple[dict[str, float], ...]
+    profiled: tuple[str, ...]
+    notes: tuple[str, ...]
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Next measurement"
+
+    @property
+    def best(self) -> RankedCandidate:
+        """The first of the ranking."""
+        return self.ranking[0]
+
+    def tables(self) -> list[Table]:
+        """Return the ranking, and for each target the present interval and that with each candidate."""
+        priced = len({one.candidate.cost for one in self.ranking}) > 1
+        ranking = Table(
+            "Candidates, the best first",
+            (
+                Column("", form="d"),
+                "candidate",
+                "assembly",
+                Column("deviations expected", "% of now", ".3g"),
+                Column("cost", form="g"),
+            ),
+            [
+                (
+                    place,
+                    one.label,
+                    one.candidate.configuration,
+                    100.0 * one.shrink,
+                    one.candidate.cost if priced else None,
+                )
+                for place, one in enumerate(self.ranking, start=1)
+            ],
+        ).without_empty()
+        rows: list[list[Cell]] = []
+        for name in self.targets:
+            first = self.ranking[0].expected[name]
+            rows.append([name, "now", _ends(first, first.now), None, None])
+            for one in self.ranking:
+                e = one.expected[name]
+                half = e.percent if e.value != 0.0 else 100.0 * e.deviation
+                share = 100.0 * e.stays_open if e.stays_open else None
+                rows.append([None, f"with {one.label}", _ends(e, (e.lower, e.upper)), half, share])
+        columns = (
+            "target",
+            "measured",
+            Column(f"{100.0 * self.level:g} % interval, SI units", form=".5g"),
+            Column("half of it", "%", ".2g"),
+            Column("chance that it\nstays open", "%", ".0f"),
+        )
+        return [ranking, Table("Intervals now and as expected, about the value of now", columns, rows).without_empty()]
+
+    def sentences(self) -> list[str]:
+        """Return the best candidate."""
+        return [f"best: {self.best.label}; deviations to {100.0 * self.best.shrink:.3g} % of now."]
+
+    def data(self) -> dict[str, Any]:
+        """Return the ranking with the expected intervals."""
+        return {
+            "targets": self.targets,
+            "level": self.level,
+            "points": len(self.points),
+            "profiled": self.profiled,
+            "ranking": [
+                {
+                    "candidate": one.label,
+                    "cost": one.candidate.cost,
+                    "shrink": one.shrink,
+                    "score": one.score,
+                    "expected": {
+                        name: {
+                            "value": e.value,
+                            "now": e.now,
+                            "expected": (e.lower, e.upper),
+                            "deviation_now": e.deviation_now,
+                            "deviation": e.deviation,
+                            "deviation_10_90": e.range,
+                            "scale": e.scale,
+                            "stays_open": e.stays_open,
+                        }
+                        for name, e in one.expected.items()
+                    },
+                }
+                for one in self.ranking
+            ],
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the present interval of each target and that with each candidate; see `Result.plot`."""
+        from receptance.identification.figures.next_measurement import draw_next_measurement
+
+        return draw_next_measurement(self, ax)
+
+    def __repr__(self) -> str:
+        order = " > ".join(f"{one.label} ({100.0 * one.shrink:.3g} %)" for one in self.ranking)
+        return f"NextMeasurement({order})"
 
 
 def next_measurement(
@@ -37,44 +255,45 @@ def next_measurement(
     profiles: Mapping[str, Profile] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> NextMeasurement:
-    """Rank measurements that could be taken by how well the targets are expected to be known with them.
+    """Rank hypothetical measurements by the intervals of the targets that are expected with them.
 
-    The information matrix of a candidate, from the derivatives of what it would observe, is added to that of the
-    measurements taken. Errors that it brings, those of a new clamping say, are new unknowns with their priors, and what
-    has the same name is one error in both.
+    Each candidate is simulated with the fitted model, and the derivatives of its residuals are added to those of the
+    fit. Its own errors, those of a new clamping for example, are new unknowns with their priors. Errors of one name are
+    one error.
 
-    Where all parameters are well known this is done at the fit. A parameter whose interval is wide or open has a
-    likelihood that is far from Gaussian, and the information at one point misleads: then it is done at points spread
-    along its profile, in parts of equal likelihood within its bounds, and averaged as the mean of the logarithm of the
-    deviation. The result says so, and how much the points differ.
+    Where all parameters are well known this is done at the fit. The likelihood of a parameter whose interval is wide or
+    open is far from Gaussian. The information is then taken at several points along its profile, which divide the
+    likelihood within the bounds into equal parts, and the logarithms of the standard deviations are averaged. The
+    result reports this, and the differences between the points.
 
     Parameters
     ----------
     found : Identification
-        What is known now.
+        The fit.
     candidates : Candidate or sequence of Candidate
-        What could be measured.
-    targets : str, FrequencyTarget, ReceptanceTarget or a sequence of them, optional
-        What is to be known better: names of unknowns, or predictions. By default all unknowns but errors.
+        The measurements to rank.
+    targets : str, Candidate or a sequence of them, optional
+        Names of unknowns, or predictions of natural frequencies or of receptances, whose intervals should become
+        narrower. Standard deviations and costs of predictions do not matter. By default all unknowns except errors.
     level : float, optional
         Level of the intervals.
     profiles : mapping of str to Profile, optional
-        From `found.profiles()`; those that are needed and not among them are computed.
+        Profiles from `found.profiles()`; those that are needed and missing are computed.
     progress : callable, optional
-        Is told what is being done.
+        Called with a text at each step.
 
     Returns
     -------
     NextMeasurement
-        The candidates, the best first, with the interval of each target now and as expected.
+        The candidates, the best one first, with the present and the expected interval of each target.
 
     Raises
     ------
     TypeError, ValueError
-        No candidate, two of one label, an unknown target, percentages, which are no likelihood, or a candidate that
-        has none of the unknowns.
+        No candidate, two candidates of one label, natural frequencies without standard deviations, an unknown target, a
+        fit of percentages, which are no likelihood, or a candidate without any of the unknowns.
     ReceptanceError
-        A candidate's model has no value where the fit is.
+        The model of a candidate has no value at the fit.
 
     Examples
     --------
@@ -95,25 +314,25 @@ def next_measurement(
     >>> better.best.label
     'tip FRF'
     """
-    menu = _candidates(candidates)
+    menu = _check_candidates(candidates)
     if "percent" in found.units and any(isinstance(o, MeasuredFRF) for o in found.task.observed):
         raise ValueError(
-            "the percentage objective is no likelihood, so it says nothing of what more data would bring: identify "
+            "the percentage objective is not a likelihood, so the effect of more data cannot be calculated: identify "
             "with the objective 'log'"
         )
-    wanted = _targets(targets, found)
-    known = Surroundings(found)
-    reach = found.reach(level)
-    say = progress or (lambda _: None)
-    taken = _profiles(found, known, wanted, reach, level, dict(profiles or {}), say)
+    wanted = _check_targets(targets, found)
+    known = _Known(found)
+    reach = found.confidence_multiplier(level)
+    report = progress or (lambda _: None)
+    taken = _profiles(known, wanted, reach, level, dict(profiles or {}), report)
     points, notes = _points(known, taken)
-    say(f"weighing {len(menu)} candidates at {len(points)} points")
+    report(f"evaluating {len(menu)} candidates at {len(points)} points")
     now = _Now(known, points, wanted, taken, reach)
     ranking = []
     for candidate in menu:
-        say(f"weighing {candidate.label}")
+        report(f"evaluating {candidate.label}")
         expected = _expected(known, candidate, points, wanted, now)
-        shrink = float(np.exp(np.mean([np.log(max(one.shrink, 1e-300)) for one in expected.values()])))
+        shrink = float(np.exp(np.mean([np.log(max(one.shrink, _SMALLEST)) for one in expected.values()])))
         ranking.append(
             RankedCandidate(
                 candidate=candidate, expected=expected, shrink=shrink, score=-np.log(shrink) / candidate.cost
@@ -121,108 +340,224 @@ def next_measurement(
         )
     ranking.sort(key=lambda one: -one.score)
     if len({one.candidate.cost for one in ranking}) > 1:
-        notes.append("the ranking is by what is gained for the cost")
+        notes.append("the ranking is by the reduction of the deviations for the cost")
     if found.advice:
-        notes.append(f"the fit has advice of its own: {found.advice[0]}")
+        notes.append(f"the fit has advice: {found.advice[0]}")
     return NextMeasurement(
         ranking=tuple(ranking),
         targets=tuple(ranking[0].expected),
         level=level,
-        points=tuple(known.named(point) for point in points),
+        points=tuple(known.problem.named(point.x) for point in points),
         profiled=tuple(taken),
         notes=tuple(notes),
     )
 
 
-def _candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
+def _check_candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
     menu = (candidates,) if isinstance(candidates, Candidate) else tuple(candidates)
     if not menu:
         raise ValueError("candidates is empty, expected at least one Candidate")
     for index, one in enumerate(menu):
         if not isinstance(one, Candidate):
             raise TypeError(f"candidates[{index}] is {one!r}, expected a Candidate")
+        if one.modes is not None and one.standard_deviation_hz is None:
+            raise ValueError(f"{one!r}: standard_deviation_hz is missing, expected that of its natural frequencies")
     labels = [one.label for one in menu]
     if double := sorted({label for label in labels if labels.count(label) > 1}):
-        raise ValueError(f"two candidates are called {double[0]!r}, expected different labels")
+        raise ValueError(f"two candidates have the label {double[0]!r}, expected different labels")
     return menu
 
 
-def _targets(targets: Target | Sequence[Target] | None, found: Identification) -> tuple[Target, ...]:
+def _check_targets(targets: Target | Sequence[Target] | None, found: Identification) -> tuple[Target, ...]:
     if targets is None:
         return tuple(name for name in found.addresses if name not in found.errors)
-    given = (targets,) if isinstance(targets, (str, FrequencyTarget, ReceptanceTarget)) else tuple(targets)
+    given = (targets,) if isinstance(targets, (str, Candidate)) else tuple(targets)
     if not given:
         raise ValueError("targets is empty, expected at least one")
     for one in given:
         if isinstance(one, str) and one not in found.values:
             raise ValueError(f"the target {one!r} was not identified, only {', '.join(found.addresses)}")
-        if not isinstance(one, (str, FrequencyTarget, ReceptanceTarget)):
-            raise TypeError(f"the target {one!r} is no name, FrequencyTarget or ReceptanceTarget")
+        if not isinstance(one, (str, Candidate)):
+            raise TypeError(f"the target {one!r} is neither the name of an unknown nor a Candidate")
     return given
 
 
+@dataclass(frozen=True)
+class _Point:
+    """A point of the fitted variables `(p,)`, and R `(p, p)` with R^T R the information of the fit there."""
+
+    x: NDArray[np.float64]
+    root: NDArray[np.float64]
+
+
+class _Known:
+    """The fit and the information of its measurements."""
+
+    def __init__(self, found: Identification) -> None:
+        self.found = found
+        self.parameters = found.task.parameters
+        self.variables = found.task.variables
+        self.problem = found.task.problem()
+        self.values = np.array(list(found.values.values()))
+        self.x = self.variables.from_values(self.values)
+        self._scatter = 1.0
+        if not found.known_scatter:
+            squares = float(np.sum(np.concatenate(found.residuals) ** 2))
+            self._scatter = max(squares / max(found.degrees_of_freedom, 1), _SMALLEST)
+
+    def point(self, x: NDArray[np.float64]) -> _Point:
+        """Return a point with the information there; raises `ReceptanceError` where the model has no value."""
+        if not np.isfinite(self.problem.residual(x)).all():
+            raise ReceptanceError(self.problem.reason(x))
+        return _Point(x, information_root(self.problem.jacobian(x) / np.sqrt(self._scatter), self.variables))
+
+
+class _Outlook:
+    """The standard deviations of the targets, with a candidate or with the measurements of the fit alone."""
+
+    def __init__(self, known: _Known, targets: Sequence[Target], candidate: Candidate | None = None) -> None:
+        self._names = known.variables.names
+        self._targets, self._candidate = targets, candidate
+        predicted = [one for one in targets if isinstance(one, Candidate)]
+        self._hypotheses = predicted if candidate is None else [*predicted, candidate]
+        self._new = NewObservations(
+            known.parameters,
+            [one.observation() for one in self._hypotheses],
+            [_tolerances_of(one, known.parameters.tolerances) for one in self._hypotheses],
+        )
+
+    def values(self, x: NDArray[np.float64]) -> dict[str, float]:
+        """Return the values of the targets by name; 0 for the logarithm of a receptance."""
+        found: dict[str, float] = {}
+        data = iter(self._data(x))
+        for target in self._targets:
+            if isinstance(target, str):
+                found[target] = float(x[self._names.index(target)])
+                continue
+            own = next(data)
+            found |= zip(_names_of(target), [0.0] if target.modes is None else own.tolist(), strict=True)
+        return found
+
+    def deviations(self, point: _Point) -> dict[str, float]:
+        """Return the standard deviations of the targets by name.
+
+        They are those of the fitted variables, of natural frequencies in Hz, and of the logarithm of receptances, as
+        root mean square over the lines.
+        """
+        x = point.x
+        observations = [one.observation(data) for one, data in zip(self._hypotheses, self._data(x), strict=True)]
+        problem = self._new.problem(x, point.root, observations)
+        start = self._new.start(x)
+        try:
+            rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
+        except InfeasibleError as error:
+            raise ReceptanceError(str(error)) from None
+        *parts, known = np.split(rows, np.cumsum(problem.sizes))
+        information = known.T @ known
+        if self._candidate is not None:
+            if not np.any(parts[-1][:, : x.size]):
+                raise ValueError(f"{self._candidate!r} has none of the identified parameters {', '.join(self._names)}")
+            information += parts[-1].T @ parts[-1]
+        scale = np.sqrt(np.diag(information))
+        information /= np.outer(scale, scale)
+        found: dict[str, float] = {}
+        predicted = zip(parts, observations, strict=True)
+        for target in self._targets:
+            if isinstance(target, str):
+                gradients = np.eye(start.size)[None, None, self._names.index(target)]
+            else:
+                part, one = next(predicted)
+                part = part * standard_deviations(one)[:, None]
+                gradients = part[None] if target.modes is None else part[:, None]
+            for name, gradient in zip(_names_of(target), gradients, strict=True):
+                scaled = (gradient / scale).T
+                variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
+                found[name] = float(np.sqrt(np.mean(variances)))
+        return found
+
+    def _data(self, x: NDArray[np.float64]) -> list[NDArray[Any]]:
+        try:
+            return self._new.calculated(x)
+        except InfeasibleError as error:
+            raise ReceptanceError(str(error)) from None
+
+
+def _names_of(target: Target) -> list[str]:
+    """Return the names of the numbers of a target."""
+    if isinstance(target, str):
+        return [target]
+    if target.modes is None:
+        return [f"{target.label}: log receptance"]
+    return [f"{target.label}: mode {mode} [Hz]" for mode in target.modes]
+
+
+def _tolerances_of(one: Candidate, known: Sequence[Tolerance]) -> list[Tolerance]:
+    """Return the errors of a candidate, and those of the fit that it does not describe itself."""
+    own = {tolerance.name for tolerance in one.tolerances}
+    return [*(tolerance for tolerance in known if tolerance.name not in own), *one.tolerances]
+
+
 def _profiles(
-    found: Identification,
-    known: Surroundings,
+    known: _Known,
     wanted: tuple[Target, ...],
     reach: float,
     level: float,
     given: dict[str, Profile],
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> dict[str, Profile]:
-    """Return the profiles of what is wide, computed where they are not there."""
+    """Return the profiles of parameters with wide intervals; those that are not given are computed."""
+    found = known.found
     named = [one for one in wanted if isinstance(one, str) and one not in found.errors]
     if len(named) < len(wanted):
         named = [name for name in found.addresses if name not in found.errors]
-    low, high = found.task.variables.limits
+    low, high = known.variables.limits
     wide = []
     for name in named:
         i = found.addresses.index(name)
         whole = float(high[i] - low[i])
         half = reach * float(np.sqrt(found.covariance[i, i]))
         size = half if found.unknowns[i].scale == "log" else half / whole
-        x = known.variables.from_values(known.values)[known.names.index(name)]
-        edge = min(x - low[i], high[i] - x) <= 1e-3 * whole
-        if not size < _WIDE or edge:
+        at_bound = min(known.x[i] - low[i], high[i] - known.x[i]) <= _EDGE * whole
+        if not size < _WIDE or at_bound:
             wide.append(name)
     missing = [name for name in wide if name not in given]
     if missing:
-        given |= found.profiles(missing, level=level, progress=say)
+        given |= found.profiles(missing, level=level, progress=report)
     return {name: given[name] for name in wide}
 
 
-def _points(known: Surroundings, taken: Mapping[str, Profile]) -> tuple[list[Point], list[str]]:
-    """Return the fit, or points spread along the profiles of what is wide."""
-    at_fit = known.variables.from_values(known.values)
+def _points(known: _Known, taken: Mapping[str, Profile]) -> tuple[list[_Point], list[str]]:
+    """Return the fit, or points along the profiles of parameters with wide intervals, and notes on them."""
     if not taken:
-        return [known.point(at_fit, 1.0)], []
+        return [known.point(known.x)], []
     found, lost = [], 0
     for name, profile in taken.items():
-        for path in _spread_along(known.names.index(name), profile):
+        for x in _quantiles_along(known.variables.names.index(name), profile):
             try:
-                found.append(known.point(path, 1.0))
+                found.append(known.point(x))
             except ReceptanceError:
                 lost += 1
     if not found:
-        found = [known.point(at_fit, 1.0)]
+        found = [known.point(known.x)]
+    one = len(taken) == 1
     notes = [
-        f"{', '.join(taken)} {'is' if len(taken) == 1 else 'are'} known so little that the information at one point "
-        f"would mislead: it was taken at {len(found)} points spread along the profile"
-        f"{'' if len(taken) == 1 else 's'}, within the bounds of the fit, and averaged"
+        f"the interval{'' if one else 's'} of {', '.join(taken)} {'is' if one else 'are'} so wide that the information "
+        f"at one point would mislead: it is averaged over {len(found)} points along the profile{'' if one else 's'}, "
+        "within the bounds of the fit"
     ]
     if lost:
         notes.append(f"the model has no value at {lost} more points")
-    return [Point(one.x, 1.0 / len(found), one.information) for one in found], notes
+    return found, notes
 
 
-def _spread_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
-    """Return points of a profile in parts of equal likelihood, other variables as they were fitted there."""
+def _quantiles_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
+    """Return the quantiles of the likelihood along a profile, with the other variables as they were fitted there."""
     paths = profile.paths
     at = paths[:, index]
     if at.size < 2 or at[-1] == at[0]:
         return [paths[int(np.argmin(profile.rise))]]
     fine = np.linspace(at[0], at[-1], 2001)
-    # Roots of the rise go nearly straight between the points.
+    # The square root of the rise is nearly linear between the points.
     density = np.exp(-0.5 * np.interp(fine, at, np.sqrt(profile.rise)) ** 2)
     share = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     chosen = np.interp(np.array(_QUANTILES) * share[-1], share, fine)
@@ -235,60 +570,40 @@ def _spread_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
 
 
 class _Now:
-    """What is known of the targets before anything is measured."""
+    """Values, standard deviations and intervals of the targets from the measurements of the fit alone."""
 
     def __init__(
         self,
-        known: Surroundings,
-        points: Sequence[Point],
+        known: _Known,
+        points: Sequence[_Point],
         wanted: tuple[Target, ...],
         taken: Mapping[str, Profile],
         reach: float,
     ) -> None:
         self.reach = reach
-        self.values: dict[str, float] = {}
-        self.deviations: dict[str, float] = {}
+        outlook = _Outlook(known, wanted)
+        self.values = outlook.values(known.x)
+        found = [outlook.deviations(point) for point in points]
+        self.deviations = {name: _geometric_mean([one[name] for one in found]) for name in self.values}
+        self.scales = dict.fromkeys(self.values, "linear")
         self.intervals: dict[str, tuple[float, float]] = {}
-        self.scales: dict[str, str] = {}
-        fit = Point(known.variables.from_values(known.values), 1.0, np.eye(len(known.names)))
-        for target in wanted:
-            names, _, values, _ = known.target(target, fit)
-            logs = dict.fromkeys(names, 0.0)
-            for point in points:
-                _, gradients, _, own = known.target(target, point)
-                matrix = joined(point.information, np.zeros((0, 0)), (), own)
-                for name, gradient in zip(names, gradients, strict=True):
-                    logs[name] += point.weight * np.log(max(deviation(matrix, gradient), 1e-300))
-            for name, value in zip(names, values, strict=True):
-                self._keep(name, target, float(value), float(np.exp(logs[name])), known, taken)
-
-    def _keep(
-        self,
-        name: str,
-        target: Target,
-        value: float,
-        spread: float,
-        known: Surroundings,
-        taken: Mapping[str, Profile],
-    ) -> None:
-        scale = "linear"
-        if isinstance(target, str):
-            i = known.names.index(name)
-            scale = str(known.variables.unknowns[i].scale)
-            value = float(known.values[i])
+        for name in (one for one in wanted if isinstance(one, str)):
+            i = known.variables.names.index(name)
+            self.scales[name] = str(known.variables.unknowns[i].scale)
+            self.values[name] = float(known.values[i])
             if name in taken:
-                low, high = known.variables.limits[:, i]
                 ends = taken[name]
-                to = np.log10 if scale == "log" else np.asarray
+                to = np.log10 if self.scales[name] == "log" else np.asarray
+                low, high = known.variables.limits[:, i]
                 low = low if ends.lower_open else float(to(ends.lower))
                 high = high if ends.upper_open else float(to(ends.upper))
-                spread = (high - low) / (2.0 * self.reach)
+                self.deviations[name] = (high - low) / (2.0 * reach)
                 self.intervals[name] = (ends.lower, ends.upper)
-        self.values[name], self.deviations[name], self.scales[name] = value, spread, scale
-        self.intervals.setdefault(name, self.about(name, spread))
+        for name in self.values:
+            self.intervals.setdefault(name, self.about(name, self.deviations[name]))
 
     def about(self, name: str, spread: float) -> tuple[float, float]:
-        """Return the interval about the value of now."""
+        """Return the interval about the present value for a standard deviation."""
         value, half = self.values[name], self.reach * spread
         if self.scales[name] == "log":
             return value / 10.0**half, value * 10.0**half
@@ -296,45 +611,43 @@ class _Now:
 
 
 def _expected(
-    known: Surroundings, candidate: Candidate, points: Sequence[Point], wanted: tuple[Target, ...], now: _Now
+    known: _Known, candidate: Candidate, points: Sequence[_Point], wanted: tuple[Target, ...], now: _Now
 ) -> dict[str, Expectation]:
-    """Return what is expected of each target with a candidate, from all points."""
-    spreads: dict[str, list[float]] = {name: [] for name in now.values}
-    open_share = dict.fromkeys(now.values, 0.0)
+    """Return the expectation of each target with a candidate, from all points."""
+    outlook = _Outlook(known, wanted, candidate)
+    found = [outlook.deviations(point) for point in points]
     low, high = known.variables.limits
-    for point in points:
-        rows, fresh = known.rows(candidate, point)
-        if not np.any(rows[:, : len(known.names)]):
-            raise ValueError(f"{candidate!r} has none of the identified parameters {', '.join(known.found.addresses)}")
-        for target in wanted:
-            names, gradients, _, own = known.target(target, point)
-            errors = list(dict.fromkeys([*fresh, *own]))
-            matrix = joined(point.information, rows, fresh, errors)
-            for name, gradient in zip(names, gradients, strict=True):
-                after = deviation(matrix, widened(gradient, len(known.names), own, errors))
-                spreads[name].append(after)
-                if isinstance(target, str):
-                    i = known.names.index(name)
-                    half = now.reach * after
-                    if name not in known.errors and (point.x[i] + half > high[i] or point.x[i] - half < low[i]):
-                        open_share[name] += point.weight
-    return {name: _expectation(name, np.array(spreads[name]), open_share[name], now) for name in now.values}
+    expected = {}
+    for name in now.values:
+        spreads = [one[name] for one in found]
+        open_share = 0.0
+        if name in wanted and name not in known.found.errors:
+            i = known.variables.names.index(name)
+            ends = [(point.x[i], now.reach * spread) for point, spread in zip(points, spreads, strict=True)]
+            open_share = sum(x + half > high[i] or x - half < low[i] for x, half in ends) / len(points)
+        typical = _geometric_mean(spreads)
+        lower, upper = now.about(name, typical)
+        expected[name] = Expectation(
+            name=name,
+            value=now.values[name],
+            scale=now.scales[name],
+            now=now.intervals[name],
+            # More data do not widen a side that is already bounded closely.
+            lower=max(lower, now.intervals[name][0]),
+            upper=min(upper, now.intervals[name][1]),
+            deviation=typical,
+            deviation_now=now.deviations[name],
+            deviations=tuple(spreads),
+            stays_open=open_share,
+        )
+    return expected
 
 
-def _expectation(name: str, spreads: NDArray[np.float64], open_share: float, now: _Now) -> Expectation:
-    typical = float(np.exp(np.mean(np.log(np.maximum(spreads, 1e-300)))))
-    lower, upper = now.about(name, typical)
-    # What is known already of a side where the likelihood is steep stays known.
-    lower, upper = max(lower, now.intervals[name][0]), min(upper, now.intervals[name][1])
-    return Expectation(
-        name=name,
-        value=now.values[name],
-        scale=now.scales[name],
-        now=now.intervals[name],
-        lower=lower,
-        upper=upper,
-        deviation=typical,
-        deviation_now=now.deviations[name],
-        deviations=tuple(spreads.tolist()),
-        stays_open=open_share,
-    )
+def _geometric_mean(deviations: Sequence[float]) -> float:
+    return float(np.exp(np.mean(np.log(np.maximum(deviations, _SMALLEST)))))
+
+
+def _ends(e: Expectation, ends: tuple[float, float]) -> Interval:
+    """Return an interval whose open sides are None."""
+    low, high = ends
+    return (None if np.isinf(low) or (e.scale == "log" and low == 0.0) else low), (None if np.isinf(high) else high)

@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from receptance import _checks
-from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
-from receptance.frf import arrays
-from receptance.frf.forms import check_form
+from receptance.frf.validation import check_form, per_line
 from receptance.identification import _checked
+from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.assembly import Assembly
     from receptance.frf import FRF
-    from receptance.identification.floor import Floor
+    from receptance.identification.from_frf import Floor
+    from receptance.model.assembly import Assembly
     from receptance.units import Form
 
 __all__ = ["MeasuredFRF", "MeasuredFrequencies"]
@@ -39,7 +38,7 @@ class MeasuredFRF:
     Parameters
     ----------
     assembly : Assembly
-        What was measured. The values of the parameters that are identified do not matter here.
+        Measured assembly. The values of the parameters that are identified do not matter here.
     frequency_hz : array_like
         `(n,)` ascending lines in Hz. A first line at 0 Hz is dropped, with a `ReceptanceWarning` and a note:
         a free structure has no receptance there. Complex, f - i sigma / (2 pi), where force and response were
@@ -56,9 +55,9 @@ class MeasuredFRF:
         deviations must contain it, as those of `from_frf` do: sqrt(correlated_lines) times those of the line alone. It
         is used to count the independent lines.
     label : str, optional
-        For people.
+        Label in messages, tables and figures.
     notes : sequence of str, optional
-        What was changed in the data or is suspicious; the result of a fit repeats it.
+        Changes of the data and suspicious properties; the result of a fit repeats them.
     configuration : str, optional
         Name of the configuration that was measured, for laws and tolerances; by default the label.
     conditions : mapping of str to float, optional
@@ -68,19 +67,19 @@ class MeasuredFRF:
     ends : float, optional
         Time in s after the hit at which the record ended, where the structure still rang.
     form : {"receptance", "mobility", "accelerance"}, optional
-        What the data were said to be before they were converted to `receptance`. It changes no number; a diagnosis
+        Stated form of the data before their conversion to `receptance`. It does not affect the fit; a diagnosis
         that finds another quantity names both.
 
     Attributes
     ----------
     notes : tuple of str
-        The given ones, and what was changed here.
+        The given notes, and those on changes made here.
 
     Raises
     ------
     TypeError, ValueError
         Lines that are empty, unsorted, negative or not finite, arrays of different lengths, a receptance that is
-        zero or not finite (the message says where), or a coordinate that the assembly does not have.
+        zero or not finite (the message gives the position), or a coordinate that the assembly does not have.
 
     Examples
     --------
@@ -138,7 +137,7 @@ class MeasuredFRF:
         sd = standard_deviation
         spread = None if sd is None else _checked.spread(owner, "standard_deviation", sd, lines.shape)
         forces = None if force is None else _checked.spread(owner, "force", force, lines.shape)
-        alike = arrays.per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0)
+        alike = per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -192,7 +191,7 @@ class MeasuredFRF:
         )
 
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFRF:
-        """Return the same measurement, said to be of a configuration under conditions."""
+        """Return the measurement with another configuration and conditions."""
         return _configured(self, configuration, conditions)
 
     @property
@@ -242,14 +241,14 @@ class MeasuredFRF:
             The measurement.
         response, excitation : Coordinate, str or int, optional
             Which entry, by coordinate, label or number, where there are several. A Coordinate for a side with one
-            entry says where it is on the assembly, whatever the FRF says. A place that neither knows is the tip.
+            entry overrides the coordinate of the FRF. If neither gives a position, it is the tip.
         low_hz, high_hz : float, optional
             Only lines from `low_hz` to `high_hz`, both included.
         floor : float or Floor, optional
-            What no noise model covers, as standard deviation of the logarithm, 0.003 say: added in squares. A `Floor`
-            has a part that grows with the slope as well.
+            Model error that the noise does not cover, as standard deviation of the logarithm, for example 0.003. Its
+            square is added to the variance. A `Floor` has a part that grows with the slope as well.
         label : str, optional
-            For people; by default that of the FRF.
+            Label in messages, tables and figures; by default that of the FRF.
         configuration, conditions, force : optional
             As on creation.
 
@@ -273,13 +272,13 @@ class MeasuredFRF:
         >>> MeasuredFRF.from_frf(bar, frf, high_hz=2000.0, label="blank")
         MeasuredFRF('blank', 20 lines from 100 to 2000 Hz)
         """
-        from receptance.identification.measured import observe
+        from receptance.identification.from_frf import observe
 
         fields = observe(frf, response, excitation, low_hz, high_hz, floor, label)
         return cls(assembly=assembly, **fields, configuration=configuration, conditions=conditions, force=force)
 
     def describe(self) -> str:
-        """Return kind and number of the data in words."""
+        """Return a text on kind and number of the data."""
         low, high = self.frequency_hz[[0, -1]].real
         return f"FRF, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
 
@@ -295,7 +294,7 @@ class MeasuredFrequencies:
     Parameters
     ----------
     assembly : Assembly
-        What was measured. The values of the parameters that are identified do not matter here.
+        Measured assembly. The values of the parameters that are identified do not matter here.
     frequency_hz : array_like
         `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios are
         given, with the magnitude of the complex eigenfrequencies.
@@ -308,7 +307,7 @@ class MeasuredFrequencies:
     standard_deviation_damping : array_like, optional
         Their standard deviation, one number or `(m,)`; needed with them where frequencies have one.
     label : str, optional
-        For people.
+        Label in messages, tables and figures.
     configuration : str, optional
         Name of the configuration that was measured, for laws and tolerances; by default the label.
     conditions : mapping of str to float, optional
@@ -375,7 +374,7 @@ class MeasuredFrequencies:
         )
 
     def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFrequencies:
-        """Return the same measurement, said to be of a configuration under conditions."""
+        """Return the measurement with another configuration and conditions."""
         return _configured(self, configuration, conditions)
 
     @property
@@ -399,7 +398,7 @@ class MeasuredFrequencies:
         return np.empty(0, dtype=np.intp) if none else np.flatnonzero(~np.isnan(np.asarray(self.damping_ratio)))
 
     def describe(self) -> str:
-        """Return kind and number of the data in words."""
+        """Return a text on kind and number of the data."""
         one = len(self.modes) == 1
         modes = ", ".join(map(str, self.modes))
         return f"natural frequenc{'y' if one else 'ies'} of mode{'' if one else 's'} {modes}"

@@ -1,81 +1,178 @@
-"""Peaks of a measured and of a predicted response, side by side."""
+"""Peaks of receptances: bands around them, and measured peaks beside predicted ones."""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.identification.spread import says_nothing
+from receptance import _checks
+from receptance.identification.covariance import is_uninformative
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Peak", "match_peaks"]
+    from receptance.identification.observations import MeasuredFRF
+
+__all__ = ["Peak", "check_bands", "find_bands", "match_peaks", "peak_indices", "within"]
 
 _PROMINENCE = 1.0
-"""How far a peak stands above its surroundings, as natural logarithm."""
-_FAR = 0.1
-"""Peaks further apart than this share of their frequency are not the same."""
-
-
-_STANDS_OUT = 8.0
-"""Standard deviations of the lines around it that a measured peak has to stand above them. In 600 simulated responses
-that end in noise, 2 peaks of noise passed with 8, 21 with 6; none of 900 true peaks was lost."""
-_AROUND = 15
-"""Lines to either side that the scatter from line to line is taken over."""
+"""Least prominence of a peak, as natural logarithm of the magnitude."""
+_MATCH_DISTANCE = 0.1
+"""Largest relative distance of a predicted peak from the measured one."""
+_NOISE_PROMINENCE = 8.0
+"""Least prominence of a measured peak in standard deviations of the lines around it. In 600 simulated responses that
+end in noise, 2 peaks of noise passed with 8, 21 with 6; none of 900 true peaks was lost."""
+_HALF_WINDOW = 15
+"""Lines to either side over which the scatter from line to line is estimated."""
 _QUARTILE = 0.6745
-"""Median of the absolute value of a standard normal number."""
+"""Median of the absolute value of a standard normal variable."""
+
+Bands = list[tuple[float, float]]
+
+
+def find_bands(frf: MeasuredFRF, *, width_percent: float = 5.0, prominence: float = 1.0) -> Bands:
+    """Find bands around the peaks of a measured receptance.
+
+    Parameters
+    ----------
+    frf : MeasuredFRF
+        The measurement.
+    width_percent : float, optional
+        Distance of the ends of a band from its peak, in percent of the peak's frequency.
+    prominence : float, optional
+        Least prominence of a peak, as natural logarithm of the magnitude; 1 is a factor of 2.7.
+
+    Returns
+    -------
+    list of (float, float)
+        Lower and upper end of each band in Hz, ascending; overlapping bands are merged.
+
+    Raises
+    ------
+    ValueError
+        No peak, or a width of 100 % or more.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> from receptance.identification import MeasuredFRF, find_bands
+    >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> lines = np.linspace(100.0, 8000.0, 400)
+    >>> frf = MeasuredFRF(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines))
+    >>> [(round(low), round(high)) for low, high in find_bands(frf)]
+    [(2126, 2350), (5625, 6217)]
+    """
+    width = _checks.positive("find_bands", "width_percent", width_percent, unit="percent")
+    if width >= 100.0:
+        raise ValueError(f"find_bands: width_percent is {width:g}, expected less than 100")
+    least = _checks.positive("find_bands", "prominence", prominence)
+    peaks = peak_indices(frf.receptance, least)
+    if not peaks.size:
+        raise ValueError(f"{frf!r} has no peak with a prominence of a factor of {np.exp(least):.3g}: give the bands")
+    found: Bands = []
+    for peak in frf.frequency_hz[peaks].real:
+        low, high = float(peak * (1.0 - width / 100.0)), float(peak * (1.0 + width / 100.0))
+        if found and low <= found[-1][1]:
+            low = found.pop()[0]
+        found.append((low, high))
+    return found
+
+
+def peak_indices(values: NDArray[np.complex128], prominence: float = _PROMINENCE) -> NDArray[np.intp]:
+    """Return the indices of the peaks of a magnitude; the prominence is a natural logarithm."""
+    from scipy.signal import find_peaks  # slow to import
+
+    found: NDArray[np.intp] = find_peaks(np.log(np.abs(values)), prominence=prominence)[0]
+    return found
+
+
+def check_bands(bands: Sequence[tuple[float, float]]) -> Bands:
+    """Return bands as pairs of numbers, or raise."""
+    found: Bands = []
+    for index, band in enumerate(bands):
+        owner = f"bands[{index}]"
+        if isinstance(band, (str, int, float)) or len(band) != 2:
+            raise ValueError(f"{owner} is {band!r}, expected its lower and upper end in Hz")
+        low = _checks.number(owner, "the lower end", band[0], unit="Hz")
+        high = _checks.number(owner, "the upper end", band[1], unit="Hz")
+        if not 0.0 <= low < high:
+            raise ValueError(f"{owner} is {low:g} to {high:g} Hz, expected the lower end first")
+        found.append((low, high))
+    if not found:
+        raise ValueError("bands is empty, expected at least one band")
+    return found
+
+
+def within(frf: MeasuredFRF, bands: Bands) -> NDArray[np.bool_]:
+    """Return which lines lie in any band; raise if a band contains no line."""
+    chosen = np.zeros(frf.frequency_hz.shape, dtype=np.bool_)
+    lines = frf.frequency_hz.real
+    for low, high in bands:
+        inside = (lines >= low) & (lines <= high)
+        if not inside.any():
+            raise ValueError(f"no line of {frf!r} lies in the band {low:g} to {high:g} Hz")
+        chosen |= inside
+    return chosen
 
 
 @dataclass(frozen=True, kw_only=True)
 class Peak:
-    """A peak of a measured response and the predicted one that belongs to it.
+    """A peak of a measured response and the matching predicted peak.
 
     Attributes
     ----------
     measured_hz, predicted_hz : float or None
-        None where only the other has one.
+        None if only the other response has the peak.
     measured_deviation_hz : float
-        Standard deviation of the measured one from the noise of the lines around it; 0 where that is not known.
+        Standard deviation of the measured frequency from the noise of the lines around it; 0 if unknown.
     deviation_hz : float or None
         Standard deviation of the prediction.
+    mode : int or None
+        Number of the predicted mode from 1.
     """
 
     measured_hz: float | None
     predicted_hz: float | None
     measured_deviation_hz: float = 0.0
     deviation_hz: float | None = None
+    mode: int | None = None
 
     @property
     def matched(self) -> bool:
-        """Whether both have it."""
+        """Whether both responses have the peak."""
         return self.measured_hz is not None and self.predicted_hz is not None
 
     @property
     def error_percent(self) -> float:
-        """Predicted against measured; not a number where one of them has none."""
+        """Relative error of the predicted frequency; NaN if one response lacks the peak."""
         if self.measured_hz is None or self.predicted_hz is None:
             return float("nan")
         return 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
 
-    def within(self, reach: float) -> bool | None:
-        """Return whether the measured peak is where prediction and noise let it be.
+    def within(self, multiplier: float) -> bool | None:
+        """Return whether the measured peak lies within the interval of prediction and noise.
 
-        None where nothing is compared, or where the interval of the prediction is too wide to say anything.
+        Parameters
+        ----------
+        multiplier : float
+            Half width of the interval in standard deviations.
+
+        Returns
+        -------
+        bool or None
+            None if nothing is compared or the interval of the prediction is uninformative.
         """
         if self.measured_hz is None or self.predicted_hz is None or self.deviation_hz is None:
             return None
-        if says_nothing(self.predicted_hz, reach * self.deviation_hz):
+        if is_uninformative(self.predicted_hz, multiplier * self.deviation_hz):
             return None
-        spread = float(np.hypot(self.deviation_hz, self.measured_deviation_hz))
-        return abs(self.predicted_hz - self.measured_hz) <= reach * spread
-
-    def with_deviation(self, deviation_hz: float | None) -> Peak:
-        """Return the same with a standard deviation of the prediction."""
-        return replace(self, deviation_hz=deviation_hz)
+        deviation = float(np.hypot(self.deviation_hz, self.measured_deviation_hz))
+        return abs(self.predicted_hz - self.measured_hz) <= multiplier * deviation
 
 
 def match_peaks(
@@ -84,49 +181,60 @@ def match_peaks(
     predicted: NDArray[np.complex128],
     noise: NDArray[np.float64] | None = None,
 ) -> list[Peak]:
-    """Return the peaks of two responses on the same lines, side by side in order of frequency.
+    """Match the peaks of a measured and of a predicted response.
 
-    Both are found in the same way, so what the spacing of the lines does to them is the same. `noise` is the standard
-    deviation of the logarithm of the measured magnitude. A measured peak that does not stand out of the noise, the
-    given one or the scatter from line to line, is none.
+    Peaks of both are interpolated in the same way, so the spacing of the lines affects both alike. Measured peaks are
+    ignored if their prominence is small compared with the noise, the given one or the scatter from line to line.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray
+        `(n,)` lines of both responses.
+    measured, predicted : ndarray
+        `(n,)` complex.
+    noise : ndarray, optional
+        `(n,)` standard deviation of the logarithm of the measured magnitude.
+
+    Returns
+    -------
+    list of Peak
+        Matched and unmatched peaks in order of frequency.
     """
     lines = frequency_hz.real
     given = np.zeros(lines.size) if noise is None else noise
-    theirs = _peaks(lines, measured, given, np.maximum(given, _scatter(measured)))
-    nothing = np.zeros(lines.size)
-    free = [place for place, _ in _peaks(lines, predicted, nothing, nothing)]
-    places = [place for place, _ in theirs]
+    measured_peaks = _peaks(lines, measured, given, np.maximum(given, _scatter(measured)))
+    zero = np.zeros(lines.size)
+    unmatched = [frequency for frequency, _ in _peaks(lines, predicted, zero, zero)]
     found: list[Peak] = []
-    for measured_hz, deviation_hz in theirs:
-        near = min(free, key=lambda f: abs(f - measured_hz), default=None)
-        # A measured peak that is nearer has the better claim.
-        if near is None or abs(near / measured_hz - 1.0) > _FAR or _nearest(places, near) != measured_hz:
-            near = None
-        else:
-            free.remove(near)
+    for measured_hz, deviation_hz in measured_peaks:
+        near = min(unmatched, key=lambda f: abs(f - measured_hz), default=None)
+        # A predicted peak is matched with the nearest measured one only.
+        if near is not None:
+            distances = [abs(frequency - near) for frequency, _ in measured_peaks]
+            if abs(near / measured_hz - 1.0) > _MATCH_DISTANCE or abs(measured_hz - near) > min(distances):
+                near = None
+            else:
+                unmatched.remove(near)
         found.append(Peak(measured_hz=measured_hz, predicted_hz=near, measured_deviation_hz=deviation_hz))
-    found += [Peak(measured_hz=None, predicted_hz=f) for f in free]
+    found += [Peak(measured_hz=None, predicted_hz=f) for f in unmatched]
     return sorted(found, key=lambda peak: peak.measured_hz or peak.predicted_hz or 0.0)
 
 
-def _nearest(places: list[float], wanted: float) -> float:
-    return min(places, key=lambda place: abs(place - wanted))
-
-
 def _scatter(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the standard deviation of the logarithm of the magnitude from line to line, over the lines around each."""
-    if values.size < 2 * _AROUND + 3:
+    """Return the local standard deviation of the logarithm of the magnitude, from its scatter between lines."""
+    if values.size < 2 * _HALF_WINDOW + 3:
         return np.zeros(values.size)
-    # The second difference of white noise has a variance of six times that of the noise; a few sharp peaks and
-    # antiresonances do not move the median.
-    bend = np.abs(np.diff(np.log(np.abs(values)), 2))
-    found: NDArray[np.float64] = _running_median(np.pad(bend, 1, "edge"), _AROUND) / (_QUARTILE * np.sqrt(6.0))
+    # The second difference of white noise has six times its variance. The median is robust to sharp peaks.
+    difference = np.abs(np.diff(np.log(np.abs(values)), 2))
+    found: NDArray[np.float64] = _running_median(np.pad(difference, 1, "edge"), _HALF_WINDOW) / (
+        _QUARTILE * np.sqrt(6.0)
+    )
     return found
 
 
-def _running_median(values: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
-    """Return the median of each value and of so many to either side."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, reach, "edge"), 2 * reach + 1)
+def _running_median(values: NDArray[np.float64], half: int) -> NDArray[np.float64]:
+    """Return the median over windows of `2 half + 1` values."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, half, "edge"), 2 * half + 1)
     found: NDArray[np.float64] = np.median(windows, axis=1)
     return found
 
@@ -137,27 +245,27 @@ def _peaks(
     noise: NDArray[np.float64],
     scatter: NDArray[np.float64],
 ) -> list[tuple[float, float]]:
-    """Return where the magnitude peaks and how well that is known, from parabolas through three lines in logarithms."""
-    from scipy.signal import find_peaks, peak_prominences  # slow to import
+    """Return frequencies of peaks and their standard deviations, from parabolas through three logarithms each."""
+    from scipy.signal import peak_prominences  # slow to import
 
     level = np.log(np.abs(values))
-    found, _ = find_peaks(level, prominence=_PROMINENCE)
+    found = peak_indices(values)
     if scatter.any() and found.size:
-        # Between two lines that noise has made small, any line stands out: what counts is the level around them.
+        # Between two lines that noise has made small any line has prominence; the level around them is compared.
         around = _running_median(level, 2)
         around[found] = level[found]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # one that does not stand out at all
+            warnings.simplefilter("ignore", RuntimeWarning)  # of peaks without prominence
             height, _, _ = peak_prominences(around, found)
-        found = found[height > np.maximum(_PROMINENCE, _STANDS_OUT * scatter[found])]
-    places = []
+        found = found[height > np.maximum(_PROMINENCE, _NOISE_PROMINENCE * scatter[found])]
+    result = []
     for index in found:
         near = slice(index - 1, index + 2)
         x = lines[near] - lines[index]
-        # The parabola's coefficients are linear in the three levels, its vertex -b / 2a is so to first order.
+        # The coefficients are linear in the three levels, and so is the vertex -b / 2a to first order.
         solve = np.linalg.inv(np.vander(x, 3))
         a, b, _ = solve @ level[near]
         weights = -solve[1] / (2.0 * a) + solve[0] * b / (2.0 * a * a)
         shift = float(np.clip(-b / (2.0 * a), x[0], x[2]))
-        places.append((float(lines[index]) + shift, float(np.linalg.norm(weights * noise[near]))))
-    return places
+        result.append((float(lines[index]) + shift, float(np.linalg.norm(weights * noise[near]))))
+    return result

@@ -1,9 +1,9 @@
 """Predictions from the posterior of a fit: natural frequencies and receptances of assemblies, and their uncertainty.
 
-The posterior is Gaussian: the fitted variables, which include the errors of dimensions and materials, have the
-covariance of the fit, and errors that the fit does not know, those of a new clamping say, have their priors, which are
-standard normal. To first order a result with the gradient g has the variance g' C g. Where a resonance may move by more
-than its width a receptance is not linear in the variables; then vectors are drawn from the posterior and each is
+The posterior is Gaussian. The fitted variables, which include the errors of dimensions and materials, have the
+covariance of the fit. Errors that the fit does not know, those of a new clamping for example, have their priors, which
+are standard normal. To first order a result with the gradient g has the variance g' C g. A receptance is not linear in
+the variables where a resonance may move by more than its width; then vectors are drawn from the posterior and each is
 evaluated.
 """
 
@@ -17,27 +17,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance._stepped_place import SteppedPlace
 from receptance.errors import ReceptanceError
+from receptance.identification.covariance import confidence_multiplier, is_uninformative
 from receptance.identification.factors import FACTORS
-from receptance.identification.mapping import Addresses, Parameters
-from receptance.identification.residuals import FRFResidual
-from receptance.identification.spread import quantile
+from receptance.identification.laws import error_of
+from receptance.identification.mapping import Parameters
+from receptance.identification.new_observations import calculated
+from receptance.identification.peaks import Peak, match_peaks
 from receptance.identification.unknowns import Variables
+from receptance.model.addresses import MovingCoordinate
+from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.assembly import Assembly
-    from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
     from receptance.identification.mapping import Place
     from receptance.identification.observations import MeasuredFRF
     from receptance.identification.result import Identification
+    from receptance.model.assembly import Assembly
 
-__all__ = ["Forecast", "PredictedReceptance", "Scatter", "lowest_frequencies"]
+__all__ = ["Forecast", "PredictedFRF", "Scatter"]
 
-_GROWTH = 1.5
+_DECIBEL = 20.0 / np.log(10.0)
+_FACTOR = 10.0
+"""Factor to either side from which the band of a magnitude is too wide to be useful."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +51,12 @@ class Scatter:
     Attributes
     ----------
     total : ndarray
-        By the posterior; infinite where a parameter that matters is not determined.
+        By the posterior; infinite where the result depends on a parameter that is not determined.
     data : ndarray
-        If every error of a dimension or material were known: only the noise of the data is left.
+        By the noise of the data alone, if every error of a dimension or material were known.
     errors : dict of str to ndarray
-        By error: signed change of the result that goes with one posterior standard deviation of the error, all else
-        following as the posterior has it. Its square is the variance that would vanish if the error were known.
+        By error: signed change of the result for one posterior standard deviation of the error, with the other
+        variables at their conditional means. Its square is the variance that would vanish if the error were known.
     """
 
     total: NDArray[np.float64]
@@ -106,58 +110,75 @@ class Scatter:
 
     @property
     def shares(self) -> dict[str, NDArray[np.float64]]:
-        """Share of the variance that goes with each error, `(n,)`; shares of correlated errors overlap."""
+        """Share of each error in the variance, `(n,)`; shares of correlated errors overlap."""
         whole = np.where(self.total > 0.0, self.total, 1.0) ** 2
         return {name: change**2 / whole for name, change in self.errors.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictedReceptance:
-    """A predicted receptance and the interval of the true one.
+class PredictedFRF:
+    """A predicted frequency response with its band, and the measured one where there is one.
 
     Attributes
     ----------
+    name, assembly : str
+        Names of the measurement, or of the assembly where there is none, and of the assembly.
+    response, excitation : Coordinate
+        Coordinates of the motion and of the load.
     frequency_hz : ndarray
-        `(n,)` lines, real or complex.
+        `(n,)` lines, complex where both channels had an exponential window.
     receptance : ndarray
         `(n,)` complex, with the identified values.
     scatter, phase_scatter : Scatter
         Of the real and of the imaginary part of its logarithm, to first order.
     drawn : ndarray
-        `(draws, n)` logarithms of the magnitude for vectors that were drawn; `(0, n)` if none were asked for.
+        `(draws, n)` logarithms of the magnitude for vectors drawn from the posterior; `(0, n)` without draws.
     degrees_of_freedom : int or None
         Of the scatter, where it was estimated; None where it was known.
+    measured : ndarray or None
+        `(n,)` complex.
+    measured_deviation : ndarray or None
+        `(n,)` standard deviation of the real and of the imaginary part of its logarithm.
+    peaks : tuple of Peak
+        Peaks of measurement and prediction.
     """
 
+    name: str = ""
+    assembly: str = ""
+    response: Coordinate
+    excitation: Coordinate
     frequency_hz: NDArray[Any]
-    receptance: NDArray[np.complex128]
-    scatter: Scatter
-    phase_scatter: Scatter
+    receptance: NDArray[np.complex128] = field(repr=False)
+    scatter: Scatter = field(repr=False)
+    phase_scatter: Scatter = field(repr=False)
     drawn: NDArray[np.float64] = field(repr=False)
     degrees_of_freedom: int | None = None
+    measured: NDArray[np.complex128] | None = field(default=None, repr=False)
+    measured_deviation: NDArray[np.float64] | None = field(default=None, repr=False)
+    peaks: tuple[Peak, ...] = ()
 
     def band(self, level: float = 0.95, noise: ArrayLike = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return lower and upper magnitude of where the response is, line by line.
+        """Return the lower and upper end of the interval of the magnitude on each line.
 
         Parameters
         ----------
         level : float, optional
-            Share of cases in which a line is to be inside.
+            Probability that the magnitude of a line lies in its interval.
         noise : array_like, optional
-            Standard deviation of the logarithm of what it is to be compared with: the band is then for a measurement.
+            Standard deviation of the logarithm of a measurement; the band then holds the measured magnitude.
 
         Raises
         ------
         ValueError
             A level not between 0 and 1.
         """
-        reach = quantile(level, self.degrees_of_freedom)
+        reach = confidence_multiplier(level, self.degrees_of_freedom)
         noise = _checks.unmasked("band", "noise", noise, np.float64)
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
             low, high = np.quantile(self.drawn, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
             low, high = np.minimum(low, middle), np.maximum(high, middle)
-            # The noise of a measurement comes on top, as if each side were a normal one.
+            # The noise of a measurement is added as if each side were that of a normal distribution.
             low = middle - np.hypot(middle - low, reach * noise)
             high = middle + np.hypot(high - middle, reach * noise)
         else:
@@ -166,36 +187,109 @@ class PredictedReceptance:
         with np.errstate(over="ignore"):
             return np.exp(low), np.exp(high)
 
+    def uninformative(self, level: float = 0.95) -> NDArray[np.bool_]:
+        """Return the lines on which the band is too wide to be useful, a factor of ten to either side, `(n,)`."""
+        size = np.abs(self.receptance)
+        low, high = self.band(level)
+        useful: NDArray[np.bool_] = (high < _FACTOR * size) & (size < _FACTOR * low)
+        return ~useful
+
+    @property
+    def log_ratio(self) -> NDArray[np.complex128]:
+        """Logarithm of measured over predicted: factor and phase, `(n,)`; empty if not measured."""
+        return np.empty(0, dtype=np.complex128) if self.measured is None else np.log(self.measured / self.receptance)
+
+    @property
+    def rms_decibel(self) -> float | None:
+        """Root mean square over the lines of measured over predicted magnitude in dB; None if not measured."""
+        return None if self.measured is None else float(_DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
+
+    def share_within(self, level: float = 0.95) -> float | None:
+        """Return the share of the lines whose measured magnitude is in the band, noise included.
+
+        Of the lines whose band is useful; None without any, or if not measured.
+        """
+        useful = ~self.uninformative(level)
+        if self.measured is None or not useful.any():
+            return None
+        low, high = self.band(level, 0.0 if self.measured_deviation is None else self.measured_deviation)
+        size = np.abs(self.measured)
+        return float(np.mean(((low <= size) & (size <= high))[useful]))
+
+    def data(self, level: float = 0.95) -> dict[str, Any]:
+        """Return the numbers by name, with the band and intervals of a level."""
+        reach = confidence_multiplier(level, self.degrees_of_freedom)
+        nothing = self.uninformative(level)
+        low, high = (np.where(nothing, np.nan, side) for side in self.band(level))
+        found: dict[str, Any] = {
+            "name": self.name,
+            "assembly": self.assembly,
+            "response": _place(self.response),
+            "excitation": _place(self.excitation),
+            "frequency_hz": self.frequency_hz.real,
+            "receptance": self.receptance,
+            "magnitude_interval": [low, high],
+            "standard_error_of_log": [self.scatter.total, self.phase_scatter.total],
+        }
+        if np.iscomplexobj(self.frequency_hz):
+            found["decay_rate"] = -2.0 * np.pi * float(self.frequency_hz[0].imag)
+        if self.measured is not None:
+            found |= {
+                "measured": self.measured,
+                "rms_decibel": self.rms_decibel,
+                "share_within": self.share_within(level),
+                "share_of_lines_with_uninformative_band": float(np.mean(nothing)),
+                "peaks": [
+                    {
+                        "measured_hz": peak.measured_hz,
+                        "measured_deviation_hz": peak.measured_deviation_hz,
+                        "predicted_hz": peak.predicted_hz,
+                        "standard_error_hz": peak.deviation_hz,
+                        "error_percent": peak.error_percent,
+                        "within": peak.within(reach),
+                        "interval_uninformative": peak.predicted_hz is not None
+                        and peak.deviation_hz is not None
+                        and bool(is_uninformative(peak.predicted_hz, reach * peak.deviation_hz)),
+                    }
+                    for peak in self.peaks
+                ],
+            }
+        return found
+
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real
-        return f"PredictedReceptance({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
+        return f"PredictedFRF({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
+
+
+def _place(at: Coordinate) -> dict[str, Any]:
+    return {"part": at.part, "position_m": at.position, "direction": at.direction}
 
 
 class Forecast:
-    """An assembly with the identified values, and how its parameters move with the variables of the posterior.
+    """An assembly with the identified values, and its parameters as functions of the variables of the posterior.
 
     Parameters
     ----------
     fit : Identification or None
-        The fit; None where nothing was identified, so that only the errors of the assembly count.
+        The fit; None where nothing was identified: only the errors of the assembly apply.
     place : Place
-        The assembly as it is described, its configuration and conditions.
+        The assembly as described, its configuration and conditions.
     tolerances : sequence of Tolerance, optional
-        Its errors; by default those of the fit. Those that the fit does not know have their prior.
+        Its errors; by default those of the fit. Errors that the fit does not know have their prior.
 
     Attributes
     ----------
     assembly : Assembly
         With the identified values.
     addresses : tuple of str
-        What moves, `m` parameters.
+        Addresses of the `m` uncertain parameters.
     fresh : tuple of str
         Errors that the fit does not know, `q` of them.
 
     Raises
     ------
     ValueError
-        A law cannot say what holds for this assembly, or it has no model with the identified values.
+        A law has no value for this assembly, or the assembly has no model with the identified values.
     """
 
     def __init__(self, fit: Identification | None, place: Place, tolerances: Sequence[Tolerance] | None = None) -> None:
@@ -220,7 +314,7 @@ class Forecast:
 
     @property
     def uncertain(self) -> bool:
-        """Whether anything of the assembly is uncertain."""
+        """Whether any parameter of the assembly is uncertain."""
         return bool(self.addresses)
 
     def scatter(self, slope: NDArray[np.float64]) -> Scatter:
@@ -234,9 +328,9 @@ class Forecast:
         found, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
         return found, self.scatter(slope)
 
-    def modes(self, numbers: Sequence[int], near_hz: float) -> tuple[NDArray[np.float64], Scatter]:
+    def modes(self, numbers: Sequence[int]) -> tuple[NDArray[np.float64], Scatter]:
         """Return the natural frequencies of some modes, counted from 1, and their scatter in Hz."""
-        found, slope = lowest_frequencies(self.assembly, max(numbers), near_hz, self.addresses)
+        found, slope = self.assembly.lowest_natural_frequencies(max(numbers), self.addresses)
         rows = [number - 1 for number in numbers]
         return found[rows], self.scatter(slope[rows])
 
@@ -250,14 +344,15 @@ class Forecast:
         draws: int = 0,
         seed: int = 0,
         threads: int | None = None,
-    ) -> PredictedReceptance:
-        """Return a receptance with its scatter, and with its magnitudes for vectors that are drawn.
+    ) -> PredictedFRF:
+        """Return a receptance with its scatter, and with its magnitudes for vectors drawn from the posterior.
 
         Raises
         ------
         ReceptanceError
             Fewer than half of the vectors have a model.
         """
+        response, excitation = response or Coordinate(), excitation or Coordinate()
         options: dict[str, Any] = {"response": response, "excitation": excitation, "force": force, "threads": threads}
         found, slope = self.assembly.derivatives(frequency_hz, list(self.addresses), **options)
         slope = slope / found[:, None]
@@ -265,7 +360,9 @@ class Forecast:
         if 2 * len(assemblies) < draws:
             raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
         drawn = [np.log(np.abs(one.receptance(frequency_hz, **options))) for one in assemblies]
-        return PredictedReceptance(
+        return PredictedFRF(
+            response=response,
+            excitation=excitation,
             frequency_hz=np.asarray(frequency_hz),
             receptance=found,
             scatter=self.scatter(slope.real),
@@ -275,28 +372,68 @@ class Forecast:
         )
 
     def observed(
-        self, seen: MeasuredFRF, *, draws: int = 0, seed: int = 0, threads: int | None = None
-    ) -> PredictedReceptance:
+        self,
+        seen: MeasuredFRF,
+        noise: NDArray[np.float64] | None = None,
+        *,
+        draws: int = 0,
+        seed: int = 0,
+        threads: int | None = None,
+    ) -> PredictedFRF:
         """Return the receptance on the lines of a measurement of this assembly, as its measuring chain records it.
 
-        A coordinate on a step between two segments stays on it. Gain, delay, window and early end of the record count
+        A coordinate on a step between two segments stays on it. Gain, delay, window and early end of the record apply
         where the fit has identified them.
+
+        Parameters
+        ----------
+        seen : MeasuredFRF
+            The measurement.
+        noise : ndarray, optional
+            `(n,)` standard deviation of its logarithm; by default the stated one.
+        draws, seed, threads : optional
+            As in `receptance`.
         """
-        places = (SteppedPlace(seen.assembly, one).on(self.assembly) for one in (seen.response, seen.excitation))
+        places = (MovingCoordinate(seen.assembly, one).on(self.assembly) for one in (seen.response, seen.excitation))
         found = self.receptance(seen.frequency_hz, *places, force=seen.force, draws=draws, seed=seed, threads=threads)
-        if not any(unknown.address in FACTORS for unknown in self._parameters.wanted):
-            return found
-        chain = self.recorded(seen) / found.receptance
-        return replace(found, receptance=chain * found.receptance, drawn=found.drawn + np.log(np.abs(chain)))
+        if any(unknown.address in FACTORS for unknown in self._parameters.wanted):
+            chain = self.recorded(seen) / found.receptance
+            found = replace(found, receptance=chain * found.receptance, drawn=found.drawn + np.log(np.abs(chain)))
+        noise = seen.standard_deviation if noise is None else noise
+        return replace(
+            found,
+            name=seen.label or seen.configuration,
+            assembly=seen.configuration,
+            response=seen.response,
+            excitation=seen.excitation,
+            measured=seen.receptance,
+            measured_deviation=noise,
+            peaks=self._peaks(match_peaks(seen.frequency_hz, seen.receptance, found.receptance, noise)),
+        )
+
+    def _peaks(self, peaks: Sequence[Peak]) -> tuple[Peak, ...]:
+        """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
+
+        An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
+        """
+        highest = max((peak.predicted_hz or 0.0 for peak in peaks), default=0.0)
+        if not highest or not self.assembly.countable:
+            return tuple(peaks)
+        modes, scatter = self.natural_frequencies(1.1 * highest)
+        found = []
+        for peak in peaks:
+            if peak.predicted_hz is not None and modes.size:
+                near = int(np.abs(modes - peak.predicted_hz).argmin())
+                peak = replace(peak, mode=near + 1, deviation_hz=float(scatter.total[near]))
+            found.append(peak)
+        return tuple(found)
 
     def recorded(self, seen: MeasuredFRF) -> NDArray[np.complex128]:
         """Return the receptance that the identified measuring chain records on the lines of a measurement."""
         placed = self._parameters.at(replace(self._place, factors=FACTORS), self._tolerances, [])
-        vector = np.append(self._values, np.zeros(len(self.fresh)))
-        residual = FRFResidual(seen, Addresses(placed.addresses), "logarithm", None, None).value(placed.values(vector))
-        real, imaginary = residual.reshape(2, -1)
-        found: NDArray[np.complex128] = seen.receptance * np.exp(-real - 1j * imaginary)
-        return found
+        variables = Variables((*self._variables.unknowns, *map(error_of, self.fresh)))
+        values = np.append(self._values, np.zeros(len(self.fresh)))
+        return np.asarray(calculated(seen, placed, variables, variables.from_values(values)), dtype=np.complex128)
 
     def drawn(self, count: int, seed: int) -> list[Assembly | None]:
         """Return assemblies with vectors drawn from the posterior; None where a vector has no model.
@@ -335,15 +472,3 @@ def _drawn_errors(names: Sequence[str], count: int, seed: int) -> NDArray[np.flo
     """Return draws `(count, q)` of standard normal errors, each of which depends on the seed and its name alone."""
     drawn = [np.random.default_rng([seed, zlib.crc32(name.encode())]).standard_normal(count) for name in names]
     return np.array(drawn).reshape(len(names), count).T
-
-
-def lowest_frequencies(
-    assembly: Assembly, count: int, near_hz: float, addresses: Sequence[str] = ()
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return at least `count` natural frequencies in Hz and their derivatives; `near_hz` is a guess of the last one."""
-    upper = _GROWTH * near_hz
-    while True:
-        found, slope = assembly.natural_frequency_derivatives(upper, list(addresses))
-        if found.size >= count:
-            return found, slope
-        upper *= _GROWTH

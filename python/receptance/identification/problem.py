@@ -1,38 +1,33 @@
 """A least-squares problem of the core: observations and priors as a function of the fitted variables.
 
 Residuals, normal matrices and fits are computed in the core. A receptance of which one joint is unknown is reduced to
-that joint, so that the rest of the assembly is evaluated once. Observations that the core cannot evaluate are given to
-it as functions; the fit is the same.
+that joint, so that the rest of the assembly is evaluated once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
-from receptance._evaluation import by_line
-from receptance._ties import Tied, tie
-from receptance.errors import ReceptanceError
-from receptance.identification.factors import DECAY_RATES, FACTORS, frequency_powers
-from receptance.identification.frequency_residuals import FrequencyResidual
-from receptance.identification.mapping import Addresses, MappedResidual
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.residuals import FRFResidual, InfeasibleError, Pair, Unit
-from receptance.joints import PointJoint
+from receptance.identification.observations import MeasuredFRF
+from receptance.identification.residuals import CoreObservations, InfeasibleError
+from receptance.model.addresses import interface_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.coordinates import Coordinate
     from receptance.identification.mapping import Placed
+    from receptance.identification.observations import MeasuredFrequencies
+    from receptance.identification.residuals import Unit
     from receptance.identification.unknowns import Unknown, Variables
+    from receptance.model.coordinates import Coordinate
 
-    _Reals = NDArray[np.float64]
+    _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 __all__ = ["End", "Normal", "Observed", "Problem", "prior_table"]
 
@@ -59,7 +54,7 @@ class Observed:
     placed : Placed
         The parameters of its assembly as functions of the unknowns.
     unit : {"standard deviations", "percent", "logarithm", "relative"}
-        What a residual of 1 means.
+        Unit of the residuals.
     chosen : ndarray, optional
         Lines that are used, as a mask or as indices; by default all.
     """
@@ -74,15 +69,6 @@ class Observed:
         """Response and excitation of a receptance."""
         one = self.observation
         return (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
-
-    def residual(self, threads: int | None) -> MappedResidual:
-        """Return the residuals as a function of the unknowns, evaluated with assemblies instead of in the core."""
-        addresses, one = Addresses(self.placed.addresses), self.observation
-        if isinstance(one, MeasuredFRF):
-            inner: Any = FRFResidual(one, addresses, self.unit, self.chosen, threads)
-        else:
-            inner = FrequencyResidual(one, addresses, self.unit)
-        return MappedResidual(inner, self.placed)
 
 
 class Normal(NamedTuple):
@@ -120,7 +106,7 @@ class End(NamedTuple):
 
     @property
     def converged(self) -> bool:
-        """Whether nothing changed any more."""
+        """Whether the fit stopped because cost or variables no longer changed."""
         return self.status > 0
 
     @property
@@ -178,22 +164,16 @@ class Problem:
             _checks.thread_count(threads),
             smoothing,
         )
-        self._builder = _Builder(core, variables, threads)
-        for index, one in enumerate(self._observed):
-            self._builder.add(index, one)
-        self._builder.finish()
+        self._added = CoreObservations(core, self._observed, variables.unknowns, threads)
         self.core = core
-        self.sizes = tuple(size for _, size in sorted(self._builder.sizes.items()))
+        self.sizes = self._added.sizes
         self.size = sum(self.sizes) + (len(priors) if known is None else known[1].size)
         if known is not None:
-            root, centre = known
-            core.add_function(lambda x: (root @ (x - centre), root))
-        begins = np.cumsum([0, *self.sizes])
-        order = [np.arange(begins[i], begins[i + 1]) for i in self._builder.order]
-        places = np.concatenate([*order, np.arange(begins[-1], self.size)])
+            core.add_linear(*(np.ascontiguousarray(array, dtype=np.float64) for array in known))
+        places = np.append(self._added.places, np.arange(sum(self.sizes), self.size))
         self._places = None if np.array_equal(places, np.arange(self.size)) else places
         self._at: NDArray[np.float64] | None = None
-        self._rows: Pair = np.empty(0), np.empty((0, 0))
+        self._rows: _Rows = np.empty(0), np.empty((0, 0))
         self._end: End | None = None
 
     @property
@@ -240,7 +220,7 @@ class Problem:
         that fit: it is small, and the derivatives of thousands of lines are not formed. Elsewhere it is J, whose
         singular values keep all digits.
         """
-        if self._end is not None and self._builder.reduced == len(self._observed) and np.array_equal(self._end.x, x):
+        if self._end is not None and self._added.reduced == len(self._observed) and np.array_equal(self._end.x, x):
             return _root(self._end.normal)[:, :-1]
         return self.jacobian(x)
 
@@ -277,7 +257,7 @@ class Problem:
         tolerance : float, optional
             Relative change of the cost and of the variables at which a fit has converged.
         least : float, optional
-            A fit has also converged where the next step promises to lower the cost by no more than this.
+            A fit has also converged where the predicted decrease of the cost by the next step is at most this.
         of_all : bool, optional
             Whether the normal matrices have the rows and columns of held variables.
         """
@@ -325,12 +305,16 @@ class Problem:
         values = self.variables.to_values(x)
         for one in self._observed:
             try:
-                one.residual(self._threads).value(values)
-            except InfeasibleError as error:
+                one.placed.apply(one.observation.assembly, values)
+            except ValueError as error:
                 return str(error)
-        return "a residual or its derivative is not finite"
+        found = self.core.reason(np.ascontiguousarray(x))
+        if found is None:
+            return "a residual or its derivative is not finite"
+        number, text = found
+        return interface_names(self._added.assemblies[number]._flatten(()), text)
 
-    def _evaluate(self, x: NDArray[np.float64]) -> Pair:
+    def _evaluate(self, x: NDArray[np.float64]) -> _Rows:
         if self._at is None or not np.array_equal(self._at, x):
             self.evaluations += 1
             try:
@@ -342,7 +326,7 @@ class Problem:
             self._at = x.copy()
         return self._rows
 
-    def _some(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> Pair:
+    def _some(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> _Rows:
         found = self.core.rows(np.ascontiguousarray(x), free)
         if found is None:
             raise InfeasibleError(self.reason(x))
@@ -351,200 +335,6 @@ class Problem:
         residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
         residual[self._places], slopes[self._places] = found
         return residual, slopes
-
-
-@dataclass(eq=False)
-class _Receptance:
-    """Records of one receptance of one model."""
-
-    w: NDArray[np.complex128]
-    model: _core.TiedModel
-    points: NDArray[np.float64]
-    percent: bool
-    by_line: _core.ByLine | None
-    indices: list[int] = field(default_factory=list)
-    measured: list[NDArray[np.complex128]] = field(default_factory=list)
-    weights: list[NDArray[np.float64]] = field(default_factory=list)
-
-
-@dataclass(eq=False)
-class _Builder:
-    """Adds observations to a problem of the core.
-
-    Attributes
-    ----------
-    sizes : dict of int to int
-        Number of residuals of each observation.
-    order : list of int
-        Observations in the order in which the core has their residuals.
-    reduced : int
-        How many are reduced to one joint.
-    """
-
-    core: _core.Problem
-    variables: Variables
-    threads: int | None
-    sizes: dict[int, int] = field(default_factory=dict)
-    order: list[int] = field(default_factory=list)
-    reduced: int = 0
-    receptances: dict[tuple[bytes, ...], _Receptance] = field(default_factory=dict)
-
-    def add(self, index: int, one: Observed) -> None:
-        """Add an observation; receptances of one model on the same lines are records of one observation of the core."""
-        if isinstance(one.observation, MeasuredFRF):
-            if not self._add_receptance(index, one, one.observation):
-                self._add_function(index, one)
-        elif not self._add_frequencies(index, one, one.observation):
-            self._add_function(index, one)
-
-    def finish(self) -> None:
-        """Add the receptances that were collected."""
-        for one in self.receptances.values():
-            self.core.add_receptance(
-                one.model,
-                _core.Lines(one.w),
-                one.points,
-                np.stack(one.measured),
-                np.stack(one.weights),
-                one.percent,
-                one.by_line,
-            )
-            self.order += one.indices
-
-    def _add_receptance(self, index: int, one: Observed, frf: MeasuredFRF) -> bool:
-        if frf.ends is not None:
-            return False
-        percent = one.unit == "percent"
-        select: Any = slice(None) if one.chosen is None else one.chosen
-        measured = np.ascontiguousarray(frf.receptance[select])
-        weights = np.ones(measured.size)
-        if one.unit == "standard deviations" and frf.standard_deviation is not None:
-            weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
-        if not percent and self._add_reduced(
-            index, one, frf, np.ascontiguousarray(frf.frequency_hz[select]), measured, weights
-        ):
-            return True
-        tied = _tied(one)
-        if tied is None:
-            return False
-        model, addresses, factors = tied
-        w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz[select], dtype=np.complex128)
-        try:
-            tables = by_line(model.flat, w / math.tau)
-        except ValueError:
-            return False
-        key = (one.unit.encode(), w.tobytes(), addresses.tobytes(), factors.tobytes(), *model.key)
-        if key not in self.receptances:
-            self.receptances[key] = _Receptance(w, model.model(addresses, factors), model.points, percent, tables)
-        own = self.receptances[key]
-        own.indices.append(index)
-        own.measured.append(measured)
-        own.weights.append(weights)
-        self.sizes[index] = measured.size if percent else 2 * measured.size
-        return True
-
-    def _add_reduced(
-        self,
-        index: int,
-        one: Observed,
-        frf: MeasuredFRF,
-        lines: NDArray[Any],
-        measured: NDArray[np.complex128],
-        weights: NDArray[np.float64],
-    ) -> bool:
-        """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
-        joint = only_joint(one)
-        if joint is None:
-            return False
-        fields = [address.split(".", 1)[1] for address in one.placed.addresses]
-        columns = [PointJoint.columns_of.index(name) for name in fields]
-        bounds = [self.variables.unknowns[i] for i in one.placed.base]
-        try:
-            stiff = _stiffest(frf, joint, dict(zip(fields, bounds, strict=True)))
-            reduction = frf.assembly.reduced_to_joint(
-                joint, lines, response=frf.response, excitation=frf.excitation, at=stiff, threads=self.threads
-            )
-        except (ReceptanceError, ValueError):
-            # The joint at the bounds has no value; the fit itself may never go there.
-            return False
-        numbers = np.full(len(PointJoint.columns_of), -1.0)
-        numbers[columns] = one.placed.base
-        self.core.add_joint_receptance(reduction, np.array(stiff.columns()), numbers, measured, weights)
-        self.order.append(index)
-        self.sizes[index] = 2 * measured.size
-        self.reduced += 1
-        return True
-
-    def _add_frequencies(self, index: int, one: Observed, measured: MeasuredFrequencies) -> bool:
-        arrays = FrequencyResidual(measured, Addresses(one.placed.addresses), one.unit).arrays()
-        tied = None if arrays is None else _tied(one)
-        if arrays is None or tied is None:
-            return False
-        model, addresses, factors = tied
-        self.core.add_frequencies(model.model(addresses, factors), *arrays)
-        self.order.append(index)
-        self.sizes[index] = arrays[0].size
-        return True
-
-    def _add_function(self, index: int, one: Observed) -> None:
-        residual = one.residual(self.threads)
-        self.core.add_function(_function(residual, self.variables))
-        self.order.append(index)
-        self.sizes[index] = residual.size
-
-
-def _function(
-    residual: MappedResidual, variables: Variables
-) -> Callable[[NDArray[np.float64]], tuple[_Reals, _Reals] | None]:
-    """Return residuals and their derivatives as a function of the variables; None where the model has no value."""
-
-    def rows(x: NDArray[np.float64]) -> tuple[_Reals, _Reals] | None:
-        values = variables.to_values(x)
-        try:
-            found, slopes = residual.evaluate(values, variables.slopes(values))
-        except InfeasibleError:
-            return None
-        return np.ascontiguousarray(found), np.ascontiguousarray(slopes)
-
-    return rows
-
-
-def only_joint(one: Observed) -> str | None:
-    """Return the joint whose terms are all that is unknown of an observation, each an unknown by itself, if any is."""
-    placed = one.placed
-    owners = {name.split(".", 1)[0] for name in placed.addresses}
-    name = owners.pop() if len(owners) == 1 else ""
-    if type(one.observation.assembly.elements.get(name)) is not PointJoint:
-        return None
-    alone = np.all(placed.base >= 0) and np.all(placed.scale == 1.0) and np.all(placed.second < 0)
-    return name if alone and not placed.exponents.any() and not placed.shifts.any() else None
-
-
-def _stiffest(frf: MeasuredFRF, joint: str, unknowns: dict[str, Unknown]) -> PointJoint:
-    """Return the joint as stiff as the bounds allow: any other one adds compliance to it, which costs no digits."""
-    values: dict[str, Any] = {name: getattr(frf.assembly.elements[joint], name) for name in PointJoint.columns_of}
-    for name, unknown in unknowns.items():
-        values[name] = unknown.upper if name in ("k_y", "k_theta") else max(0.0, unknown.lower)
-    for kind in "kc":
-        limit = np.sqrt(values[f"{kind}_y"] * values[f"{kind}_theta"])
-        values[f"{kind}_ytheta"] = float(np.clip(values[f"{kind}_ytheta"], -0.5 * limit, 0.5 * limit))
-    return PointJoint(**values)
-
-
-def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
-    assembly, placed = one.observation.assembly, one.placed
-    if np.any(placed.second >= 0):
-        return None
-    factors = [(FACTORS.index(name), i) for i, name in enumerate(placed.addresses) if name in FACTORS]
-    windowed = not set(DECAY_RATES).isdisjoint(placed.addresses)
-    powers = frequency_powers(assembly) if windowed else {}
-    tied = tie(assembly, placed.addresses, one.points, others=FACTORS, powers=powers)
-    if tied is None:
-        return None
-    start = np.where(placed.base >= 0, placed.scale, placed.fixed)
-    addresses = np.column_stack([placed.base, start, placed.exponents, placed.shifts]).astype(np.float64)
-    return tied, np.ascontiguousarray(addresses), np.array(factors, dtype=np.float64).reshape(-1, 2)
 
 
 def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:

@@ -1,22 +1,22 @@
-"""Profile likelihoods: how well the other parameters can make up for one that is held elsewhere.
+"""Profile likelihoods: confidence intervals from constrained fits.
 
-The rise of -2 log L over its least value, with everything else fitted again, is chi-squared with one degree of
-freedom at the true value (Wilks 1938), so the values where it is below the quantile are an interval. Unlike a standard
-error it sees bounds, curvature and that a side may be open.
+One parameter is held at a value and all others are fitted again. The rise of -2 log L over its least value is
+chi-squared with one degree of freedom at the true value (Wilks 1938), so the values whose rise is below the quantile
+are a confidence interval. Unlike a standard error it accounts for bounds, curvature and open sides.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.identification.spread import quantile
-from receptance.identification.statements import Tie, state
+from receptance.identification.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Results, Table
 
 if TYPE_CHECKING:
@@ -27,24 +27,87 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End, Problem
     from receptance.identification.result import Identification
 
-__all__ = ["Profile", "Profiles", "profile_likelihoods"]
+__all__ = ["Profile", "Profiles", "Tie", "interval_statement", "profile_likelihoods"]
 
-_CLOSE = 0.01
-"""Share of the quantile to which the end of an interval is found."""
-_MOST = 40
-"""Fits of one side, at most."""
+_END_TOLERANCE = 0.01
+"""Relative tolerance of the root of the rise at the end of an interval."""
+_MAX_FITS = 40
+"""Largest number of fits on one side."""
 _GROWTH = 3.0
-"""By how much a step may grow along a flat side."""
+"""Largest growth of a step along a flat side."""
 _BETTER = 0.01
-"""Decrease of the cost, in units of the scatter, beyond which a better optimum was found."""
+"""Decrease of the cost, in residual variances, from which on a better optimum was found."""
 _RESTARTS = 4
-_ACCURACY = 1e-5
-"""To which the cost of a fit on the way is minimised, in units of the scatter."""
+"""Largest number of restarts from a better optimum."""
+_COST_TOLERANCE = 1e-5
+"""Tolerance of the cost of a constrained fit, in residual variances."""
+_FACTOR = 1.5
+"""Intervals with ends farther than this factor from the value are stated as factors, others in percent."""
+_WIDE = 10.0
+"""Intervals over more than this factor determine little more than the order of magnitude."""
+_TIED = 10.0
+"""Least path of another parameter along the profile, in its conditional standard errors, for the two to be tied."""
+_TIED_RANGE = 0.02
+"""Least path of that parameter as a share of its range."""
+
+
+class Tie(NamedTuple):
+    """Another parameter that compensates the profiled one, and its path in conditional standard errors."""
+
+    name: str
+    path: float
+
+
+def interval_statement(
+    value: float, lower: float, upper: float, *, name: str, scale: str, tie: Tie | None = None
+) -> str:
+    """Return the meaning of an interval as text; open sides are 0 or -inf, and inf.
+
+    Examples
+    --------
+    >>> from receptance.identification.profiles import Tie, interval_statement
+    >>> interval_statement(1e5, 9.8e4, 1.02e5, name="joint.k_theta", scale="log")
+    'determined to 2 %'
+    >>> interval_statement(1e9, 4e7, float("inf"), name="joint.k_y", scale="log")
+    'only a lower bound: 4e+07'
+    >>> interval_statement(1e9, 0.0, float("inf"), name="joint.k_y", scale="log", tie=Tie("joint.k_theta", 40.0))
+    'tied to joint.k_theta: the data determine a combination of the two'
+    """
+    open_below = lower == 0.0 if scale == "log" else math.isinf(lower)
+    open_above = math.isinf(upper)
+    suffix = "" if tie is None else f", tied to {tie.name}"
+    if open_below and open_above:
+        if tie is not None:
+            return f"tied to {tie.name}: the data determine a combination of the two"
+        return "not determined within the bounds"
+    if open_above:
+        return f"only a lower bound: {lower:.2g}{suffix}"
+    if open_below:
+        return f"only an upper bound: {upper:.2g}{suffix}"
+    if scale == "log":
+        return _log_statement(value, lower, upper, suffix)
+    half = 0.5 * (upper - lower)
+    if lower <= 0.0 <= upper:
+        return f"not distinguishable from zero: {lower:.2g} to {upper:.2g}{suffix}"
+    return f"determined to {_percent(half / abs(value))}" + (suffix if half > 0.5 * abs(value) else "")
+
+
+def _log_statement(value: float, lower: float, upper: float, suffix: str) -> str:
+    factor = max(value / lower, upper / value)
+    if factor <= _FACTOR:
+        return f"determined to {_percent(math.sqrt(upper / lower) - 1.0)}"
+    if upper / lower <= _WIDE:
+        return f"determined to a factor of {factor:.2g}{suffix}"
+    return f"poorly determined: between {lower:.2g} and {upper:.2g}{suffix}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Profile(Result):
-    """Profile likelihood of one parameter, and its interval.
+    """Profile likelihood of one parameter, and its confidence interval.
 
     Attributes
     ----------
@@ -55,19 +118,19 @@ class Profile(Result):
     lower, upper : float
         Ends of the interval in SI units; zero or -infinity, and infinity, where that side is open.
     lower_open, upper_open : bool
-        Whether the data do not bound that side up to the bound of the fit.
+        Whether the interval is open on that side: the rise stays below the threshold up to the bound of the fit.
     level : float
         Level of the interval.
     values : ndarray
-        `(n,)` where the parameter was held, ascending, in SI units.
+        `(n,)` values at which the parameter was held, ascending, in SI units.
     rise : ndarray
-        `(n,)` rise of -2 log L there, the rest fitted again.
+        `(n,)` rise of -2 log L at these values.
     paths : ndarray
-        `(n, p)` all fitted variables there.
+        `(n, p)` all fitted variables at these values.
     threshold : float
         Rise at the ends of the interval.
     statement : str
-        What that means, in words.
+        Meaning of the interval as text.
     evaluations : int
         Evaluations of the model.
     notes : tuple of str
@@ -96,20 +159,20 @@ class Profile(Result):
 
     @property
     def bounded(self) -> bool:
-        """Whether the data bound it on both sides."""
+        """Whether the interval is closed on both sides."""
         return not (self.lower_open or self.upper_open)
 
     def confidence(self, value: float) -> float:
-        """Return the probability below a value that the profile states, from its signed root; in SI units.
+        """Return the confidence that the parameter lies below a value in SI units, from the signed root of the rise.
 
-        The root is interpolated between the points of the profile, so beyond them it is 0 or 1.
+        The root is interpolated between the points of the profile and extrapolated linearly beyond them.
         """
         from scipy.special import ndtr
 
         root = np.sqrt(self.rise) * np.sign(np.arange(self.rise.size) - int(np.argmin(self.rise)))
         scale = np.log10 if np.all(self.values > 0.0) else np.asarray
         if not self.values[0] <= value <= self.values[-1]:
-            # On from the last two points: a root goes nearly straight.
+            # The root is nearly linear.
             ends = slice(0, 2) if value < self.values[0] else slice(-2, None)
             if self.values.size < 2 or (value <= 0.0 and scale is np.log10):
                 return 0.0 if value < self.values[0] else 1.0
@@ -150,7 +213,7 @@ class Profiles(Results[Profile]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the rise of -2 log L over each parameter, and the threshold of its interval; see `Result.plot`."""
-        from receptance.identification.figures.profiles import draw_profiles
+        from receptance.identification.figures.likelihood import draw_profiles
 
         return draw_profiles(self, ax)
 
@@ -168,37 +231,27 @@ def profile_likelihoods(
     for name in chosen:
         if name not in found.values:
             raise ValueError(f"{name!r} was not identified, only {', '.join(found.addresses)}")
-    if "percent" in found.units:
-        _refuse_percentages(found)
-    start = found.task.variables.from_values(np.array(list(found.values.values())))
+    require_likelihood(found)
+    start = found.vector
     for _ in range(_RESTARTS):
-        run = _Run(found, level, start)
+        profiler = _Profiler(found, level, start)
+        profiles = {}
         try:
-            return Profiles({name: _told(run, name, progress) for name in chosen}, provenance=found.provenance)
+            for name in chosen:
+                if progress is not None:
+                    progress(f"profiling {name}")
+                profiles[name] = profiler.profile(name)
         except BetterOptimumError as error:
             start = error.better.x
             text = "a better optimum than that of the fit was found while profiling: identify with more starts"
             warnings.warn(text, ReceptanceWarning, stacklevel=3)
+        else:
+            return Profiles(profiles, provenance=found.provenance)
     raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")
 
 
-def _told(run: _Run, name: str, progress: Callable[[str], None] | None) -> Profile:
-    if progress is not None:
-        progress(f"profiling {name}")
-    return run.profile(name)
-
-
-def _refuse_percentages(found: Identification) -> None:
-    from receptance.identification.observations import MeasuredFRF
-
-    if any(isinstance(o, MeasuredFRF) for o in found.task.observed):
-        raise ValueError(
-            "the percentage objective is no likelihood, so it has no profile: identify with the objective 'log'"
-        )
-
-
-class _Run:
-    """The fits around one optimum."""
+class _Profiler:
+    """Constrained fits around one optimum."""
 
     def __init__(self, found: Identification, level: float, start: NDArray[np.float64]) -> None:
         self.found = found
@@ -207,42 +260,34 @@ class _Run:
         self.variables = self.problem.variables
         self.limits = self.variables.limits
         self.best = self.problem.fit_one(start, least=1e-12)
-        self.scatter = 1.0 if found.known_scatter else 2.0 * self.best.cost / max(found.degrees_of_freedom, 1)
-        reach = quantile(level, None if found.known_scatter else found.degrees_of_freedom)
-        self.threshold = reach**2
+        self.variance = residual_variance(found, self.best.cost)
+        self.threshold = found.confidence_multiplier(level) ** 2
 
     def profile(self, name: str) -> Profile:
+        """Profile one parameter."""
         index = self.found.addresses.index(name)
         before = self.problem.evaluations
-        sides = [self._side(index, side) for side in (-1.0, 1.0)]
+        low, high = (self._side(index, sign) for sign in (-1.0, 1.0))
         unknown = self.variables.unknowns[index]
-        points = [*reversed(sides[0].points), (self.best.x, 0.0), *sides[1].points]
+        points = [*reversed(low.points), (self.best.x, 0.0), *high.points]
         paths = np.array([point[0] for point in points])
-        ends = [self._value(index, side.end) for side in sides]
-        is_open = [side.open for side in sides]
-        lower = ends[0] if not is_open[0] else (0.0 if unknown.scale == "log" else -np.inf)
-        upper = ends[1] if not is_open[1] else np.inf
+        value = self._value(index, self.best.x[index])
+        lower = self._value(index, low.end) if not low.open else (0.0 if unknown.scale == "log" else -np.inf)
+        upper = self._value(index, high.end) if not high.open else np.inf
+        tie = self._tie(index, paths)
         return Profile(
             name=name,
-            value=self._value(index, self.best.x[index]),
+            value=value,
             lower=lower,
             upper=upper,
-            lower_open=is_open[0],
-            upper_open=is_open[1],
+            lower_open=low.open,
+            upper_open=high.open,
             level=self.level,
             values=np.array([self._value(index, point[index]) for point in paths]),
             rise=np.array([point[1] for point in points]),
             paths=paths,
             threshold=self.threshold,
-            statement=state(
-                self._value(index, self.best.x[index]),
-                lower,
-                upper,
-                self.level,
-                name=name,
-                scale=str(unknown.scale),
-                tie=self._tie(index, paths),
-            ),
+            statement=interval_statement(value, lower, upper, name=name, scale=str(unknown.scale), tie=tie),
             evaluations=self.problem.evaluations - before,
         )
 
@@ -251,118 +296,111 @@ class _Run:
         vector[index] = variable
         return float(self.variables.to_values(vector)[index])
 
-    def _side(self, index: int, side: float) -> _Side:
-        """Walk to one side until the rise passes the threshold, then close in on where it does."""
-        bound = float(self.limits[0 if side < 0.0 else 1][index])
-        root = float(np.sqrt(self.threshold))
-        inside = (self.best, 0.0)
-        outside: tuple[End, float] | None = None
+    def _side(self, index: int, sign: float) -> _Side:
+        """Step to one side until the rise exceeds the threshold, then bracket the end of the interval."""
+        bound = float(self.limits[0 if sign < 0.0 else 1][index])
+        target = float(np.sqrt(self.threshold))
+        inside = _Point(self.best, float(self.best.x[index]), 0.0)
+        outside: _Point | None = None
         points: list[tuple[NDArray[np.float64], float]] = []
-        step = self._first_step(index) * root
-        wall = np.inf
-        for _ in range(_MOST):
-            here = float(inside[0].x[index])
+        step = self._first_step(index) * target
+        infeasible = np.inf  # distance from `inside` at which the model has no value
+        for _ in range(_MAX_FITS):
             if outside is None:
-                at = here + side * step
-                if side * (at - bound) >= 0.0:
+                at = inside.at + sign * step
+                if sign * (at - bound) >= 0.0:
                     at = bound
-                if abs(at - here) >= 0.999 * wall:
-                    at = here + side * 0.5 * wall
+                if abs(at - inside.at) >= 0.999 * infeasible:
+                    at = inside.at + sign * 0.5 * infeasible
+                near = inside
             else:
-                at = _between((here, inside[1]), (float(outside[0].x[index]), outside[1]), root)
-            fit = self._held(index, at, inside[0] if outside is None else _nearest(at, index, inside[0], outside[0]))
+                at = _interpolate(inside, outside, target)
+                near = min(inside, outside, key=lambda point: abs(point.at - at))
+            fit = self._constrained(index, at, near.fit)
+            distance = abs(at - inside.at)
             if not np.isfinite(fit.cost):
-                wall = abs(at - here)
-                if wall <= 1e-3 * step or wall <= 1e-9:
+                infeasible = distance
+                if infeasible <= 1e-3 * step or infeasible <= 1e-9:
                     break
                 continue
-            wall = np.inf if outside is not None else (np.inf if wall == np.inf else wall - abs(at - here))
-            rise = 2.0 * (fit.cost - self.best.cost) / self.scatter if self.scatter > 0.0 else np.inf
-            z = float(np.sqrt(max(rise, 0.0)))
-            points.append((fit.x, max(rise, 0.0)))
-            if at == bound and z < root:
-                return _Side(_ordered(points, index, side), bound, True)
-            # Just below the threshold is no end as long as nothing above it was seen: a flat side goes on from there.
-            if abs(z - root) <= _CLOSE * root and (z >= root or outside is not None):
-                return _Side(_ordered(points, index, side), float(fit.x[index]), False)
-            if z < root:
-                before, inside = inside, (fit, z)
-                grown = (root - z) / max(z - before[1], 1e-3 * root) * abs(at - here)
-                step = min(max(1.05 * grown, 0.2 * step), _GROWTH * max(step, abs(at - here)))
+            infeasible = np.inf if outside is not None else infeasible - distance
+            rise = max(2.0 * (fit.cost - self.best.cost) / self.variance if self.variance > 0.0 else np.inf, 0.0)
+            point = _Point(fit, float(fit.x[index]), float(np.sqrt(rise)))
+            points.append((fit.x, rise))
+            if at == bound and point.root < target:
+                return _Side(_outwards(points, index, sign), bound, True)
+            # A flat side may stay just below the threshold, so a point below it is an end only inside a bracket.
+            if abs(point.root - target) <= _END_TOLERANCE * target and (point.root >= target or outside is not None):
+                return _Side(_outwards(points, index, sign), point.at, False)
+            if point.root < target:
+                growth = (target - point.root) / max(point.root - inside.root, 1e-3 * target) * distance
+                step = min(max(1.05 * growth, 0.2 * step), _GROWTH * max(step, distance))
+                inside = point
             else:
-                outside = (fit, z)
-            if outside is not None:
-                gap = abs(float(outside[0].x[index]) - float(inside[0].x[index]))
-                if gap <= 1e-7 * max(self.limits[1][index] - self.limits[0][index], 1e-300):
-                    break
-        if outside is None:
-            return _Side(_ordered(points, index, side), float(inside[0].x[index]), True)
-        end = _between((float(inside[0].x[index]), inside[1]), (float(outside[0].x[index]), outside[1]), root)
-        return _Side(_ordered(points, index, side), end, False)
+                outside = point
+            if outside is not None and abs(outside.at - inside.at) <= 1e-7 * float(np.ptp(self.limits[:, index])):
+                break
+        end = inside.at if outside is None else _interpolate(inside, outside, target)
+        return _Side(_outwards(points, index, sign), end, outside is None)
 
     def _first_step(self, index: int) -> float:
-        """Return the standard error of a variable, or a tenth of its range where there is none or it is more."""
-        most = 0.1 * float(self.limits[1][index] - self.limits[0][index])
+        """Return the standard error of a variable, at most a tenth of its range."""
+        most = 0.1 * float(np.ptp(self.limits[:, index]))
         others = np.arange(self.best.x.size) != index
         normal = self.best.curvature
-        slope = self._follow(normal, index)
-        curvature = float(normal[index, index] + normal[index, others] @ slope) / self.scatter if self.scatter else 0.0
-        if not curvature > 0.0:
+        slope = _conditional_slope(normal, index)
+        curvature = float(normal[index, index] + normal[index, others] @ slope)
+        if not (curvature > 0.0 and self.variance > 0.0):
             return most
-        return min(1.0 / float(np.sqrt(curvature)), most)
+        return min(float(np.sqrt(self.variance / curvature)), most)
 
-    @staticmethod
-    def _follow(normal: NDArray[np.float64], index: int) -> NDArray[np.float64]:
-        """Return how the other variables follow one that moves, to first order."""
-        others = np.arange(len(normal)) != index
-        matrix = normal[np.ix_(others, others)]
-        scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-        scale = np.where(scale > 0.0, scale, 1.0)
-        ridge = 1e-9 * np.eye(len(matrix))
-        result: NDArray[np.float64] = (
-            -np.linalg.solve(matrix / np.outer(scale, scale) + ridge, normal[others, index] / scale) / scale
-        )
-        return result
-
-    def _held(self, index: int, at: float, near: End) -> End:
-        """Fit everything else with one variable held, from where the last fit says that the others go."""
+    def _constrained(self, index: int, at: float, near: End) -> End:
+        """Fit all other variables with one held, from a linear prediction of a neighbouring fit."""
         free = np.ones(near.x.size, dtype=np.bool_)
         free[index] = False
-        guess = near.x.copy()
-        guess[free] += self._follow(near.curvature, index) * (at - near.x[index])
-        guess[index] = at
-        plain = near.x.copy()
-        plain[index] = at
-        least = _ACCURACY * (self.scatter if self.scatter > 0.0 else 1.0)
-        fit = self.problem.fit_one(guess, free=free, least=least, of_all=True)
+        start = near.x.copy()
+        start[index] = at
+        predicted = start.copy()
+        predicted[free] += _conditional_slope(near.curvature, index) * (at - near.x[index])
+        least = _COST_TOLERANCE * (self.variance if self.variance > 0.0 else 1.0)
+        fit = self.problem.fit_one(predicted, free=free, least=least, of_all=True)
         if not np.isfinite(fit.cost):
-            fit = self.problem.fit_one(plain, free=free, least=least, of_all=True)
-        if fit.cost < self.best.cost - _BETTER * max(self.scatter, 1e-300):
+            fit = self.problem.fit_one(start, free=free, least=least, of_all=True)
+        if fit.cost < self.best.cost - _BETTER * max(self.variance, 1e-300):
             better = self.problem.fit_one(fit.x, least=1e-12)
             if better.converged:
                 raise BetterOptimumError(better)
         return fit
 
     def _tie(self, index: int, paths: NDArray[np.float64]) -> Tie | None:
-        """Return the parameter that goes along most where this one moves, in spreads that it has on its own."""
-        own = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.scatter, 1e-300), 1e-300))
-        moved = paths[:, : self.found.task.parameters.count]
-        way = np.ptp(moved, axis=0) / own[: moved.shape[1]]
-        reach = np.ptp(moved, axis=0) / (self.limits[1] - self.limits[0])[: moved.shape[1]]
-        way[index] = 0.0
-        candidates = np.where(reach > 0.02, way, 0.0)
-        if not candidates.size or candidates.max() < 10.0:
+        """Return the parameter that compensates the profiled one most, if any does."""
+        count = self.found.task.parameters.count
+        conditional = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.variance, 1e-300), 1e-300))
+        path = np.ptp(paths[:, :count], axis=0)
+        share = path / np.ptp(self.limits[:, :count], axis=0)
+        relative = np.where(share > _TIED_RANGE, path / conditional[:count], 0.0)
+        if index < count:
+            relative[index] = 0.0
+        other = int(relative.argmax()) if relative.size else 0
+        if not relative.size or relative[other] < _TIED:
             return None
-        other = int(candidates.argmax())
-        return Tie(self.found.addresses[other], float(way[other]))
+        return Tie(self.found.addresses[other], float(relative[other]))
 
 
 class BetterOptimumError(Exception):
-    """A fit on the way went below the optimum that was to be profiled."""
+    """A constrained fit is better than the optimum that is profiled."""
 
     def __init__(self, better: End) -> None:
         super().__init__("a better optimum was found while profiling")
         self.better = better
+
+
+class _Point(NamedTuple):
+    """A constrained fit, the value of the held variable and the root of the rise of -2 log L."""
+
+    fit: End
+    at: float
+    root: float
 
 
 @dataclass(frozen=True)
@@ -372,18 +410,27 @@ class _Side:
     open: bool
 
 
-def _ordered(
-    points: list[tuple[NDArray[np.float64], float]], index: int, side: float
+def _conditional_slope(normal: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+    """Return the derivatives of the other variables' constrained optimum with respect to one variable."""
+    others = np.arange(len(normal)) != index
+    matrix = normal[np.ix_(others, others)]
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    ridge = 1e-9 * np.eye(len(matrix))
+    result: NDArray[np.float64] = (
+        -np.linalg.solve(matrix / np.outer(scale, scale) + ridge, normal[others, index] / scale) / scale
+    )
+    return result
+
+
+def _outwards(
+    points: list[tuple[NDArray[np.float64], float]], index: int, sign: float
 ) -> list[tuple[NDArray[np.float64], float]]:
-    """Return points from the optimum outwards."""
-    return sorted(points, key=lambda point: side * float(point[0][index]))
+    """Return points in order of their distance from the optimum."""
+    return sorted(points, key=lambda point: sign * float(point[0][index]))
 
 
-def _nearest(at: float, index: int, first: End, second: End) -> End:
-    return first if abs(first.x[index] - at) <= abs(second.x[index] - at) else second
-
-
-def _between(inside: tuple[float, float], outside: tuple[float, float], root: float) -> float:
-    """Return where the root of the rise, taken as straight, meets the threshold; well inside the bracket."""
-    share = (root - inside[1]) / (outside[1] - inside[1])
-    return inside[0] + min(max(share, 0.05), 0.95) * (outside[0] - inside[0])
+def _interpolate(inside: _Point, outside: _Point, target: float) -> float:
+    """Return where the linearly interpolated root reaches the target, at a distance from the ends of the bracket."""
+    share = (target - inside.root) / (outside.root - inside.root)
+    return inside.at + min(max(share, 0.05), 0.95) * (outside.at - inside.at)

@@ -1,296 +1,241 @@
-"""Residuals of one observation each, and their derivatives with respect to the fitted variables.
+"""Observations of assemblies as observations of a problem of the core.
 
-The fit knows nothing of assemblies: it asks each of these for numbers at a point. So another way to evaluate an
-observation (a compressed residual, many points at once) is another class here and nothing else.
+The core evaluates all residuals and their derivatives: receptances, reduced to a joint where that joint alone is
+unknown, truncated records, natural frequencies and damping ratios.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from receptance._stepped_place import SteppedPlace
+from receptance import _core
 from receptance.errors import ReceptanceError
-from receptance.identification.early_end import EarlyEnd
-from receptance.identification.factors import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, frequency_weights
-from receptance.identification.unknowns import covered
+from receptance.identification.factors import FACTORS
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.model.joints import PointJoint
+from receptance.model.tables import Tied, by_line, tie
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
-    from receptance.identification.observations import MeasuredFRF
+    from receptance.identification.problem import Observed
+    from receptance.identification.unknowns import Unknown
+    from receptance.model.assembly import Assembly
 
-__all__ = ["Addressed", "AtValues", "FRFResidual", "InfeasibleError", "Pair", "Residual", "Unit"]
+__all__ = ["CoreObservations", "InfeasibleError", "Unit", "only_joint", "residuals_at"]
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
-"""What a residual of 1 means: one logarithm is a factor of e, one relative is twice a natural frequency."""
-Pair = tuple["NDArray[np.float64]", "NDArray[np.float64]"]
-
-LONGEST = 1.2
-"""An early end is looked for up to this many times the one that is stated."""
+"""Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
+_LEAST_DAMPING = 1e-4
+"""Damping ratios below this are compared relative to it, where they have no standard deviation."""
 
 
-class InfeasibleError(Exception):
-    """A point at which the model has no value; the fit keeps away from it."""
+class InfeasibleError(ReceptanceError):
+    """A point at which the model has no value; a fit keeps away from it."""
 
 
-class Residual(Protocol):
-    """What the fit asks of an observation."""
+@dataclass(eq=False)
+class _Receptance:
+    """Records of one receptance of one model on the same lines."""
 
-    unit: Unit
-    """What a residual of 1 means."""
-
-    @property
-    def size(self) -> int:
-        """Number of residuals."""
-
-    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
-        """Return residuals `(size,)` and their derivatives with respect to the fitted variables `(size, p)`.
-
-        `values` are all unknowns in SI units, `slopes` their derivatives with respect to the variables. Raises
-        `InfeasibleError` where the model has no value.
-        """
-
-    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the residuals alone."""
+    model: _core.TiedModel
+    lines: _core.Lines
+    points: NDArray[np.float64]
+    percent: bool
+    end: float | None
+    by_line: _core.ByLine | None
+    assembly: Assembly
+    indices: list[int] = field(default_factory=list)
+    measured: list[NDArray[np.complex128]] = field(default_factory=list)
+    weights: list[NDArray[np.float64]] = field(default_factory=list)
 
 
-class Addressed(Protocol):
-    """The unknowns of a residual: those of the whole fit, or the parameters of its own assembly."""
+class CoreObservations:
+    """Adds observations to a problem of the core.
 
-    @property
-    def addresses(self) -> tuple[str, ...]:
-        """Their addresses, in the order of `values`."""
+    Parameters
+    ----------
+    core : _core.Problem
+        Where they are added.
+    observed : sequence of Observed
+        The observations.
+    unknowns : sequence of Unknown
+        The fitted vector, whose bounds a reduction to one joint needs. Without them there is no reduction.
+    threads : int, optional
+        As in `Assembly.receptance`.
 
+    Attributes
+    ----------
+    sizes : tuple of int
+        Number of residuals of each observation.
+    places : ndarray
+        Place of each residual of the core if they follow the order of the observations.
+    assemblies : list of Assembly
+        Assembly of each observation of the core.
+    reduced : int
+        Number of observations that are reduced to one joint.
 
-class AtValues:
-    """An assembly as a function of those unknowns that it has."""
-
-    def __init__(self, assembly: Assembly, variables: Addressed) -> None:
-        self.assembly = assembly
-        self.columns = [i for i, name in enumerate(variables.addresses) if covered(name, assembly)]
-        self.addresses = [variables.addresses[i] for i in self.columns]
-
-    def at(self, values: NDArray[np.float64]) -> Assembly:
-        """Return the assembly at a point."""
-        try:
-            return self.assembly.replace(dict(zip(self.addresses, values[self.columns].tolist(), strict=True)))
-        except ValueError as error:
-            raise InfeasibleError(str(error)) from None
-
-
-class _Factors:
-    """What the observation itself does to a receptance: a gain, a delay, a decaying window (see `factors`)."""
-
-    def __init__(self, variables: Addressed, lines: NDArray[Any]) -> None:
-        self.columns = {name: variables.addresses.index(name) for name in FACTORS if name in variables.addresses}
-        self._lines = lines
-        self._angular = 2.0 * np.pi * lines.real
-        self._stated = 2j * np.pi * lines
-        self._decays = {name: column for name, column in self.columns.items() if name in DECAY_RATES}
-
-    def lines(self, values: NDArray[np.float64]) -> NDArray[Any]:
-        """Return the lines on which the structure is evaluated."""
-        if not self._decays:
-            return self._lines
-        shifted: NDArray[Any] = self._lines - 1j * self.rate(values) / (2.0 * np.pi)
-        return shifted
-
-    def rate(self, values: NDArray[np.float64]) -> float:
-        """Return the rate of windows that nobody stated."""
-        return float(sum(values[column] for column in self._decays.values()))
-
-    def weights(self, assembly: Assembly) -> tuple[list[str], NDArray[np.float64]]:
-        """Return the addresses whose derivatives make that with respect to frequency, and their weights."""
-        return frequency_weights(assembly) if self._decays else ([], np.empty(0))
-
-    def factor(self, values: NDArray[np.float64]) -> NDArray[np.complex128] | float:
-        """Return what the receptance is multiplied by."""
-        if not self.columns:
-            return 1.0
-        gain = values[self.columns[LOG_GAIN]] if LOG_GAIN in self.columns else 0.0
-        delay = values[self.columns[DELAY]] if DELAY in self.columns else 0.0
-        result: NDArray[np.complex128] = np.exp(gain - 1j * self._angular * delay)
-        for name, column in self._decays.items():
-            result *= (1.0 + values[column] / self._stated) ** DECAY_RATES[name]
-        return result
-
-    def slope(
-        self,
-        name: str,
-        values: NDArray[np.float64],
-        by_frequency: NDArray[np.complex128],
-        by_end: NDArray[np.complex128] | float = 0.0,
-    ) -> NDArray[np.complex128]:
-        """Return the derivative of the logarithm of the receptance; `by_frequency` is that by ln w."""
-        if name == END:
-            return np.broadcast_to(np.asarray(by_end, dtype=np.complex128), self._angular.shape)
-        if name in DECAY_RATES:
-            rate = values[self.columns[name]]
-            result: NDArray[np.complex128] = (by_frequency + DECAY_RATES[name]) / (self._stated + rate)
-            return result
-        if name == DELAY:
-            return np.asarray(-1j * self._angular, dtype=np.complex128)
-        return np.ones(self._angular.size, dtype=np.complex128)
-
-
-class FRFResidual:
-    """Residuals of a measured receptance on its chosen lines, those of the magnitude where the unit is percent."""
+    Raises
+    ------
+    InfeasibleError
+        A record with lines on which a measured or modal part of its assembly is not known.
+    """
 
     def __init__(
-        self,
-        frf: MeasuredFRF,
-        variables: Addressed,
-        unit: Unit,
-        chosen: NDArray[np.bool_] | None,
-        threads: int | None,
+        self, core: _core.Problem, observed: Sequence[Observed], unknowns: Sequence[Unknown], threads: int | None
     ) -> None:
-        select: NDArray[np.bool_] | slice = slice(None) if chosen is None else chosen
-        self._frf, self._variables = frf, variables
-        self._options: Any = {"threads": threads, "force": None if frf.force is None else frf.force[select]}
-        self.unit = unit
-        self._percentage = unit == "percent"
-        self._count = len(variables.addresses)
-        self._lines = frf.frequency_hz[select]
-        self._end = frf.ends
-        self._early = None if frf.ends is None else EarlyEnd(self._lines, LONGEST * frf.ends)
-        self._measured = frf.receptance[select]
-        self._weight = None
-        if unit == "standard deviations" and frf.standard_deviation is not None:
-            self._weight = 1.0 / frf.standard_deviation[select]
+        self._core, self._unknowns, self._threads = core, unknowns, threads
+        self._order: list[int] = []
+        self._receptances: dict[tuple[bytes, ...], _Receptance] = {}
+        self.assemblies: list[Assembly] = []
+        self.reduced = 0
+        found: list[int] = []
+        for index, one in enumerate(observed):
+            if isinstance(one.observation, MeasuredFRF):
+                found.append(self._add_receptance(index, one, one.observation))
+            else:
+                found.append(self._add_frequencies(index, one, one.observation))
+        self.sizes = tuple(found)
+        for each in self._receptances.values():
+            records = _core.Records(np.stack(each.measured), np.stack(each.weights), each.percent, each.end)
+            core.add_receptance(each.model, each.lines, each.points, records, each.by_line)
+            self._order += each.indices
+            self.assemblies.append(each.assembly)
+        begins = np.cumsum([0, *self.sizes])
+        self.places = np.concatenate([np.arange(begins[i], begins[i + 1]) for i in self._order] or [np.arange(0)])
 
-    # What only an evaluation here needs: most fits run in the core.
-    @cached_property
-    def _model(self) -> AtValues:
-        return AtValues(self._frf.assembly, self._variables)
+    def _add_receptance(self, index: int, one: Observed, frf: MeasuredFRF) -> int:
+        """Add a receptance; those of one model on the same lines are records of one observation of the core."""
+        percent = one.unit == "percent"
+        select: Any = slice(None) if one.chosen is None else one.chosen
+        measured = np.ascontiguousarray(frf.receptance[select])
+        weights = np.ones(measured.size)
+        if one.unit == "standard deviations" and frf.standard_deviation is not None:
+            weights = np.ascontiguousarray(1.0 / frf.standard_deviation[select])
+        size = measured.size if percent else 2 * measured.size
+        lines_hz = np.ascontiguousarray(frf.frequency_hz[select])
+        if not percent and frf.ends is None and self._add_reduced(index, one, frf, lines_hz, measured, weights):
+            return size
+        model, addresses, factors = _tied(one)
+        force = None if frf.force is None else np.ascontiguousarray(frf.force[select])
+        w = np.ascontiguousarray(2.0 * np.pi * lines_hz, dtype=np.complex128)
+        lines, end = _core.Lines(w), b"" if frf.ends is None else np.float64(frf.ends).tobytes()
+        forces = b"" if force is None else force.tobytes()
+        key = (one.unit.encode(), w.tobytes(), forces, end, addresses.tobytes(), factors.tobytes(), *model.key)
+        if key not in self._receptances:
+            evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
+            try:
+                given = by_line(model.flat, evaluated / math.tau, force)
+            except ValueError as error:
+                raise InfeasibleError(str(error)) from None
+            tied, assembly = model.model(addresses, factors), one.observation.assembly
+            self._receptances[key] = _Receptance(tied, lines, model.points, percent, frf.ends, given, assembly)
+        own = self._receptances[key]
+        own.indices.append(index)
+        own.measured.append(measured)
+        own.weights.append(weights)
+        return size
 
-    @cached_property
-    def _places(self) -> list[SteppedPlace]:
-        return [SteppedPlace(self._frf.assembly, place) for place in (self._frf.response, self._frf.excitation)]
-
-    @cached_property
-    def _factors(self) -> _Factors:
-        return _Factors(self._variables, self._lines)
-
-    @cached_property
-    def _inverse(self) -> NDArray[np.complex128]:
-        result: NDArray[np.complex128] = -1.0 / self._measured
-        return result
-
-    @property
-    def size(self) -> int:
-        """Number of residuals: one a line for percentages, else two."""
-        return self._lines.size * (1 if self._percentage else 2)
-
-    def arrays(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]] | None:
-        """Return lines in rad/s, measured values and weights; None for what is no logarithm on these lines alone."""
-        if self._percentage or self._early is not None:
-            return None
-        weights = np.ones(self._lines.size) if self._weight is None else self._weight
-        lines = np.ascontiguousarray(2.0 * np.pi * self._lines, dtype=np.complex128)
-        return lines, np.ascontiguousarray(self._measured), np.ascontiguousarray(weights)
-
-    def evaluate(self, values: NDArray[np.float64], slopes: NDArray[np.float64]) -> Pair:
-        """Return residuals and their derivatives; see `Residual`."""
-        model = self._model
-        assembly = model.at(values)
-        response, excitation = (place.on(assembly) for place in self._places)
-        factors = self._factors
-        extra, weights = factors.weights(assembly)
-        addresses = [*model.addresses, *extra]
+    def _add_reduced(
+        self,
+        index: int,
+        one: Observed,
+        frf: MeasuredFRF,
+        lines: NDArray[Any],
+        measured: NDArray[np.complex128],
+        weights: NDArray[np.float64],
+    ) -> bool:
+        """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
+        joint = only_joint(one)
+        if joint is None or not self._unknowns:
+            return False
+        fields = [address.split(".", 1)[1] for address in one.placed.addresses]
+        columns = [PointJoint.columns_of.index(name) for name in fields]
+        bounds = [self._unknowns[i] for i in one.placed.base]
         try:
-            h, dh = assembly.derivatives(
-                self._evaluated(values), addresses, response=response, excitation=excitation, **self._options
+            stiff = _stiffest(frf, joint, dict(zip(fields, bounds, strict=True)))
+            reduction = frf.assembly.reduced_to_joint(
+                joint, lines, response=frf.response, excitation=frf.excitation, at=stiff, threads=self._threads
             )
-        except (ReceptanceError, ValueError) as error:
-            raise InfeasibleError(str(error)) from None
-        with np.errstate(all="ignore"):
-            h, dh, by_end = self._ended(h, dh, values)
-            columns = model.columns
-            if factors.columns:
-                own = len(model.addresses)
-                by_frequency = dh[:, own:] @ weights / h
-                added = np.column_stack(
-                    [h * factors.slope(name, values, by_frequency, by_end) for name in factors.columns]
-                )
-                factor = np.asarray(factors.factor(values))
-                dh = np.hstack([dh[:, :own], added]) * factor[:, None]
-                h = h * factor
-                columns = [*columns, *factors.columns.values()]
-            # Of the logarithm's derivative dH/H, times -1: the measured receptance is divided by once and for all.
-            ratio = self._measured / h
-            relative = dh * (ratio * self._inverse)[:, None]
-            if self._percentage:
-                return self._percent(ratio, relative, slopes, columns)
-            return self._logarithm(ratio, relative, slopes, columns)
+        except (ReceptanceError, ValueError):
+            # The joint at the bounds has no value; the fit itself may never go there.
+            return False
+        numbers = np.full(len(PointJoint.columns_of), -1.0)
+        numbers[columns] = one.placed.base
+        self._core.add_joint_receptance(reduction, np.array(stiff.columns()), numbers, measured, weights)
+        self._order.append(index)
+        self.assemblies.append(frf.assembly)
+        self.reduced += 1
+        return True
 
-    def value(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals alone; see `Residual`."""
-        assembly = self._model.at(values)
-        response, excitation = (place.on(assembly) for place in self._places)
-        try:
-            lines = self._evaluated(values)
-            h = assembly.receptance(lines, response=response, excitation=excitation, **self._options)
-            h, _, _ = self._ended(h, h[:, None], values)
-        except (ReceptanceError, ValueError) as error:
-            raise InfeasibleError(str(error)) from None
-        ratio = self._measured / (h * self._factors.factor(values))
-        if self._percentage:
-            return 100.0 / np.abs(ratio) - 100.0
-        residual = np.stack([np.log(np.abs(ratio)), np.angle(ratio)])
-        if self._weight is not None:
-            residual *= self._weight
-        return residual.reshape(-1)
+    def _add_frequencies(self, index: int, one: Observed, measured: MeasuredFrequencies) -> int:
+        """Add natural frequencies and the damping ratios that are known."""
+        model, addresses, factors = _tied(one)
+        frequency, spread = measured.frequency_hz, measured.standard_deviation_hz
+        weighed = one.unit == "standard deviations" and spread is not None
+        share = 0.01 if one.unit == "percent" else 1.0
+        unit = spread if weighed and spread is not None else frequency * share
+        damping: tuple[NDArray[np.float64], ...] = ()
+        ratio, known = measured.damping_ratio, measured.standard_deviation_damping
+        if ratio is not None:
+            unit_damping = known if weighed and known is not None else np.maximum(ratio, _LEAST_DAMPING) * share
+            damping = np.ascontiguousarray(ratio), 1.0 / unit_damping
+        modes = np.array(measured.modes, dtype=np.float64) - 1.0
+        self._core.add_frequencies(
+            model.model(addresses, factors), modes, 2.0 * np.pi * frequency, 0.5 / (np.pi * unit), *damping
+        )
+        self._order.append(index)
+        self.assemblies.append(measured.assembly)
+        return frequency.size + measured.damped.size
 
-    def _evaluated(self, values: NDArray[np.float64]) -> NDArray[Any]:
-        """Return the lines on which the structure is evaluated."""
-        if self._early is None:
-            return self._factors.lines(values)
-        shifted: NDArray[Any] = self._early.lines_hz - 1j * self._factors.rate(values) / (2.0 * np.pi)
-        return shifted
 
-    def _ended(
-        self, h: NDArray[np.complex128], dh: NDArray[np.complex128], values: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128] | float]:
-        """Return what a record that ends early shows of the response, and its logarithm's derivative by that end."""
-        if self._early is None or self._end is None:
-            return h, dh, 0.0
-        column = self._factors.columns.get(END)
-        end = self._end if column is None else float(values[column])
-        rate = self._factors.rate(values)
-        both = self._early.seen(np.column_stack([h, dh]), end, rate)
-        return both[:, 0], both[:, 1:], self._early.slope(h, end, rate) / both[:, 0]
+def residuals_at(one: Observed, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the residuals of an observation at rows of values of the unknowns, `(n, p)`; NaN where it has no value."""
+    count = values.shape[1]
+    limits = np.array([[-np.inf], [np.inf]]) * np.ones(count)
+    core = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)), 1)
+    (size,) = CoreObservations(core, [one], (), None).sizes
+    result, none = np.full((len(values), size), np.nan), np.zeros(count, dtype=np.bool_)
+    for row, found in zip(result, map(np.ascontiguousarray, values), strict=True):
+        rows = core.rows(found, none)
+        if rows is not None:
+            row[:] = rows[0]
+    return result
 
-    def _logarithm(
-        self,
-        ratio: NDArray[np.complex128],
-        relative: NDArray[np.complex128],
-        slopes: NDArray[np.float64],
-        columns: list[int],
-    ) -> Pair:
-        n = ratio.size
-        residual = np.empty((2, n))
-        np.log(np.abs(ratio), out=residual[0])
-        residual[1] = np.angle(ratio)
-        jacobian = np.zeros((2, n, self._count))
-        jacobian[0][:, columns] = relative.real * slopes[columns]
-        jacobian[1][:, columns] = relative.imag * slopes[columns]
-        if self._weight is not None:
-            residual *= self._weight
-            jacobian *= self._weight[:, None]
-        return residual.reshape(2 * n), jacobian.reshape(2 * n, self._count)
 
-    def _percent(
-        self,
-        ratio: NDArray[np.complex128],
-        relative: NDArray[np.complex128],
-        slopes: NDArray[np.float64],
-        columns: list[int],
-    ) -> Pair:
-        share = 100.0 / np.abs(ratio)
-        jacobian = np.zeros((ratio.size, self._count))
-        jacobian[:, columns] = -share[:, None] * relative.real * slopes[columns]
-        return share - 100.0, jacobian
+def only_joint(one: Observed) -> str | None:
+    """Return the joint whose terms are the only unknowns of an observation, each by itself; None if there is none."""
+    placed = one.placed
+    owners = {name.split(".", 1)[0] for name in placed.addresses}
+    name = owners.pop() if len(owners) == 1 else ""
+    if type(one.observation.assembly.elements.get(name)) is not PointJoint:
+        return None
+    alone = np.all(placed.base >= 0) and np.all(placed.scale == 1.0) and np.all(placed.second < 0)
+    return name if alone and not placed.exponents.any() and not placed.shifts.any() else None
+
+
+def _stiffest(frf: MeasuredFRF, joint: str, unknowns: dict[str, Unknown]) -> PointJoint:
+    """Return the joint as stiff as the bounds allow: any other one adds compliance to it, which costs no digits."""
+    values: dict[str, Any] = {name: getattr(frf.assembly.elements[joint], name) for name in PointJoint.columns_of}
+    for name, unknown in unknowns.items():
+        values[name] = unknown.upper if name in ("k_y", "k_theta") else max(0.0, unknown.lower)
+    for kind in "kc":
+        limit = np.sqrt(values[f"{kind}_y"] * values[f"{kind}_theta"])
+        values[f"{kind}_ytheta"] = float(np.clip(values[f"{kind}_ytheta"], -0.5 * limit, 0.5 * limit))
+    return PointJoint(**values)
+
+
+def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
+    placed = one.placed
+    factors = [(FACTORS.index(name), i) for i, name in enumerate(placed.addresses) if name in FACTORS]
+    tied = tie(one.observation.assembly, placed.addresses, one.points, others=FACTORS)
+    start = np.where(placed.base >= 0, placed.scale, placed.fixed)
+    columns = [placed.base, start, placed.second, placed.share, placed.exponents, placed.shifts]
+    addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
+    return tied, addresses, np.array(factors, dtype=np.float64).reshape(-1, 2)

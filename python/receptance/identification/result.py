@@ -1,4 +1,4 @@
-"""What a fit found, how well the data determine it, and what to try if they do not."""
+"""The result of an identification: values, uncertainty, residuals and advice."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.identification.covariance import confidence_multiplier
 from receptance.identification.mapping import Place
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.prediction import Forecast, PredictedReceptance, Scatter
-from receptance.identification.spread import quantile
+from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
 from receptance.identification.unknowns import Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell, number
@@ -21,43 +21,44 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.assembly import Assembly
-    from receptance.coordinates import Coordinate
     from receptance.identification.laws import Tolerance
     from receptance.identification.profiles import Profiles
     from receptance.identification.sampling import Samples
     from receptance.identification.task import Task
+    from receptance.model.assembly import Assembly
+    from receptance.model.coordinates import Coordinate
 
 __all__ = ["Identification", "Start"]
 
 _CORRELATED = 0.9
-"""Correlations beyond this are named in the summary."""
+"""Least magnitude of a correlation that is listed in the summary."""
 _MOST_CORRELATIONS = 6
-"""Correlations that are named, the strongest first; `to_dict` has the matrix."""
+"""Number of correlations that are listed, the strongest first; `to_dict` has the matrix."""
 _NO_RESIDUAL = 1e-3
-"""Root mean squares below this are printed as that: they are rounding errors."""
+"""Smaller root mean squares are rounding errors and are printed as "below 0.001"."""
 _NOT_DETERMINED = 1e3
-"""A standard error of more times the value is printed as "not determined"."""
+"""A larger ratio of standard error to value is printed as infinite."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """One start and where it ended.
+    """One start and its end.
 
     Attributes
     ----------
     start, values : dict of str to float
-        Where it began and where it ended, in SI units by address.
+        Values at the start and at the end, in SI units by address.
     variables : ndarray
-        Where it ended, in the fitted variables.
+        Fitted variables at the end.
     cost : float
-        Half the sum of the squared residuals, or of the soft absolute values; infinite if the start has no model.
+        Half the sum of the squared residuals, or of the smoothed absolute values; infinite if the model has no value at
+        the start.
     evaluations : int
         Evaluations of the model.
     converged : bool
-        Whether it stopped because nothing changed any more.
+        Whether cost or variables converged.
     message : str
-        Why it stopped.
+        Why the fit ended.
     """
 
     start: dict[str, float]
@@ -71,64 +72,64 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class Identification(Result):
-    """Identified parameters, their uncertainty, and what is left unexplained.
+    """Identified parameters, their uncertainty, residuals and advice.
 
     Attributes
     ----------
     unknowns : tuple of Unknown
-        What was identified, in the order of all that follows: laws spelled out, errors of tolerances last.
+        The fitted unknowns, in the order of all that follows: laws expanded, errors of tolerances last.
     values : dict of str to float
         Identified values in SI units by address.
     standard_errors : dict of str to float
-        Standard error of each value in SI units, to first order; infinite where the data do not determine it.
+        Standard error of each value in SI units, to first order; infinite if the data do not determine it.
     covariance : ndarray
-        `(p, p)` of the fitted variables: log10 of the value where the scale is "log", else the value.
+        `(p, p)` of the fitted variables: log10 of the value if the scale is "log", else the value.
     correlation : ndarray
         `(p, p)` of the fitted variables.
     residuals : list of ndarray
         Residuals of each observation, in `units`; of a receptance first the real parts, then the imaginary parts.
     units : list of str
-        What a residual of 1 means, for each observation: "standard deviations", "percent", "logarithm" or "relative".
+        Unit of the residuals of each observation: "standard deviations", "percent", "logarithm" or "relative".
     labels : list of str
         Label of each observation, or its number.
     rms : float
         Root mean square of all residuals.
     degrees_of_freedom : int
-        Number of residuals less number of unknowns.
+        Number of residuals minus number of unknowns.
     known_scatter : bool
         Whether standard deviations were given. If not, the scatter is estimated from the residuals.
     noise_factor : float
-        How many times as large as stated the fit takes the standard deviations: above 1 where tolerances are fitted and
-        the model does not explain the data within both, see `identify`. `residuals` and `rms` count the stated ones.
+        Factor on the stated standard deviations that the fit used. It exceeds 1 if tolerances are fitted and the model
+        does not explain the data within both, see `identify`. `residuals` and `rms` are relative to the stated ones.
     converged : bool
         Whether the best start converged.
     advice : list of str
-        What to look at or to try; empty if there is nothing.
+        Problems of the fit and remedies; empty if there are none.
     notes : list of str
-        What a person should know about how it was done.
+        Notes for the user.
     starts : tuple of Start
         Every start, in the order of running.
     agreeing : int
-        How many starts reached the best optimum.
+        Number of starts that reached the best optimum.
     assemblies : list of Assembly
         The assembly of each observation with the identified values.
     evaluations : int
         Evaluations of the model in all starts.
     seed : int
-        Seed of the starts that were drawn.
+        Seed of the drawn starts.
     task : Task
-        What was fitted to what, for what is asked of the fit afterwards.
+        Observations and parameters of the fit, for later analyses.
     profiled : Profiles or None
-        Profile likelihoods, where they were computed together with the fit.
+        Profile likelihoods, if they were computed together with the fit.
     series : Results or None
-        Parameters over the levels of a series by name, where the campaign has one.
+        Parameters over the levels of a series by name, if the campaign has one.
     groups : dict of str to str
         Group of a measurement by label; the measurements of a group share a row in the table of residuals.
     provenance : Provenance
         Campaign, seed and versions of the software.
 
-    What is found by address here is found by name where an unknown has one: exponents of laws, parts of single
-    configurations, and errors of tolerances, which are counted in their standard deviations.
+    Dictionaries by address use the name of an unknown that has one: exponents of laws, parts of single configurations,
+    and errors of tolerances, which are in units of their standard deviations.
 
     Examples
     --------
@@ -174,12 +175,17 @@ class Identification(Result):
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """Names of all unknowns, mostly addresses, in the order of `covariance` and `correlation`."""
+        """Names of all unknowns, by default addresses, in the order of `covariance` and `correlation`."""
         return tuple(unknown.name for unknown in self.unknowns)
 
     @property
+    def vector(self) -> NDArray[np.float64]:
+        """Fitted variables, `(p,)`."""
+        return self.task.variables.from_values(np.array(list(self.values.values())))
+
+    @property
     def errors(self) -> tuple[str, ...]:
-        """Names of the errors of tolerances among them."""
+        """Names of the unknowns that are errors of tolerances."""
         return self.task.parameters.errors
 
     @property
@@ -190,7 +196,7 @@ class Identification(Result):
 
     @property
     def data_errors(self) -> dict[str, float]:
-        """Standard error of each value that the noise of the data alone causes, as if all dimensions were exact."""
+        """Standard error of each value from the noise of the data alone, with exact dimensions and materials."""
         variables = self.task.variables
         slopes = variables.slopes(np.array(list(self.values.values())))
         return dict(zip(self.addresses, (self.scatter().data * slopes).tolist(), strict=True))
@@ -198,19 +204,18 @@ class Identification(Result):
     def interval(self, address: str, level: float = 0.95, *, exact: bool = False) -> tuple[float, float]:
         """Confidence interval of a value, in SI units.
 
-        Symmetric in the fitted variable, so for a log scale value / factor to value * factor; 0 to infinity, or
-        infinite, where the data do not determine it. With standard deviations given the quantile is the normal
-        one, else Student's t with `degrees_of_freedom`. It rests on the slope of the model at the fit and does
-        not know the bounds.
+        It is symmetric in the fitted variable: value / factor to value * factor on a log scale. It is unbounded if the
+        data do not determine the value. The interval is linear in the errors and ignores the bounds; see `profiles` and
+        `confidence_multiplier`.
 
         Parameters
         ----------
         address : str
             Name of the unknown.
         level : float, optional
-            Share of cases in which the interval is to hold the truth.
+            Probability of the interval.
         exact : bool, optional
-            Take dimensions and materials as exact, so that only the noise of the data counts.
+            Whether dimensions and materials are exact, so that only the noise of the data counts.
 
         Raises
         ------
@@ -219,26 +224,27 @@ class Identification(Result):
         """
         index = self._index(address)
         scatter = self.scatter()
-        reach = self.reach(level) * float((scatter.data if exact else scatter.total)[index])
+        half = self.confidence_multiplier(level) * float((scatter.data if exact else scatter.total)[index])
         value = self.values[address]
         if self.unknowns[index].scale == "linear":
-            return value - reach, value + reach
+            return value - half, value + half
         with np.errstate(over="ignore"):
-            factor = float(np.power(10.0, np.float64(reach)))
+            factor = float(np.power(10.0, np.float64(half)))
         return (value / factor if np.isfinite(factor) else 0.0), value * factor
 
-    def reach(self, level: float = 0.95) -> float:
-        """Number of standard errors to either side of a value that an interval reaches.
+    def confidence_multiplier(self, level: float = 0.95) -> float:
+        """Half width of a confidence interval in standard errors.
 
-        The quantile of the normal distribution where standard deviations were given, else of Student's t distribution.
+        It is the quantile of the normal distribution if standard deviations were given, else that of Student's t
+        distribution with `degrees_of_freedom`.
         """
-        return quantile(level, None if self.known_scatter else self.degrees_of_freedom)
+        return confidence_multiplier(level, None if self.known_scatter else self.degrees_of_freedom)
 
     def scatter(self) -> Scatter:
         """Standard deviations of the fitted variables, `(p,)`, and the share of each error in them.
 
-        `data` is what the noise of the data alone would leave if all dimensions and materials were known exactly. The
-        variables are those of `covariance`: log10 of the value where the scale is "log".
+        `data` is the part from the noise of the data alone, with exact dimensions and materials. The variables are
+        those of `covariance`: log10 of the value if the scale is "log".
 
         Examples
         --------
@@ -264,14 +270,14 @@ class Identification(Result):
         level: float = 0.95,
         progress: Callable[[str], None] | None = None,
     ) -> Profiles:
-        """Profile likelihoods: intervals that know bounds and open sides, and what they mean in words.
+        """Profile likelihoods: confidence intervals with bounds and open sides, and their meaning as text.
 
-        Each parameter is held at other values and everything else fitted again, tolerances included.
+        Each parameter is held at several values, and all others are fitted again, errors of tolerances included.
 
         Parameters
         ----------
         names : str or sequence of str, optional
-            Which ones; by default all but the errors of tolerances.
+            Parameters; by default all but the errors of tolerances.
         level : float, optional
             Level of the intervals.
         progress : callable, optional
@@ -285,7 +291,7 @@ class Identification(Result):
         Raises
         ------
         ValueError
-            A parameter that was not identified, and percentages, which are no likelihood.
+            A parameter that was not identified, or the percentage objective, which is no likelihood.
 
         Examples
         --------
@@ -311,23 +317,23 @@ class Identification(Result):
         seed: int = 0,
         progress: Callable[[str], None] | None = None,
     ) -> Samples:
-        """Draws from the posterior, flat within the bounds of the fitted variables times the priors; needs emcee.
+        """Draw from the posterior with priors that are uniform within bounds, times those given; needs emcee.
 
         Parameters
         ----------
         steps : int, optional
-            Most steps of a walker; it ends before where the chains are a hundred autocorrelation times long.
+            Largest number of steps of a walker; sampling ends at a hundred autocorrelation times.
         walkers : int, optional
-            By default four a parameter.
+            Number of walkers; by default four per parameter.
         seed : int, optional
-            Of everything that is drawn.
+            Seed of the random numbers.
         progress : callable, optional
-            Is called with a text now and then.
+            Called with a progress message.
 
         Raises
         ------
         ValueError, ReceptanceError
-            Steps or walkers that are no use, percentages, which are no likelihood, or emcee is not there.
+            Too few steps or walkers, the percentage objective, which is no likelihood, or emcee is not installed.
         """
         from receptance.identification.sampling import sample_posterior
 
@@ -346,18 +352,18 @@ class Identification(Result):
         Parameters
         ----------
         assembly : Assembly
-            It need not be one that was observed.
+            Observed or not.
         configuration : str, optional
-            Its configuration, which the errors and laws of the fit may know.
+            Its configuration, for laws and tolerances.
         conditions : mapping of str to float, optional
-            Numbers that describe it, in SI units, for laws.
+            Its conditions in SI units, for laws.
         tolerances : sequence of Tolerance, optional
-            Its errors; by default those of the fit. One that the fit does not know is zero.
+            Its errors; by default those of the fit. Errors that were not fitted are zero.
 
         Raises
         ------
         ValueError
-            The assembly has none of the identified parameters, or a law cannot say what holds for it.
+            The assembly has none of the identified parameters, or a law has no value for it.
         """
         return self._forecast(assembly, configuration, conditions, tolerances).assembly
 
@@ -370,22 +376,22 @@ class Identification(Result):
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Natural frequencies of an assembly with the identified values, and what their uncertainty makes of them.
+        """Predict natural frequencies of an assembly with the identified values, and their standard errors.
 
         Parameters
         ----------
         assembly : Assembly
-            It need not be one that was observed.
+            Observed or not.
         upper_hz : float
-            Limit in Hz.
+            Upper limit in Hz.
         configuration, conditions, tolerances : optional
-            As in `apply`; an error that the fit does not know is standard normal.
+            As in `apply`; errors that were not fitted are standard normal.
 
         Returns
         -------
         frequency_hz, standard_error_hz : ndarray
             `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
-            and the errors that a new configuration has. Infinite where a parameter that matters is not determined.
+            and the errors of a new configuration. Infinite if a relevant parameter is not determined.
         """
         found, scatter = self._forecast(assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
         return found, scatter.total
@@ -403,23 +409,23 @@ class Identification(Result):
         draws: int = 0,
         seed: int = 0,
         threads: int | None = None,
-    ) -> PredictedReceptance:
-        """Receptance of an assembly with the identified values, and a band for where it is.
+    ) -> PredictedFRF:
+        """Predict a receptance of an assembly with the identified values, and its confidence band.
 
         Parameters
         ----------
         assembly, frequency_hz, response, excitation, threads
-            As in `Assembly.receptance`; the assembly need not be one that was observed.
+            As in `Assembly.receptance`; the assembly may be observed or not.
         configuration, conditions, tolerances : optional
             As in `predict_natural_frequencies`.
         draws, seed : int, optional
-            Vectors drawn from the posterior for the band; with none it is linear in the errors, which holds
-            as long as no resonance moves by more than about half its width.
+            Number and seed of draws from the posterior for the band. Without draws the band is linear in the errors,
+            which is accurate while resonances move by less than about half their width.
 
         Raises
         ------
         ReceptanceError
-            Fewer than half of the vectors have a model.
+            The model has no value for half or more of the draws.
 
         Examples
         --------
@@ -441,7 +447,7 @@ class Identification(Result):
         return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed, threads=threads)
 
     def determined(self, address: str) -> bool:
-        """Return whether the 95 % interval of a value ends within the bounds of the unknown, on one side at least."""
+        """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
         unknown = self.unknowns[self._index(address)]
         low, high = self.interval(address)
         return low > unknown.lower or high < unknown.upper
@@ -456,7 +462,7 @@ class Identification(Result):
         return [table for table in tables if table.rows]
 
     def sentences(self) -> list[str]:
-        """Return how the fit ended, and which parameters are correlated."""
+        """Return convergence and correlated parameters."""
         return [f"{self._headline()}.", *self._correlations(), *(self.series.sentences() if self.series else ())]
 
     def warnings(self) -> list[str]:
@@ -512,7 +518,7 @@ class Identification(Result):
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw measurements, fitted model and intervals, of a series the parameters over levels; see `Result.plot`."""
+        """Draw measurements, fitted model and intervals, or the parameters of a series; see `Result.plot`."""
         if self.series:
             return self.series.plot(ax)
         from receptance.identification.figures.fit import draw_identification
@@ -526,7 +532,7 @@ class Identification(Result):
 
     def _parameter_table(self) -> Table:
         errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]
-        names = ["standard error", "of it from\nthe data"][: len(errors)]
+        names = ["standard error", "from noise\nof the data"][: len(errors)]
         numbers = (Column("value", form=".5g"), *(Column(name, form=".2g") for name in names), Column("95 % interval"))
         rows: list[list[Cell]] = []
         for name, value in self.values.items():
@@ -534,7 +540,7 @@ class Identification(Result):
                 continue
             unknown = self.unknowns[self._index(name)]
             low, high = self.interval(name)
-            # An end beyond the bounds is open: the fit did not look there.
+            # An end beyond the bounds is open: values there were not fitted.
             ends = (low if low > unknown.lower else None, high if high < unknown.upper else None)
             shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
             rows.append([name, value, *shown, ends if self.determined(name) else "not determined"])
@@ -543,7 +549,7 @@ class Identification(Result):
     def _error_table(self) -> Table:
         columns = ("error", Column("value", form="+.2f"), Column("standard error", form=".2f"))
         rows = [(name, self.values[name], self.standard_errors[name]) for name in self.errors]
-        return Table("Errors of dimensions and materials, in their standard deviations", columns, rows)
+        return Table("Errors of dimensions and materials, in standard deviations", columns, rows)
 
     def _residual_tables(self) -> list[Table]:
         common = len(set(self.units)) == 1
@@ -572,7 +578,7 @@ class Identification(Result):
         ]
 
     def _correlations(self) -> list[str]:
-        """Name strong correlations; those of two parameters at several levels together."""
+        """List strong correlations; those of two parameters at several levels are merged."""
         pairs: dict[str, list[float]] = {}
         for i, second in enumerate(self.addresses):
             for j, first in enumerate(self.addresses[:i]):
@@ -591,7 +597,7 @@ class Identification(Result):
         return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}{more}."] if texts else []
 
     def _at_a_level(self, name: str) -> bool:
-        """Return whether a parameter is one of a series, which has tables of its own."""
+        """Return whether a parameter belongs to a series, which has its own tables."""
         return self.series is not None and name.split(" @ ")[0] in self.series
 
     def _headline(self) -> str:

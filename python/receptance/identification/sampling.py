@@ -1,7 +1,8 @@
-"""The posterior as draws: where an interval alone does not tell how parameters go together.
+"""Draws from the posterior of a fit, for posteriors that are not Gaussian.
 
-The sampler is emcee's ensemble of walkers (Foreman-Mackey et al. 2013, PASP 125, 306), which does not mind how
-variables are scaled or correlated. It works on the fitted variables: flat within the bounds, times the priors.
+The sampler is emcee's affine-invariant ensemble of walkers (Foreman-Mackey et al. 2013, PASP 125, 306), whose
+efficiency does not depend on scales and correlations of the variables. The prior is uniform within the bounds of the
+fitted variables, times the priors of the unknowns.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.errors import ReceptanceError
+from receptance.identification.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -25,16 +27,16 @@ if TYPE_CHECKING:
 
 __all__ = ["Samples", "sample_posterior"]
 
-_LENGTHS = 50
-"""Autocorrelation times that a chain must be long, for its own time to be known."""
-_BURNT = 3
-"""Autocorrelation times that are left out at its beginning."""
-_ACCEPTED = 0.1
-"""Shares of accepted moves below this say that the walkers hardly move."""
+_MIN_LENGTH = 50
+"""Least length of a chain in autocorrelation times, for a reliable estimate of that time."""
+_BURN_IN = 3
+"""Autocorrelation times that are discarded at the beginning."""
+_MIN_ACCEPTANCE = 0.1
+"""Least share of accepted moves without a note."""
 _CHUNK = 100
-"""Steps between two looks at the chain."""
-_RANGE = 0.05
-"""Share of the range in which walkers begin where the data do not determine a variable."""
+"""Steps between checks of convergence."""
+_START_RANGE = 0.05
+"""Largest standard deviation of the walkers' starts, as a share of the range of a variable."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,15 +52,15 @@ class Samples(Result):
     log_likelihood : ndarray
         `(n,)` logarithm of likelihood times priors, up to a constant.
     acceptance : float
-        Share of the proposed moves that were accepted; about 0.2 to 0.5 is usual.
+        Share of accepted moves; 0.2 to 0.5 is usual.
     autocorrelation : ndarray
-        `(p,)` steps until a walker has forgotten where it was.
+        `(p,)` integrated autocorrelation time in steps.
     effective : float
-        Number of independent draws that these are worth, of the slowest parameter.
+        Effective number of independent draws, of the parameter with the longest autocorrelation time.
     walkers, steps, burnt : int
-        Walkers, steps of each, and how many of these were left out at the beginning.
+        Number of walkers, steps of each, and discarded steps at the beginning.
     seed : int
-        Of everything that was drawn.
+        Seed of the random numbers.
     notes : tuple of str
         Notes for the user; empty where there are none.
     provenance : Provenance
@@ -93,7 +95,7 @@ class Samples(Result):
         return self.values[:, self.names.index(name)]
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Return the interval with equal probability on both sides outside, in SI units."""
+        """Return the interval with equal probabilities of either tail, in SI units."""
         if not 0.0 < level < 1.0:
             raise ValueError(f"interval: level is {level:g}, expected between 0 and 1")
         low, high = np.quantile(self.of(name), [0.5 - 0.5 * level, 0.5 + 0.5 * level])
@@ -115,7 +117,7 @@ class Samples(Result):
         return [Table("Parameters, SI units", columns, rows)]
 
     def sentences(self) -> list[str]:
-        """Return number of draws and acceptance."""
+        """Return the number of draws and the acceptance."""
         return [f"{self._headline()}."]
 
     def data(self) -> dict[str, Any]:
@@ -136,7 +138,7 @@ class Samples(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw a histogram of each parameter with its 95 % interval; see `Result.plot`."""
-        from receptance.identification.figures.samples import draw_samples
+        from receptance.identification.figures.likelihood import draw_samples
 
         return draw_samples(self, ax)
 
@@ -145,7 +147,7 @@ class Samples(Result):
 
     def _headline(self) -> str:
         return (
-            f"{len(self.values)} draws of {len(self.names)} parameters, worth {self.effective:.0f} independent "
+            f"{len(self.values)} draws of {len(self.names)} parameters, effectively {self.effective:.0f} independent "
             f"ones, {100 * self.acceptance:.0f} % accepted"
         )
 
@@ -163,92 +165,85 @@ def sample_posterior(
         import emcee
     except ImportError as error:
         raise ReceptanceError("sampling needs the package emcee: pip install 'receptance[sampling]'") from error
-    if "percent" in found.units:
-        raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
+    require_likelihood(found)
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < _CHUNK:
         raise ValueError(f"steps is {steps!r}, expected a whole number of at least {_CHUNK}")
     count = len(found.unknowns)
     number = max(4 * count, 16) if walkers is None else walkers
     if isinstance(number, bool) or not isinstance(number, int) or number < 2 * count:
-        raise ValueError(f"walkers is {number!r}, expected a whole number of at least {2 * count}, two a parameter")
+        raise ValueError(f"walkers is {number!r}, expected a whole number of at least {2 * count}, two per parameter")
     problem: Problem = found.task.problem()
-    scatter = 1.0 if found.known_scatter else 2.0 * _best(found) / max(found.degrees_of_freedom, 1)
-    if not scatter > 0.0:
-        raise ValueError("the residuals are all zero and no standard deviations are given: nothing has a spread")
+    variance = residual_variance(found, min(start.cost for start in found.starts))
+    if not variance > 0.0:
+        raise ValueError("all residuals are zero and no standard deviations are given: the posterior has no width")
     low, high = problem.variables.limits
 
     def density(x: NDArray[np.float64]) -> float:
         if np.any(x < low) or np.any(x > high):
             return -np.inf
-        there = problem.normal(x)
-        return -np.inf if there is None else -there.cost / scatter
+        normal = problem.normal(x)
+        return -np.inf if normal is None else -normal.cost / variance
 
-    # emcee draws from NumPy's old generators only.
+    # emcee supports only NumPy's legacy generator.
     state = np.random.RandomState(seed)
-    begun = _begun(found, number, density, np.random.default_rng(seed))
+    starts = _draw_starts(found, number, density, np.random.default_rng(seed))
     sampler = emcee.EnsembleSampler(number, count, density)
     sampler.random_state = state.get_state()
     done = 0
-    for _ in sampler.sample(begun, iterations=steps):
+    for _ in sampler.sample(starts, iterations=steps):
         done += 1
         if done % _CHUNK:
             continue
         lengths = sampler.get_autocorr_time(tol=0)
         if progress is not None:
             progress(f"sampling, step {done}")
-        if np.all(done > 2 * _LENGTHS * lengths):
+        if np.all(done > 2 * _MIN_LENGTH * lengths):
             break
-    return _told(found, sampler, done, seed)
+    return _samples(found, sampler, done, seed)
 
 
-def _best(found: Identification) -> float:
-    return min(start.cost for start in found.starts)
-
-
-def _begun(
+def _draw_starts(
     found: Identification,
     walkers: int,
     density: Callable[[NDArray[np.float64]], float],
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Return where walkers begin: around the optimum as far as the standard errors reach, where the model exists."""
-    variables = found.task.variables
-    low, high = variables.limits
-    centre = variables.from_values(np.array(list(found.values.values())))
+    """Draw the walkers' starts around the optimum, with its standard errors, where the model has a value."""
+    low, high = found.task.variables.limits
     spread = np.sqrt(np.diag(found.covariance))
-    spread = np.minimum(np.where(np.isfinite(spread), spread, np.inf), _RANGE * (high - low))
-    inside = np.clip(centre, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    spread = np.minimum(np.where(np.isfinite(spread), spread, np.inf), _START_RANGE * (high - low))
+    inside = np.clip(found.vector, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     kept: list[NDArray[np.float64]] = []
     shrink = 1.0
     while len(kept) < walkers:
-        x = inside + shrink * spread * rng.standard_normal(centre.size)
+        x = inside + shrink * spread * rng.standard_normal(inside.size)
         x = np.where(x < low, 2.0 * low - x, np.where(x > high, 2.0 * high - x, x))
         if np.isfinite(density(x)):
             kept.append(x)
         else:
             shrink *= 0.9
             if shrink < 1e-9:
-                raise ReceptanceError("the model has no value around the fit, so no walker can begin there")
+                raise ReceptanceError("the model has no value around the fit, so walkers cannot start there")
     return np.array(kept)
 
 
-def _told(found: Identification, sampler: Any, done: int, seed: int) -> Samples:
+def _samples(found: Identification, sampler: Any, done: int, seed: int) -> Samples:
     chain = sampler.get_chain()
     lengths = np.asarray(sampler.get_autocorr_time(tol=0))
     slowest = float(np.max(lengths)) if np.isfinite(lengths).all() else float(done)
-    burnt = min(int(_BURNT * slowest) + 1, done // 2)
+    burnt = min(int(_BURN_IN * slowest) + 1, done // 2)
     kept = chain[burnt:]
     variables = found.task.variables
     values = variables.to_values(kept.reshape(-1, chain.shape[2]))
     acceptance = float(np.mean(sampler.acceptance_fraction))
     notes = []
-    if done < _LENGTHS * slowest:
+    if done < _MIN_LENGTH * slowest:
         notes.append(
-            f"the chains are only {done / slowest:.0f} autocorrelation times long, expected {_LENGTHS}: quantiles in "
-            "the tails are not to be trusted; take more steps"
+            f"the chains are only {done / slowest:.0f} autocorrelation times long, expected {_MIN_LENGTH}: quantiles "
+            "in the tails are unreliable; take more steps"
         )
-    if acceptance < _ACCEPTED:
-        notes.append(f"only {100 * acceptance:.1f} % of the moves were accepted: the walkers hardly move")
+    if acceptance < _MIN_ACCEPTANCE:
+        notes.append(f"only {100 * acceptance:.1f} % of the moves were accepted: the posterior is explored slowly")
     if not found.known_scatter:
         notes.append("the scatter is estimated from the residuals of the fit and taken as known")
     return Samples(

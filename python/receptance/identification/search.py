@@ -1,12 +1,12 @@
-"""From starts to optima: straight into the problem, or by way of easier problems.
+"""Global search: direct fits from several starts, and staged fits by continuation.
 
-A direct fit runs from every start on some of the lines first; the best different ends go on to all lines.
+A direct fit runs from every start on some of the lines first. The best distinct ends are refined on all lines.
 
-The squared log residual of a lightly damped receptance has a narrow valley: a start whose resonances are off by more
-than their width leads to another optimum. A staged fit therefore goes through problems with broader valleys: the peaks
-as natural frequencies, the receptance with damping added to data and model alike (`smearing`) and reduced step by step,
-and only then the whitened complex log residual itself. The early stages use few lines and exact dimensions and
-materials; their ends are starts of the problem itself.
+The squared logarithmic residual of a lightly damped receptance has a narrow valley: a start whose resonances are off by
+more than their width converges to another optimum. A staged fit is a continuation through problems with wider valleys:
+peaks as natural frequencies, then receptances with damping added to data and model (`smearing`) that is reduced step by
+step, then the complex logarithmic residual itself. The first stages use few lines and exact dimensions and materials;
+their ends are starts of the problem itself.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.identification.observations import MeasuredFrequencies
+from receptance.identification.peaks import peak_indices
 from receptance.identification.result import Start
 from receptance.identification.smearing import smeared
 
@@ -27,72 +28,75 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End, Problem
     from receptance.identification.task import Observation, Task
 
-__all__ = ["different_ends", "fit_direct", "fit_staged"]
+__all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged"]
 
-_FEW = 400
+_DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
-_ROUGH = 1e-4
+_DIRECT_TOLERANCE = 1e-4
 """Tolerance of that stage."""
-_WORSE = 2.0
-"""Ends of that stage with more than this many times the least cost are left there."""
-_WIDTHS = (0.3, 0.1, 0.03, 0.01)
-"""Relative widths of the resonances, step by step."""
-_STIFFNESS = 2
-"""Of these steps, the first ones find stiffness alone; damping is invisible there."""
-_LINES = 80
-"""Lines of each receptance in the early stages."""
-_MORE = 15
-"""Starts that are drawn besides each given one."""
+_DIRECT_COST = 2.0
+"""Largest cost of an end of that stage that is refined, relative to the least cost."""
 _KEPT = 4
-"""How many different ends go on to all lines."""
-_SOME = 60
-"""Evaluations on all lines, after which the best ends go on."""
-_AHEAD = 3
-"""How many of them."""
-_FINISHED = 2
-"""How many of the best ends are finished where they creep."""
-_LONGER = 2
-"""Times the evaluations that this may take."""
-_NEAR = 0.02
-"""Ends closer than this share of the range are the same."""
-_EARLY = 40
-"""Most evaluations of an early stage."""
-_EASY = 1e-4
-"""Tolerance of an early stage."""
-_LOSS = 0.02
-"""Loss factor that dampings are set to before they are found."""
-_LEAST = 1e-6
-"""Decrease of the cost that is not worth another step."""
-_PEAK = 0.003
+"""Largest number of distinct ends that are refined on all lines."""
+_SAME = 0.02
+"""Ends closer than this share of the range are one optimum."""
+_WIDTHS = (0.3, 0.1, 0.03, 0.01)
+"""Relative widths of the resonances in the stages of a continuation."""
+_BROAD = 2
+"""Number of the first stages, which fit stiffness alone: they are insensitive to damping."""
+_STAGE_LINES = 80
+"""Lines of each receptance in these stages."""
+_STAGE_EVALUATIONS = 40
+"""Largest number of evaluations in a stage."""
+_STAGE_TOLERANCE = 1e-4
+"""Tolerance of a stage."""
+_PEAK_DEVIATION = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
+_LOSS_FACTOR = 0.02
+"""Loss factor of dampings before they are fitted."""
+_DRAWN = 15
+"""Starts that are drawn in addition to the given ones."""
+_TRIAL_EVALUATIONS = 60
+"""Evaluations on all lines before the best ends are selected."""
+_SELECTED = 3
+"""Number of ends that are selected then."""
+_FINISHED = 2
+"""Number of the best ends that are continued if they have not converged, with as many times the evaluations."""
+_COST_TOLERANCE = 1e-6
+"""Decrease of the cost at which the continued fit ends."""
 
 
 def fit_direct(
     problem: Problem, starts: NDArray[np.float64], most: int, tolerance: float, begun: Sequence[End] | None = None
 ) -> list[Start]:
-    """Return the ends of all starts: on some of the lines first, the best different ones on all.
+    """Fit from all starts on some of the lines, and refine the best distinct ends on all lines.
 
     Parameters
     ----------
     problem : Problem
-        The residuals.
+        The least-squares problem.
     starts : ndarray
         `(n, p)`.
     most : int
-        Most evaluations from each start.
+        Largest number of evaluations from each start.
     tolerance : float
         Relative change of the cost and of the variables at which a fit has converged.
     begun : sequence of End, optional
-        Ends of an easier problem at which the fits begin instead.
+        Ends of an easier problem, which replace the starts.
+
+    Returns
+    -------
+    list of Start
+        One for each start. Ends that are not refined are reported with their cost on all lines.
     """
     spent, at = np.zeros(len(starts), dtype=np.int64), np.array(starts)
     if begun is not None:
         spent, at = _continued(begun, at)
-    few = problem.thinned(_FEW)
+    few = problem.thinned(_DIRECT_LINES)
     first: list[End] = []
     owners = {i: i for i in range(len(starts))}
     if few is not None:
-        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _ROUGH))
+        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _DIRECT_TOLERANCE))
         more, at = _continued(first, at)
         spent = spent + more
         problem.evaluations += few.evaluations
@@ -106,8 +110,8 @@ def fit_direct(
         end = first[i] if owner is None else last[owner]
         cost, message = end.cost, end.message
         if owner is None and np.isfinite(cost):
-            there = problem.normal(end.x)
-            cost = np.inf if there is None else there.cost
+            normal = problem.normal(end.x)
+            cost = np.inf if normal is None else normal.cost
             message = "left on fewer lines, where other starts fit better"
         runs.append(
             Start(
@@ -124,21 +128,21 @@ def fit_direct(
 
 
 def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the evaluations of fits, and where the next ones begin: at their ends, or at starts without a value."""
+    """Return the evaluations of fits, and the starts of the next ones: ends, or starts without a value."""
     found = np.array([end.x if np.isfinite(end.cost) else x for end, x in zip(ends, starts, strict=True)])
     return np.array([end.evaluations for end in ends], dtype=np.int64), found.reshape(starts.shape)
 
 
 def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
-    """Return for every end that is fitted further the first and best of those at the same place, itself included."""
+    """Return for every end that is refined the best end at the same optimum, possibly itself."""
     leaders: list[int] = []
     owners: dict[int, int] = {}
     order = sorted((i for i, end in enumerate(ends) if np.isfinite(end.cost)), key=lambda i: ends[i].cost)
     for i in order:
-        near = [j for j in leaders if np.max(np.abs(ends[i].x - ends[j].x) / (limits[1] - limits[0])) <= _NEAR]
+        near = [j for j in leaders if np.max(np.abs(ends[i].x - ends[j].x) / (limits[1] - limits[0])) <= _SAME]
         if near:
             owners[i] = near[0]
-        elif len(leaders) < _KEPT and ends[i].cost <= _WORSE * ends[order[0]].cost:
+        elif len(leaders) < _KEPT and ends[i].cost <= _DIRECT_COST * ends[order[0]].cost:
             leaders.append(i)
             owners[i] = i
     return owners
@@ -147,29 +151,29 @@ def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
 def fit_staged(
     task: Task, problem: Problem, starts: NDArray[np.float64], seed: int, most: int, tolerance: float
 ) -> list[Start]:
-    """Return the end of every given start, the best of the ends that it was led to."""
-    ladder = Ladder(task)
-    drawn = task.variables.draw(1 + _MORE, seed)[1:]
-    count = ladder.count
-    begun = np.vstack([starts, drawn])[:, :count]
-    # One batch for all starts; each way has one end a start.
-    ways = ladder.stiffness(begun)
-    costs = [ladder.costs(way) for way in ways]
-    shared = range(len(starts), len(begun))
+    """Return the best end of the continuation from every start; arguments as of `fit_direct`."""
+    continuation = Continuation(task)
+    drawn = task.variables.draw(1 + _DRAWN, seed)[1:]
+    count = continuation.count
+    # All starts form one batch. Each road through the broad stages gives one end per start.
+    roads = continuation.fit_stiffness(np.vstack([starts, drawn])[:, :count])
+    costs = [continuation.costs(road) for road in roads]
+    shared = range(len(starts), len(starts) + len(drawn))
     runs = []
     for own, x in enumerate(starts):
-        ends = [(cost[i], way[i]) for way, cost in zip(ways, costs, strict=True) for i in (own, *shared)]
+        ends = [(cost[i], road[i]) for road, cost in zip(roads, costs, strict=True) for i in (own, *shared)]
         before = problem.evaluations
         chosen = np.array([end for _, end in different_ends(ends, task, 2 * _KEPT)]).reshape(-1, count)
         errors = task.variables.start[count:]
-        wholes = [np.append(end, errors) for _, end in different_ends(ladder.descend(chosen), task, _KEPT)]
-        wholes += [end for _, end in different_ends(ladder.descend_with_errors(chosen, errors), task, _KEPT)]
-        runs.append(_one(problem, x, wholes, before, most, tolerance))
+        refined = different_ends(continuation.fit_all(chosen), task, _KEPT)
+        with_errors = different_ends(continuation.fit_all_with_errors(chosen, errors), task, _KEPT)
+        begun = [*(np.append(end, errors) for _, end in refined), *(end for _, end in with_errors)]
+        runs.append(_best_run(problem, x, begun, before, most, tolerance))
     return runs
 
 
-class Ladder:
-    """The easier problems on the way to one."""
+class Continuation:
+    """The sequence of easier problems on the way to a task."""
 
     def __init__(self, task: Task) -> None:
         exact = task.without_errors()
@@ -180,168 +184,159 @@ class Ladder:
         self._coupling = np.array([name.endswith("_ytheta") for name in names])
         self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
         self._angular = 2.0 * np.pi * float(np.median([np.median(o.frequency_hz.real) for o in task.observed]))
-        self.peaks = _peaks(exact)
-        steps = [[smeared(o, width, _LINES) for o in task.observed] for width in _WIDTHS]
-        problems = [_with(exact, kept) if len(kept := [o for o in s if o]) == len(s) else None for s in steps]
-        # A dimension that is far off can mislead the exact ones, so the narrow steps are taken with errors as well.
-        loose = [[o for o in step if o] for step in steps[1:]] if len(task.variables.unknowns) > self.count else []
-        self.loose = [_with(task, kept) for kept in loose if len(kept) == len(task.observed)]
-        self.broad = [problem for problem in problems[:_STIFFNESS] if problem is not None]
-        self.narrow = [problem for problem in problems[_STIFFNESS:] if problem is not None]
+        self.peaks = _peak_problem(exact)
+        steps = [[one for o in task.observed if (one := smeared(o, width, _STAGE_LINES))] for width in _WIDTHS]
+        usable = [len(step) == len(task.observed) for step in steps]
+        problems = [_problem(exact, step) if use else None for step, use in zip(steps, usable, strict=True)]
+        self.broad = [problem for problem in problems[:_BROAD] if problem is not None]
+        self.narrow = [problem for problem in problems[_BROAD:] if problem is not None]
+        # A large error of a dimension can mislead the stages with exact dimensions.
+        has_errors = len(task.variables.unknowns) > self.count
+        self.with_errors = [
+            _problem(task, step) for step, use in zip(steps[1:], usable[1:], strict=True) if use and has_errors
+        ]
 
-    def begin(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return starts without coupling, and with some damping that goes with their stiffness."""
-        starts = np.where(self._coupling & ~self.variables.logarithmic, self.variables.start, starts)
-        return self.damped(starts)
-
-    def damped(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the variables `(n, p)` with dampings that suit their stiffnesses."""
+    def with_damping(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variables `(n, p)` with dampings that correspond to the stiffnesses."""
         values = self.variables.to_values(starts)
         for name, column in self._columns.items():
             if not self._damping[column]:
                 continue
             stiffness = self._columns.get(name.replace(".c_", ".k_"))
             if name.rsplit(".", 1)[-1].startswith("loss_factor"):
-                values[:, column] = _LOSS
+                values[:, column] = _LOSS_FACTOR
             elif stiffness is not None:
-                values[:, column] = _LOSS * values[:, stiffness] / self._angular
+                values[:, column] = _LOSS_FACTOR * values[:, stiffness] / self._angular
         values = np.clip(values, [u.lower for u in self.variables.unknowns], [u.upper for u in self.variables.unknowns])
         return self.variables.from_values(values)
 
-    def stiffness(self, starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return where starts lead while damping is held: by way of broad resonances, and of the peaks."""
+    def fit_stiffness(self, starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Fit stiffnesses with damping held: through broad resonances, and through peaks.
+
+        Coupling terms start at their given values and are fitted after the others.
+        """
         alone = ~(self._damping | self._coupling)
-        begun = self.begin(starts)
-        ways: list[list[Problem]] = [self.broad]
-        if self.peaks is not None:
-            ways.append([self.peaks, *self.broad[1:]])
+        starts = np.where(self._coupling & ~self.variables.logarithmic, self.variables.start, starts)
+        roads = [self.broad] if self.peaks is None else [self.broad, [self.peaks, *self.broad[1:]]]
         ends = []
-        for way in ways:
-            at = begun
-            for stage in way:
+        for road in roads:
+            x = self.with_damping(starts)
+            for stage in road:
                 for free in (alone, ~self._damping):
-                    there, cost = _ends(stage, self.damped(at), _EARLY, _EASY, free)
-                    at = np.where(np.isfinite(cost)[:, None], there, at)
-            ends.append(at)
+                    x, _ = _fit_stage(stage, self.with_damping(x), free=free)
+            ends.append(x)
         return ends
 
     def costs(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how well stiffnesses fit, on the narrowest of the broad problems."""
+        """Return the costs of stiffnesses in the narrowest of the broad stages."""
         stage = (self.broad or self.narrow)[-1:] or ([self.peaks] if self.peaks is not None else [])
         if not stage:
             return np.zeros(len(ends))
-        there = [stage[0].normal(x) for x in self.damped(ends)]
-        return np.array([np.inf if normal is None else normal.cost for normal in there])
+        normals = [stage[0].normal(x) for x in self.with_damping(ends)]
+        return np.array([np.inf if normal is None else normal.cost for normal in normals])
 
-    def descend(self, ends: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
-        """Return where the narrow problems lead, damping and all."""
-        cost, at = self.costs(ends), self.damped(ends)
-        for stage in self.narrow:
-            there, found = _ends(stage, at, _EARLY, _EASY)
-            kept = np.isfinite(found)
-            at, cost = np.where(kept[:, None], there, at), np.where(kept, found, cost)
-        return list(zip(cost.tolist(), at, strict=True))
+    def fit_all(self, ends: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
+        """Fit all unknowns in the narrow stages; return costs and ends."""
+        return _fit_stages(self.narrow, self.with_damping(ends), self.costs(ends))
 
-    def descend_with_errors(
+    def fit_all_with_errors(
         self, ends: NDArray[np.float64], errors: NDArray[np.float64]
     ) -> list[tuple[float, NDArray[np.float64]]]:
-        """Return where they lead with dimensions and materials free, as far as their tolerances let them be."""
-        if not self.loose or not len(ends):
+        """Fit all unknowns and the errors of dimensions and materials; return costs and ends."""
+        if not self.with_errors or not len(ends):
             return []
-        at = np.hstack([self.damped(ends), np.tile(errors, (len(ends), 1))])
-        cost = np.full(len(ends), np.inf)
-        for stage in self.loose:
-            there, found = _ends(stage, at, _EARLY, _EASY)
-            at, cost = np.where(np.isfinite(found)[:, None], there, at), found
-        return list(zip(cost.tolist(), at, strict=True))
+        starts = np.hstack([self.with_damping(ends), np.tile(errors, (len(ends), 1))])
+        return _fit_stages(self.with_errors, starts, np.full(len(ends), np.inf))
 
 
-def _ends(
+def _fit_stage(
     stage: Problem,
     starts: NDArray[np.float64],
-    most: int,
-    tolerance: float,
+    *,
+    most: int = _STAGE_EVALUATIONS,
     free: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the ends of fits and their cost."""
-    ends = stage.fit(starts, most, tolerance=tolerance, free=free)
-    return np.array([end.x for end in ends]).reshape(starts.shape), np.array([end.cost for end in ends])
+    """Return the ends of fits and their costs; starts without a value keep their place, with infinite cost."""
+    ends = stage.fit(starts, most, tolerance=_STAGE_TOLERANCE, free=free)
+    costs = np.array([end.cost for end in ends])
+    found = np.array([end.x for end in ends]).reshape(starts.shape)
+    return np.where(np.isfinite(costs)[:, None], found, starts), costs
 
 
-def _with(task: Task, observed: Sequence[Observation]) -> Problem:
+def _fit_stages(
+    stages: Sequence[Problem], x: NDArray[np.float64], costs: NDArray[np.float64]
+) -> list[tuple[float, NDArray[np.float64]]]:
+    """Return costs and ends after all stages; a start without a value in a stage keeps its cost."""
+    for stage in stages:
+        x, found = _fit_stage(stage, x)
+        costs = np.where(np.isfinite(found), found, costs)
+    return list(zip(costs.tolist(), x, strict=True))
+
+
+def _problem(task: Task, observed: Sequence[Observation]) -> Problem:
     return task.on(observed, ["standard deviations"] * len(observed)).problem()
 
 
-def _peaks(task: Task) -> Problem | None:
-    """Return the peaks of the receptances as natural frequencies, numbered from the lowest."""
-    from scipy.signal import find_peaks  # slow to import
-
+def _peak_problem(task: Task) -> Problem | None:
+    """Return the problem with the peaks of receptances as natural frequencies, numbered from the lowest."""
     if not all(one.assembly.countable for one in task.observed):
         return None
-
     found: list[Observation] = []
     for one in task.observed:
         if isinstance(one, MeasuredFrequencies):
             found.append(one)
             continue
-        places, _ = find_peaks(np.log(np.abs(one.receptance)), prominence=1.0)
-        if not len(places):
+        frequency = one.frequency_hz.real[peak_indices(one.receptance)]
+        if not frequency.size:
             return None
-        frequency = one.frequency_hz.real[places]
         found.append(
             MeasuredFrequencies(
                 assembly=one.assembly,
                 frequency_hz=frequency,
-                standard_deviation_hz=_PEAK * frequency,
+                standard_deviation_hz=_PEAK_DEVIATION * frequency,
                 label=one.label,
                 configuration=one.configuration,
                 conditions=one.conditions,
             )
         )
-    return _with(task, found)
+    return _problem(task, found)
 
 
-def _one(
+def _best_run(
     problem: Problem,
     start: NDArray[np.float64],
-    wholes: list[NDArray[np.float64]],
+    begun: list[NDArray[np.float64]],
     before: int,
     most: int,
     tolerance: float,
 ) -> Start:
-    """Return the best end of the problem itself that the easier ones led a start to."""
-    first = problem.named(start)
-    runs = fit_direct(problem, np.array(_ahead(problem, wholes)), most, tolerance) if wholes else []
+    """Return the best end of the problem itself, from the ends of the continuation from one start."""
+    runs: list[Start] = []
+    if begun:
+        ends, costs = _fit_stage(problem, np.array(begun), most=_TRIAL_EVALUATIONS)
+        order = [i for i in np.argsort(costs)[:_SELECTED] if np.isfinite(costs[i])]
+        runs = fit_direct(problem, ends[order] if order else np.array(begun[:1]), most, tolerance)
     runs = sorted(runs, key=lambda run: run.cost)[:_FINISHED]
-    runs = [run if run.converged or not np.isfinite(run.cost) else _finished(problem, run, most) for run in runs]
+    runs = [run if run.converged or not np.isfinite(run.cost) else _finish(problem, run, most) for run in runs]
     best = min(runs, key=lambda run: run.cost, default=None)
+    evaluations = problem.evaluations - before
     if best is None or not np.isfinite(best.cost):
+        values = problem.named(start)
         return Start(
-            start=first,
-            values=first,
+            start=values,
+            values=values,
             variables=start,
             cost=np.inf,
-            evaluations=problem.evaluations - before,
+            evaluations=evaluations,
             converged=False,
             message=problem.reason(start),
         )
-    return replace(best, start=first, evaluations=problem.evaluations - before)
+    return replace(best, start=problem.named(start), evaluations=evaluations)
 
 
-def _ahead(problem: Problem, wholes: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """Return the ends that are best after some steps on all lines, where there are many."""
-    there, cost = _ends(problem, np.array(wholes), _SOME, _EASY)
-    order = np.argsort(cost)[:_AHEAD]
-    return [there[i] for i in order if np.isfinite(cost[i])] or wholes[:1]
-
-
-def _finished(problem: Problem, run: Start, most: int) -> Start:
-    """Return where a run leads that its evaluations did not take to the end.
-
-    Along a bent narrow valley, stiffness against coupling, the trust region creeps, most of all where an error was
-    thrown far off on the way; steps from the normal matrix with bounds left out of it are longer there.
-    """
-    end = problem.fit_one(run.variables, _LONGER * most, least=_LEAST)
+def _finish(problem: Problem, run: Start, most: int) -> Start:
+    """Continue a run that has used up its evaluations, which happens along curved narrow valleys."""
+    end = problem.fit_one(run.variables, _FINISHED * most, least=_COST_TOLERANCE)
     if not end.cost < run.cost:
         return run
     message = end.message if end.converged else run.message
@@ -352,13 +347,13 @@ def _finished(problem: Problem, run: Start, most: int) -> Start:
 def different_ends(
     ends: Sequence[tuple[float, NDArray[np.float64]]], task: Task, most: int
 ) -> list[tuple[float, NDArray[np.float64]]]:
-    """Return the best ends that are different ones."""
+    """Return the best distinct ends and their costs; errors do not distinguish ends."""
     low, high = task.variables.limits[:, : task.parameters.count]
     kept: list[tuple[float, NDArray[np.float64]]] = []
     for cost, x in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
         if len(kept) == most:
             break
         own = x[: low.size]
-        if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _NEAR for _, other in kept):
+        if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _SAME for _, other in kept):
             kept.append((cost, x))
     return kept

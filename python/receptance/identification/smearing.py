@@ -22,7 +22,7 @@ __all__ = ["smeared"]
 _MARGIN = 2.0
 """Widths that the lines keep off the upper end."""
 _FEWEST = 8
-"""Lines that are worth a stage."""
+"""Least number of lines for a stage."""
 
 
 def smeared(observation: Observation, width: float, lines: int) -> Observation | None:
@@ -45,7 +45,8 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     if f.size < _FEWEST or observation.assembly.tabulated:
         return None
     steps = np.gradient(f)
-    # What lies beyond the upper end is missing in the mean, so lines keep off it; below zero the response is known.
+    # The mean needs lines above the upper end, which are missing, so lines near it are excluded; below zero the
+    # response follows by symmetry.
     top = float(f[-1]) / (1.0 + _MARGIN * width)
     if top <= f[0]:
         return None

@@ -1,4 +1,4 @@
-"""What is to be fitted to what: observations, parameters and weights, ready to be evaluated."""
+"""The input of a fit: observations, parameters and units of the residuals."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from receptance.identification.bands import find_bands, within
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
 from receptance.identification.mapping import Parameters, Place, Placed
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, on_lines
+from receptance.identification.peaks import find_bands, within
 from receptance.identification.problem import Observed, Problem
 from receptance.identification.residuals import Unit
 from receptance.identification.unknowns import Variables
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from receptance.identification.bands import Bands
+    from receptance.identification.peaks import Bands
 
 __all__ = ["Observation", "Task", "place_of"]
 
@@ -28,7 +28,7 @@ Observation = MeasuredFRF | MeasuredFrequencies
 
 
 def place_of(observation: Observation, index: int) -> Place:
-    """Return what an observation is of; without a name it is a configuration of its own."""
+    """Return the assembly, configuration and conditions of an observation; unnamed ones are configurations."""
     name = observation.configuration or f"observation {index}"
     factors = FACTORS if isinstance(observation, MeasuredFRF) else ()
     return Place(observation.assembly, name, observation.label, observation.conditions, factors)
@@ -36,24 +36,24 @@ def place_of(observation: Observation, index: int) -> Place:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Observations, the parameters to find, and what a residual of 1 means.
+    """Observations, unknown parameters and units of the residuals.
 
     Attributes
     ----------
     observed : tuple of MeasuredFRF and MeasuredFrequencies
-        What was measured.
+        The observations.
     parameters : Parameters
-        The fitted vector and its way into the assemblies.
+        The unknowns and their map to parameters of the assemblies.
     units : tuple of str
-        What a residual of 1 means, for each observation.
+        Unit of the residuals of each observation.
     bands : list of (float, float) or None
-        Lines that count, in Hz.
+        Bands of the lines that are used, in Hz; by default all.
     band_width_percent : float
-        Of bands that are found around peaks.
+        Half width of bands around peaks, with percentages.
     threads : int or None
         As in `Assembly.receptance`.
     noise_factor : float
-        By how much the standard deviations of `observed` are larger than stated, see `noisier`.
+        Factor of the standard deviations of `observed` over the stated ones, see `noisier`.
     """
 
     observed: tuple[Observation, ...]
@@ -71,7 +71,7 @@ class Task:
 
     @cached_property
     def placed(self) -> list[Placed]:
-        """The parameters of each observation's assembly."""
+        """Parameters of each observation's assembly as functions of the unknowns."""
         return self.parameters.of([place_of(o, i) for i, o in enumerate(self.observed)])
 
     def problem(
@@ -79,38 +79,42 @@ class Task:
     ) -> Problem:
         """Return the residuals as a problem of the core.
 
-        `lines` are those of each observation that are used, by default all that count; `smoothing` as of `Problem`.
+        Parameters
+        ----------
+        lines : sequence of ndarray or None, optional
+            Lines of each observation; by default all within the bands.
+        smoothing : float, optional
+            As of `Problem`.
         """
         chosen = [self.chosen(i) for i in range(len(self.observed))] if lines is None else lines
         observed = [Observed(*one) for one in zip(self.observed, self.placed, self.units, chosen, strict=True)]
         return Problem(self.variables, observed, self.threads, smoothing=smoothing)
 
     def approach(self) -> Problem:
-        """Return the residuals that bring a start near, before percentages in bands are fitted.
+        """Return a problem whose fit is a start for percentages: logarithms on all lines.
 
-        While the calculated peaks are outside the bands around the measured ones, a percentage is blind to where they
-        are; the logarithm on all lines is not.
+        Percentages in bands around measured peaks do not depend on calculated peaks outside of them.
         """
         units: list[Unit] = ["logarithm" if isinstance(o, MeasuredFRF) else "relative" for o in self.observed]
         return replace(self, units=tuple(units), band_width_percent=0.0).problem()
 
     def noisier(self, factor: float) -> Task:
-        """Return the task with the stated standard deviations multiplied by a factor."""
+        """Return the task with the stated standard deviations times a factor."""
         more = factor / self.noise_factor
         return replace(self, observed=tuple(one.noisier(more) for one in self.observed), noise_factor=factor)
 
     def without_errors(self) -> Task:
-        """Return the task with every dimension and material exact; its vector is the first part of this one's."""
+        """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
         exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.wanted]
         places = [place_of(o, i) for i, o in enumerate(self.observed)]
         return replace(self, parameters=Parameters(exact, (), places))
 
     def on(self, observed: Sequence[Observation], units: Sequence[Unit]) -> Task:
-        """Return the same parameters on other data of the same places, one observation for one."""
+        """Return the task with other data, one observation for each."""
         return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
 
     def independent_numbers(self) -> list[float]:
-        """Return how many independent numbers each observation has: two a line, over `correlated_lines`."""
+        """Return the number of independent numbers of each observation: two per line, over `correlated_lines`."""
         found = []
         for index, one in enumerate(self.observed):
             if isinstance(one, MeasuredFRF):
@@ -121,7 +125,7 @@ class Task:
         return found
 
     def chosen(self, index: int) -> NDArray[np.bool_] | None:
-        """Return which lines of a measured FRF count; None for all."""
+        """Return the mask of the lines of a measured FRF within the bands; None for all."""
         observation, bands = self.observed[index], self.bands
         if isinstance(observation, MeasuredFrequencies):
             return None

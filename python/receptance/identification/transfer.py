@@ -1,32 +1,326 @@
-"""Transfer: identify on some configurations, predict the others, and compare with what was measured there."""
+"""Transfer: a fit of some configurations predicts the others, and is compared with the measurements of these."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from receptance.errors import ReceptanceError
+from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier, is_uninformative
 from receptance.identification.fit import identify
 from receptance.identification.laws import Law, Tolerance
 from receptance.identification.mapping import Place
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.peaks import match_peaks
-from receptance.identification.prediction import Forecast, PredictedReceptance
-from receptance.identification.spread import quantile
+from receptance.identification.prediction import Forecast, PredictedFRF
 from receptance.identification.task import Observation, place_of
-from receptance.identification.transferred import Split, Transfer, TransferredFRF, TransferredMode
 from receptance.identification.unknowns import Unknown, covered
-from receptance.terminals import Terminal
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from receptance.identification.result import Identification
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-__all__ = ["groups_of", "transfer"]
+    from receptance.identification.result import Identification
+    from receptance.report.table import Cell
+
+__all__ = ["Split", "Transfer", "TransferredMode", "groups_of", "transfer"]
 
 Splits = Literal["leave-one-out", "one-for-all"]
 _PER_CENT = 100.0
+_MISFIT = 1.5
+"""Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferredMode:
+    """A natural frequency of a configuration that was not fitted.
+
+    Attributes
+    ----------
+    configuration, label : str
+        Of the measurement.
+    mode : int or None
+        Number of the elastic mode from 1; None for a measured peak without a predicted one.
+    measured_hz : float
+        The measured natural frequency, or the peak of the measured receptance.
+    predicted_hz : float or None
+        None where a measured peak has no predicted one near it.
+    deviation_hz : float or None
+        Standard deviation of the prediction.
+    reading_hz : float
+        Standard deviation of the measurement.
+    reach : float
+        Half width of the interval in standard deviations.
+    """
+
+    configuration: str
+    label: str
+    mode: int | None
+    measured_hz: float
+    predicted_hz: float | None
+    deviation_hz: float | None
+    reading_hz: float
+    reach: float
+
+    @property
+    def error_percent(self) -> float | None:
+        """Relative error of the prediction in percent; None without a prediction."""
+        return None if self.predicted_hz is None else 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
+
+    @property
+    def interval_hz(self) -> tuple[float, float] | None:
+        """Interval of the measured natural frequency, by prediction and reading; None without a deviation."""
+        if self.predicted_hz is None or self.deviation_hz is None:
+            return None
+        half = self.reach * float(np.hypot(self.deviation_hz, self.reading_hz))
+        return max(self.predicted_hz - half, 0.0), self.predicted_hz + half
+
+    @property
+    def uninformative(self) -> bool:
+        """Whether the interval of the prediction is too wide to be useful."""
+        if self.predicted_hz is None or self.deviation_hz is None:
+            return False
+        return bool(is_uninformative(self.predicted_hz, self.reach * self.deviation_hz))
+
+    @property
+    def inside(self) -> bool | None:
+        """Whether the measured one is in the interval; False without a prediction, None without a useful interval."""
+        if self.predicted_hz is not None and self.deviation_hz is None:
+            return None
+        ends = self.interval_hz
+        if self.uninformative:
+            return None
+        return ends is not None and ends[0] <= self.measured_hz <= ends[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Split:
+    """One fit and its predictions.
+
+    Attributes
+    ----------
+    held_out, fitted : tuple of str
+        Configurations.
+    identified : Identification or None
+        The fit; None where none of the unknowns is in the fitted configurations.
+    modes : tuple of TransferredMode
+        Natural frequencies and peaks.
+    frfs : tuple of PredictedFRF
+        Receptances.
+    not_predicted : tuple of str
+        Configurations that could not be predicted, and the reasons.
+    notes : tuple of str
+        Notes for the user.
+    """
+
+    held_out: tuple[str, ...]
+    fitted: tuple[str, ...]
+    identified: Identification | None = field(repr=False)
+    modes: tuple[TransferredMode, ...]
+    frfs: tuple[PredictedFRF, ...]
+    not_predicted: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer(Result):
+    """Predictions of configurations that were not fitted, compared with their measurements.
+
+    Attributes
+    ----------
+    splits : tuple of Split
+        The splits, with one fit each.
+    level : float
+        Level of the intervals.
+    seed : int
+        Seed of starts and draws.
+    campaign_notes : tuple of str
+        Notes of the campaign.
+    provenance : Provenance
+        Campaign and versions of the software.
+    """
+
+    splits: tuple[Split, ...]
+    level: float
+    seed: int
+    campaign_notes: tuple[str, ...] = field(default=(), repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Transfer"
+
+    @property
+    def modes(self) -> tuple[TransferredMode, ...]:
+        """Natural frequencies and peaks of all splits."""
+        return tuple(mode for split in self.splits for mode in split.modes)
+
+    @property
+    def frfs(self) -> tuple[PredictedFRF, ...]:
+        """Receptances of all splits."""
+        return tuple(frf for split in self.splits for frf in split.frfs)
+
+    @property
+    def not_predicted(self) -> tuple[str, ...]:
+        """Configurations that could not be predicted, and the reasons."""
+        return tuple(dict.fromkeys(reason for split in self.splits for reason in split.not_predicted))
+
+    @property
+    def advice(self) -> dict[str, int]:
+        """Advice of the fits, with the number of splits."""
+        texts = [text for split in self.splits if split.identified is not None for text in split.identified.advice]
+        return {text: texts.count(text) for text in dict.fromkeys(texts)}
+
+    @property
+    def narrow(self) -> tuple[str, ...]:
+        """Held-out groups whose fit leaves residuals well above the stated standard deviations.
+
+        The model is wrong there, or the standard deviations are too small; intervals are then too narrow.
+        """
+        return tuple(
+            ", ".join(split.held_out)
+            for split in self.splits
+            if split.identified is not None
+            and split.identified.known_scatter
+            and split.identified.rms > _MISFIT * split.identified.noise_factor
+        )
+
+    @property
+    def rms_percent(self) -> float | None:
+        """Root mean square error of the natural frequencies; None where none was predicted."""
+        errors = [mode.error_percent for mode in self.modes if mode.error_percent is not None]
+        return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+    @property
+    def bias_percent(self) -> float | None:
+        """Mean error of the natural frequencies."""
+        errors = [mode.error_percent for mode in self.modes if mode.error_percent is not None]
+        return float(np.mean(errors)) if errors else None
+
+    @property
+    def inside(self) -> tuple[int, int]:
+        """Number of natural frequencies in their intervals, and number of those with a useful interval."""
+        known = [mode.inside for mode in self.modes if mode.inside is not None]
+        return sum(known), len(known)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes of the campaign, of the splits and on the intervals."""
+        own = tuple(dict.fromkeys([*self.campaign_notes, *(note for split in self.splits for note in split.notes)]))
+        factors = [split.identified.noise_factor for split in self.splits if split.identified is not None]
+        raised = [factor for factor in factors if factor > 1.0]
+        if raised:
+            own += (
+                f"in {len(raised)} of {len(self.splits)} splits the model does not explain the data within standard "
+                f"deviations and tolerances; the fit takes the former up to {max(raised):.2g} times as large",
+            )
+        if not self.narrow:
+            return own
+        most = max(split.identified.rms for split in self.splits if split.identified is not None)
+        return (
+            *own,
+            f"in {len(self.narrow)} of {len(self.splits)} splits the residuals of the fit are up to {most:.2g} times "
+            "what the standard deviations explain: the model is wrong, or they are too small, and the intervals are "
+            "then too narrow",
+        )
+
+    @property
+    def identified(self) -> dict[str, list[float | None]]:
+        """Identified values by name, one for each split; errors of tolerances left out, None where it has none."""
+        fits = [split.identified for split in self.splits]
+        names = dict.fromkeys(name for fit in fits if fit for name in fit.values if name not in fit.errors)
+        return {name: [None if fit is None else fit.values.get(name) for fit in fits] for name in names}
+
+    def tables(self) -> list[Table]:
+        """Return natural frequencies and FRFs with their measurements, and identified values over the splits."""
+        tables = [self._mode_table(), self._frf_table(), self._value_table()]
+        return [table for table in tables if table.rows]
+
+    def sentences(self) -> list[str]:
+        """Return errors, the share of intervals that hold the measured values, and the configurations not predicted."""
+        return [f"{self._headline()}.", *(f"not predicted: {reason}." for reason in self.not_predicted)]
+
+    def warnings(self) -> list[str]:
+        """Return the advice of the fits, with the number of splits."""
+        return [f"{text} (in {count} of {len(self.splits)} splits)" for text, count in self.advice.items()]
+
+    def data(self) -> dict[str, Any]:
+        """Return all predictions with their measurements, by split."""
+        return {
+            "level": self.level,
+            "seed": self.seed,
+            "rms_percent": self.rms_percent,
+            "bias_percent": self.bias_percent,
+            "inside": self.inside[0],
+            "modes": len(self.modes),
+            "intervals_uninformative": len(self.modes) - self.inside[1],
+            "splits": [_split_as_dict(split, self.level) for split in self.splits],
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw errors of natural frequencies with their intervals, and receptances with bands; see `Result.plot`."""
+        from receptance.identification.figures.transfer import draw_transfer
+
+        return draw_transfer(self, ax)
+
+    def _mode_table(self) -> Table:
+        columns = (
+            "held out",
+            Column("mode", form="d"),
+            Column("measured", "Hz", ".1f"),
+            Column("predicted", "Hz", ".1f"),
+            Column("error", "%", "+.2f"),
+            Column("interval", "Hz", ".1f"),
+            Column("inside"),
+        )
+        rows: list[list[Cell]] = [
+            [
+                mode.label or mode.configuration,
+                "-" if mode.mode is None else mode.mode,
+                mode.measured_hz,
+                "none" if mode.predicted_hz is None else mode.predicted_hz,
+                mode.error_percent,
+                UNINFORMATIVE if mode.uninformative else mode.interval_hz,
+                mode.inside,
+            ]
+            for mode in self.modes
+        ]
+        return Table(f"Natural frequencies held out, {100.0 * self.level:g} % intervals", columns, rows)
+
+    def _frf_table(self) -> Table:
+        columns = ("held out", Column("log-spectral\ndistance", "dB", ".2f"), Column("lines in\nthe band", "%", ".0f"))
+        rows: list[list[Cell]] = []
+        for frf in self.frfs:
+            share = frf.share_within(self.level)
+            rows.append([frf.name, frf.rms_decibel, UNINFORMATIVE if share is None else 100.0 * share])
+        return Table("Frequency responses held out", columns, rows)
+
+    def _value_table(self) -> Table:
+        rows: list[list[Cell]] = []
+        for name, values in self.identified.items():
+            known = sorted(value for value in values if value is not None)
+            apart = 100.0 * (known[-1] / known[0] - 1.0) if known[0] > 0.0 else None
+            rows.append([name, len(known), known[0], known[-1], apart])
+        spread = (Column("least"), Column("most"), Column("apart", "%", ".2g"))
+        return Table("Identified over the splits, SI units", ("parameter", Column("splits", form="d"), *spread), rows)
+
+    def __repr__(self) -> str:
+        return f"Transfer({self._headline()})"
+
+    def _headline(self) -> str:
+        parts = [f"{len(self.splits)} splits"]
+        if self.rms_percent is not None:
+            hits, count = self.inside
+            parts.append(f"{len(self.modes)} modes predicted to {self.rms_percent:.3g} % rms")
+            parts.append(f"{self.bias_percent:+.2f} % on average")
+            parts.append(f"{hits} of {count} in their {100.0 * self.level:g} % intervals")
+            if len(self.modes) > count:
+                parts.append(f"{len(self.modes) - count} without an interval, or with one too wide to be useful")
+        if self.frfs:
+            worst = max(frf.rms_decibel or 0.0 for frf in self.frfs)
+            parts.append(f"{len(self.frfs)} FRFs at most {worst:.3g} dB off")
+        return ", ".join(parts)
 
 
 def transfer(
@@ -51,28 +345,27 @@ def transfer(
     observations, unknowns, tolerances
         As in `identify`. Unknowns and tolerances that none of the fitted configurations has are left out of a fit.
     splits : {"leave-one-out", "one-for-all"} or iterable of sequence of str, optional
-        What is held out: each configuration in turn, all but each in turn, or these groups of configurations.
+        Configurations held out: each in turn, all but each in turn, or these groups.
     level : float, optional
         Level of the intervals.
     draws : int, optional
-        Vectors that the bands of receptances are drawn from; with 0 they are linear, see
-        `Identification.predict_receptance`.
+        Number of vectors for the bands of receptances; with 0 they are linear, see `Identification.predict_receptance`.
     seed : int, optional
         Seed of these draws, and of the starts of the fits.
     progress : callable, optional
-        Is told what is being done.
+        Called with a text at each step.
     **options
-        Further options of `identify`: strategy, starts, objective and so on.
+        Further options of `identify`, such as strategy, starts and objective.
 
     Returns
     -------
     Transfer
-        Predictions beside measurements, by split.
+        Predictions with measurements, by split.
 
     Raises
     ------
     TypeError, ValueError
-        As in `identify`; fewer than two configurations, or a group that leaves nothing to fit or names none of them.
+        As in `identify`; fewer than two configurations, or a group that leaves no data to fit or names none of them.
 
     Examples
     --------
@@ -100,15 +393,15 @@ def transfer(
             raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
     wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
     errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
-    quantile(level, None)
+    confidence_multiplier(level, None)
     _refuse_free(wanted)
-    # Named before anything is left out: a name that comes from the number would be another one in each split.
+    # Observations without a name are named by their number, which must be the same in every split.
     observed = tuple(o.configured(place_of(o, i).configuration, o.conditions) for i, o in enumerate(observed))
     names = tuple(dict.fromkeys(o.configuration for o in observed))
-    say = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     found = []
     for group in groups_of(splits, names):
-        say(f"holding out {', '.join(group)}")
+        report(f"holding out {', '.join(group)}")
         kept = [o for o in observed if o.configuration not in group]
         held = [o for o in observed if o.configuration in group]
         found.append(_split(group, kept, held, wanted, errors, level, draws, seed, options))
@@ -140,8 +433,8 @@ def _refuse_free(wanted: Sequence[Unknown]) -> None:
     for unknown in wanted:
         if isinstance(unknown, Law) and unknown.free and not unknown.along:
             raise ValueError(
-                f"{unknown.address} is free in each configuration, so nothing is known of it where it was not "
-                "measured; give it one value, powers or an individual part to transfer it"
+                f"{unknown.address} is free in each configuration, so its value in other configurations is unknown; "
+                "give it one value, powers or an individual part to transfer it"
             )
 
 
@@ -157,19 +450,19 @@ def _split(
     options: dict[str, Any],
 ) -> Split:
     places = [place_of(o, i) for i, o in enumerate(kept)]
-    here = [u for u in wanted if _there((u.address,), u.configurations, None, places)]
-    near = [t for t in errors if _there(tuple(t.moves), t.configurations, t.labels, places)]
+    here = [u for u in wanted if _in_some((u.address,), u.configurations, None, places)]
+    near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, places)]
     lost = [u for u in wanted if u not in here]
     fit = None
     if here:
         fit = identify(kept, here, tolerances=near, seed=seed, **options)
     modes: list[TransferredMode] = []
-    receptances: list[TransferredFRF] = []
+    receptances: list[PredictedFRF] = []
     reasons: list[str] = []
     notes: list[str] = []
     for one in held:
-        missing = [u.address for u in lost if _there((u.address,), u.configurations, None, [place_of(one, 0)])]
-        shared = any(_there((u.address,), u.configurations, None, [place_of(one, 0)]) for u in here)
+        missing = [u.address for u in lost if _in_some((u.address,), u.configurations, None, [place_of(one, 0)])]
+        shared = any(_in_some((u.address,), u.configurations, None, [place_of(one, 0)]) for u in here)
         if missing or not shared or fit is None:
             what = ", ".join(missing) or "none of the identified parameters"
             reasons.append(f"{one.configuration}: {what} {'is in' if missing else 'in'} no configuration that is left")
@@ -178,9 +471,9 @@ def _split(
             place = Place(one.assembly, one.configuration, one.label, one.conditions)
             forecast = Forecast(fit, place, errors)
             if isinstance(one, MeasuredFRF):
-                frf = _frf(one, fit, forecast, level, draws, seed, notes)
+                frf = _frf(one, fit, forecast, draws, seed, notes)
                 receptances.append(frf)
-                modes += _peaks(frf, forecast, fit, level)
+                modes += _peaks(one, frf, fit, level)
             else:
                 modes += _modes(one, forecast, fit, level)
         except (ValueError, ReceptanceError) as error:
@@ -196,7 +489,7 @@ def _split(
     )
 
 
-def _there(
+def _in_some(
     addresses: tuple[str, ...],
     configurations: tuple[str, ...] | None,
     labels: tuple[str, ...] | str | None,
@@ -208,7 +501,7 @@ def _there(
 
 
 def _modes(one: Any, forecast: Forecast, fit: Identification, level: float) -> list[TransferredMode]:
-    found, scatter = forecast.modes(one.modes, float(one.frequency_hz[-1]))
+    found, scatter = forecast.modes(one.modes)
     reading = one.standard_deviation_hz if fit.known_scatter else _estimated(fit, one.frequency_hz)
     return [
         TransferredMode(
@@ -219,7 +512,7 @@ def _modes(one: Any, forecast: Forecast, fit: Identification, level: float) -> l
             predicted_hz=float(predicted),
             deviation_hz=float(deviation),
             reading_hz=float(spread),
-            reach=fit.reach(level),
+            reach=fit.confidence_multiplier(level),
         )
         for mode, measured, predicted, deviation, spread in zip(
             one.modes, one.frequency_hz, found, scatter.total, reading, strict=True
@@ -228,65 +521,35 @@ def _modes(one: Any, forecast: Forecast, fit: Identification, level: float) -> l
 
 
 def _frf(
-    one: MeasuredFRF,
-    fit: Identification,
-    forecast: Forecast,
-    level: float,
-    draws: int,
-    seed: int,
-    notes: list[str],
-) -> TransferredFRF:
-    def predict(draws: int) -> PredictedReceptance:
-        return forecast.observed(one, draws=draws, seed=seed)
-
-    try:
-        predicted = predict(draws)
-    except ReceptanceError as error:
-        notes.append(f"{one.label or one.configuration}: its band is linear, because {error}")
-        predicted = predict(0)
+    one: MeasuredFRF, fit: Identification, forecast: Forecast, draws: int, seed: int, notes: list[str]
+) -> PredictedFRF:
     noise = one.standard_deviation
     if noise is None or not fit.known_scatter:
-        units = [unit for unit in fit.units if unit == "logarithm"]
-        noise = np.full(one.frequency_hz.size, _scatter(fit) if units else 0.0)
-    return TransferredFRF(
-        configuration=one.configuration,
-        label=one.label,
-        measured=one.receptance,
-        noise=noise,
-        predicted=predicted,
-        level=level,
-    )
+        logarithms = "logarithm" in fit.units
+        noise = np.full(one.frequency_hz.size, _scatter(fit) if logarithms else 0.0)
+    try:
+        return forecast.observed(one, noise, draws=draws, seed=seed)
+    except ReceptanceError as error:
+        notes.append(f"{one.label or one.configuration}: its band is linear, because {error}")
+        return forecast.observed(one, noise, seed=seed)
 
 
-def _peaks(frf: TransferredFRF, forecast: Forecast, fit: Identification, level: float) -> list[TransferredMode]:
-    """Return measured peaks beside predicted ones; a predicted one moves as the natural frequency nearest to it.
-
-    An assembly with a spindle known by its receptances has no natural frequencies: its peaks have no interval.
-    """
-    lines, predicted = frf.predicted.frequency_hz, frf.predicted.receptance
-    known = not any(isinstance(one, Terminal) for one in forecast.assembly.elements.values())
-    found, deviation = np.empty(0), np.empty(0)
-    if known:
-        found, scatter = forecast.natural_frequencies(1.1 * float(lines[-1].real))
-        deviation = scatter.total
-    rows = []
-    for peak in match_peaks(lines, frf.measured, predicted, frf.noise):
-        if peak.measured_hz is None:
-            continue
-        near = None if peak.predicted_hz is None or not found.size else int(np.abs(found - peak.predicted_hz).argmin())
-        rows.append(
-            TransferredMode(
-                configuration=frf.configuration,
-                label=frf.label,
-                mode=None if near is None else near + 1,
-                measured_hz=peak.measured_hz,
-                predicted_hz=peak.predicted_hz,
-                deviation_hz=None if near is None else float(deviation[near]),
-                reading_hz=peak.measured_deviation_hz,
-                reach=fit.reach(level),
-            )
+def _peaks(one: MeasuredFRF, frf: PredictedFRF, fit: Identification, level: float) -> list[TransferredMode]:
+    """Return the measured peaks and their predictions."""
+    return [
+        TransferredMode(
+            configuration=one.configuration,
+            label=one.label,
+            mode=peak.mode,
+            measured_hz=peak.measured_hz,
+            predicted_hz=peak.predicted_hz,
+            deviation_hz=peak.deviation_hz,
+            reading_hz=peak.measured_deviation_hz,
+            reach=fit.confidence_multiplier(level),
         )
-    return rows
+        for peak in frf.peaks
+        if peak.measured_hz is not None
+    ]
 
 
 def _scatter(fit: Identification) -> float:
@@ -298,3 +561,34 @@ def _scatter(fit: Identification) -> float:
 def _estimated(fit: Identification, frequency_hz: Any) -> Any:
     share = _scatter(fit) / (_PER_CENT if "percent" in fit.units else 1.0)
     return share * frequency_hz
+
+
+def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
+    fit = split.identified
+    return {
+        "held_out": split.held_out,
+        "fitted": split.fitted,
+        "identified": None
+        if fit is None
+        else {name: {"value": value, "interval": fit.interval(name, level)} for name, value in fit.values.items()},
+        "converged": None if fit is None else fit.converged,
+        "rms": None if fit is None else fit.rms,
+        "advice": [] if fit is None else fit.advice,
+        "modes": [
+            {
+                "configuration": mode.configuration,
+                "label": mode.label,
+                "mode": mode.mode,
+                "measured_hz": mode.measured_hz,
+                "predicted_hz": mode.predicted_hz,
+                "standard_error_hz": mode.deviation_hz,
+                "reading_deviation_hz": mode.reading_hz,
+                "interval_hz": mode.interval_hz,
+                "error_percent": mode.error_percent,
+                "inside": mode.inside,
+            }
+            for mode in split.modes
+        ],
+        "frfs": [frf.data(level) for frf in split.frfs],
+        "not_predicted": split.not_predicted,
+    }

@@ -1,4 +1,4 @@
-"""The parameters to identify, and the way between their values and the fitted variables."""
+"""Parameters to identify, and the fitted variables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from receptance import _checks
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
+    from receptance.model.assembly import Assembly
 
 __all__ = ["Prior", "Unknown", "Variables", "covered"]
 
@@ -25,15 +25,15 @@ Scale = Literal["log", "linear"]
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """What is known of an unknown beforehand: a Gaussian on the scale of the fit.
+    """Gaussian prior of an unknown, on the scale of the fit.
 
     Parameters
     ----------
     mean : float
-        Most likely value, in SI units.
+        Mean in SI units.
     standard_deviation : float
-        In SI units where the value itself is fitted; where its logarithm is, of the natural logarithm: 0.1 is about
-        10 %, log(3) a factor of three.
+        In SI units on a linear scale. On a log scale of the natural logarithm: 0.1 is about 10 %, log(3) is a factor of
+        three.
 
     Raises
     ------
@@ -54,8 +54,8 @@ class Prior:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", _checks.number("Prior", "mean", self.mean))
-        spread = _checks.positive("Prior", "standard_deviation", self.standard_deviation)
-        object.__setattr__(self, "standard_deviation", spread)
+        deviation = _checks.positive("Prior", "standard_deviation", self.standard_deviation)
+        object.__setattr__(self, "standard_deviation", deviation)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,31 +65,32 @@ class Unknown:
     Parameters
     ----------
     address : str
-        As in `Assembly.parameters`, or with `segment[*]`; shared by all observations whose assembly has it.
+        As in `Assembly.parameters`, or with `segment[*]`; the unknown is shared by all observations whose assembly has
+        the address.
     lower, upper : float
         Bounds in SI units.
     start : float, optional
-        Where the first fit starts; by default the middle of the bounds, on the scale of the fit.
+        Start of the first fit; by default the middle of the bounds on the scale of the fit.
     scale : {"log", "linear"}, optional
-        Whether the logarithm (base 10) or the value itself is fitted; by default the logarithm where the lower
-        bound is more than zero.
+        Whether log10 of the value or the value itself is fitted; by default the logarithm if the lower bound is above
+        zero.
     prior : Prior, optional
-        What is known of it beforehand.
+        Prior; by default uniform within the bounds.
     configurations : str or sequence of str, optional
-        Only observations of these configurations (or with these labels) have it; by default all.
+        Configurations or labels of the observations that have the unknown; by default all.
     name : str, optional
-        What the result calls it; by default its address, and the configurations where these are given.
+        Name in results; by default the address, with the configurations if they are given.
     multiple : float, optional
-        The parameter at the address is so many times its value.
+        Ratio of the parameter at the address to the unknown.
     also : mapping of str to float, optional
-        Other addresses, and how many times its value these are. At least one of all its addresses must be in an
-        observed assembly; the others may be in assemblies that are predicted.
+        Other addresses and the ratios of their parameters to the unknown. An observed assembly must have at least one
+        of all addresses; the others may be in predicted assemblies.
 
     Raises
     ------
     TypeError, ValueError
-        Bounds that are not finite, reversed or exclude the start, a log scale from zero or less, or a prior on a log
-        scale around zero or less.
+        Bounds that are not finite, are reversed or exclude the start; on a log scale, a lower bound or a mean of the
+        prior of zero or less.
 
     Examples
     --------
@@ -147,22 +148,17 @@ class Unknown:
 
     @property
     def tied(self) -> bool:
-        """Whether it is more than the parameter at its address."""
+        """Whether it determines other parameters than the one at its address, or a multiple."""
         return bool(self.also) or self.multiple != 1.0
 
     @property
     def reached(self) -> tuple[str, ...]:
-        """Addresses that it changes."""
+        """Addresses of the parameters that it changes."""
         return (self.address, *self.also)
-
-    @property
-    def plain(self) -> bool:
-        """Whether it is one number for all observations, and called by its address."""
-        return self.configurations is None and self.prior is None and self.name == self.address and not self.tied
 
 
 def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
-    """Return names of configurations as a tuple; None stands for all."""
+    """Return names of configurations as a tuple; None means all."""
     if configurations is None:
         return None
     found = (configurations,) if isinstance(configurations, str) else tuple(configurations)
@@ -173,7 +169,7 @@ def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str,
 
 @dataclass(frozen=True)
 class Variables:
-    """The fitted vector: log10 of the value, or the value, of each unknown in turn."""
+    """The fitted vector: log10 of the value, or the value, of each unknown."""
 
     unknowns: tuple[Unknown, ...]
 
@@ -184,12 +180,12 @@ class Variables:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names in the order of the vector; the addresses where nothing else was said."""
+        """Names in the order of the vector."""
         return tuple(unknown.name for unknown in self.unknowns)
 
     @cached_property
     def logarithmic(self) -> NDArray[np.bool_]:
-        """Where the variable is a logarithm."""
+        """Mask of the variables that are logarithms."""
         return np.array([unknown.scale == "log" for unknown in self.unknowns])
 
     @cached_property
@@ -213,7 +209,7 @@ class Variables:
         """Return the values in SI units."""
         result = variables.copy()
         np.power(10.0, variables, out=result, where=self.logarithmic)
-        # Ten to the logarithm of a bound may lie a rounding outside it.
+        # Ten to the logarithm of a bound may exceed it by rounding.
         return np.clip(result, [u.lower for u in self.unknowns], [u.upper for u in self.unknowns])
 
     def slopes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -221,15 +217,14 @@ class Variables:
         return np.where(self.logarithmic, values * math.log(10.0), 1.0)
 
     def draw(self, starts: int, seed: int) -> NDArray[np.float64]:
-        """Return `starts` start vectors: the given one, then a Latin hypercube.
+        """Return start vectors `(starts, p)`: the given one, then a Latin hypercube.
 
-        It is uniform within the bounds, or normal where an unknown has a prior: an error of a dimension eight standard
-        deviations off, its bound, is no place to start from.
+        The hypercube is uniform within the bounds, or normal for an unknown with a prior.
         """
         if starts == 1:
             return self.start[None, :]
         from scipy.special import ndtri
-        from scipy.stats import qmc  # heavy to import, and one start needs none of it
+        from scipy.stats import qmc  # slow to import
 
         low, high = self.limits
         sampler = qmc.LatinHypercube(len(self.unknowns), seed=np.random.default_rng(seed))
@@ -244,11 +239,11 @@ class Variables:
 
 
 def covered(address: str, assembly: Assembly) -> frozenset[str]:
-    """Return the parameters of the assembly that an address stands for; `segment[*]` stands for several."""
+    """Return the parameters of the assembly that match an address, several with `segment[*]`."""
     return _covered(address, assembly.parameters)
 
 
-# A diagnosis asks for the same addresses of like assemblies a hundred thousand times.
+# A diagnosis matches the same addresses with similar assemblies a hundred thousand times.
 @lru_cache(maxsize=1 << 14)
 def _covered(address: str, known: tuple[str, ...]) -> frozenset[str]:
     if "[*]" not in address:

@@ -1,10 +1,8 @@
-"""Files of measurements: FRFs, coherences and time records, read without guessing and written without loss."""
+"""Files of measurements: FRFs, coherences and time series."""
 
-from receptance.io.coherence import Coherence
 from receptance.io.errors import FileFormatError
-from receptance.io.reading import read, read_all, read_frf, read_time_series
-from receptance.io.time_series import TimeSeries
-from receptance.io.writing import write
+from receptance.io.files import read, read_all, read_frf, read_time_series, write
+from receptance.io.measurements import Coherence, TimeSeries
 
 __all__ = [
     "Coherence",

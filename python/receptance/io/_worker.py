@@ -1,7 +1,7 @@
-"""Reads MAT and HDF5 files for `isolated.py`, in a process that may die of them; run as a script, without receptance.
+"""Script that reads MAT and HDF5 files for `mat_hdf5.py` in a separate process, without importing receptance.
 
-On standard input come lines of JSON, {"kind", "path", "names", "size", "largest", "seconds", "bytes_per_second"}; for
-each goes out the length of a header (8 bytes), the header as JSON and the arrays one after the other.
+Requests are lines of JSON on standard input, {"kind", "path", "names", "size", "largest", "seconds",
+"bytes_per_second"}. Each answer is the length of a header (8 bytes), the header as JSON, and the arrays in order.
 """
 
 from __future__ import annotations
@@ -17,23 +17,25 @@ from typing import Any, BinaryIO
 import numpy as np
 
 OWN = re.compile(r"(?:frf|time|coherence)[0-9]+")
-"""Names under which this library keeps measurements."""
-_DEEPEST, _MOST, _MOST_ELEMENTS = 5, 10_000, 1000
+"""Names of measurements written by this library."""
+_MAX_DEPTH, _MAX_DATA_SETS, _MAX_ELEMENTS = 5, 10_000, 1000
+"""Limits of nesting, of data sets in a file, and of elements of an array of structs."""
 _MEMORY = 4 << 30
-_ELSEWHERE = "in another file, which is not read"
+"""Bytes of memory allowed beside eight times the size of the file."""
+_EXTERNAL = "in another file, which is not read"
 
 
 class _RefusedError(Exception):
-    """What cannot be read, in words."""
+    """A file that is not read, with the reason."""
 
 
 def _names_wanted(name: str, wanted: list[str] | None) -> bool:
-    """Return whether a top-level variable is to be loaded."""
+    """Return whether to load a top-level variable."""
     return bool(OWN.fullmatch(name)) if wanted is None else name in _bases(wanted)
 
 
 def _bases(wanted: list[str]) -> list[str]:
-    """Return the top-level variables that hold what is wanted."""
+    """Return the top-level variables of the requested names."""
     return [re.split(r"[./[]", name)[0] for name in wanted]
 
 
@@ -44,33 +46,33 @@ def _mat(path: str, wanted: list[str] | None) -> Iterator[tuple[str, Any]]:
         try:
             held: list[tuple[str, tuple[int, ...], str]] = list(scipy.io.whosmat(path))
         except TypeError:
-            # whosmat cannot list objects of MATLAB such as strings and tables; loadmat leaves them out.
+            # whosmat fails on MATLAB objects such as strings and tables, which loadmat skips.
             loaded = scipy.io.loadmat(path, variable_names=None if wanted is None else _bases(wanted))
             held = [
                 (name, value.shape, "struct" if value.dtype.names else str(value.dtype))
                 for name, value in loaded.items()
                 if isinstance(value, np.ndarray) and not isinstance(value, scipy.io.matlab.MatlabOpaque)
             ]
-        # Structs are opened too where nothing is asked for, to list what is in them.
+        # Without a request, structs are loaded as well, to list their fields.
         names = [name for name, _, kind in held if _names_wanted(name, wanted) or (wanted is None and kind == "struct")]
         loaded = scipy.io.loadmat(path, variable_names=names, simplify_cells=True) if names else {}
     except NotImplementedError as error:
-        raise _RefusedError(f"it holds something that is not read: {error}") from None
+        raise _RefusedError(f"unsupported contents: {error}") from None
     for name, shape, kind in held:
         if name in loaded:
-            yield from _flat(name, loaded[name], 0)
+            yield from _flatten(name, loaded[name], 0)
         else:
             yield name, f"{'x'.join(map(str, shape))} {kind}"
 
 
-def _flat(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict) and depth < _DEEPEST:
+def _flatten(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict) and depth < _MAX_DEPTH:
         for key, inner in value.items():
-            yield from _flat(f"{name}.{key}", inner, depth + 1)
-    elif (isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object)) and depth < _DEEPEST:
+            yield from _flatten(f"{name}.{key}", inner, depth + 1)
+    elif (isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object)) and depth < _MAX_DEPTH:
         # Arrays of structs and cell arrays.
-        for index, inner in enumerate(list(value)[:_MOST_ELEMENTS]):
-            yield from _flat(f"{name}[{index}]", inner, depth + 1)
+        for index, inner in enumerate(list(value)[:_MAX_ELEMENTS]):
+            yield from _flatten(f"{name}[{index}]", inner, depth + 1)
     elif isinstance(value, (str, np.ndarray, np.generic, int, float, complex, bool)):
         yield name, value if isinstance(value, str) else np.asarray(value)
 
@@ -81,73 +83,72 @@ def _hdf5(request: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     wanted = request["names"]
     with h5py.File(request["path"], "r") as file:
         found: list[tuple[str, Any]] = []
-        for name, thing in _members(h5py, file, "", 0):
-            if len(found) >= _MOST:
-                raise _RefusedError(f"it holds more than {_MOST} data sets")
-            found.append((name, thing))
+        for name, item in _members(h5py, file, "", 0):
+            if len(found) >= _MAX_DATA_SETS:
+                raise _RefusedError(f"it holds more than {_MAX_DATA_SETS} data sets")
+            found.append((name, item))
         loaded = [
-            # External storage and virtual data sets take their numbers from other files, any that can be opened.
-            not _elsewhere(thing)
-            and thing.shape is not None
+            # External storage and virtual data sets read other files, which is refused.
+            not _is_external(item)
+            and item.shape is not None
             and (OWN.fullmatch(name.split("/")[0]) is not None if wanted is None else name in wanted)
-            for name, thing in found
+            for name, item in found
         ]
-        # Space that is only promised, not there, is not allocated: a data set without chunks has any size.
-        total = sum(thing.nbytes for (_, thing), load in zip(found, loaded, strict=True) if load)
+        # Declared sizes are checked before allocation: data sets without chunks may declare any size.
+        total = sum(item.nbytes for (_, item), load in zip(found, loaded, strict=True) if load)
         _check_size(total, request["largest"])
         _limit(request["seconds"] + total / request["bytes_per_second"])
-        for (name, thing), load in zip(found, loaded, strict=True):
-            value = _value(thing) if load else None
-            yield name, _listed(thing) if value is None else value
+        for (name, item), load in zip(found, loaded, strict=True):
+            value = _value(item) if load else None
+            yield name, _describe(item) if value is None else value
 
 
-def _elsewhere(thing: Any) -> bool:
-    return thing.is_virtual or bool(thing.external)
+def _is_external(item: Any) -> bool:
+    return item.is_virtual or bool(item.external)
 
 
-def _listed(thing: Any) -> str:
-    # The shape of a virtual data set may be that of the files that it is made of.
-    if _elsewhere(thing):
-        return _ELSEWHERE
-    return f"{'x'.join(map(str, thing.shape or ())) or 'scalar'} {thing.dtype}"
+def _describe(item: Any) -> str:
+    # The shape of a virtual data set may depend on other files.
+    if _is_external(item):
+        return _EXTERNAL
+    return f"{'x'.join(map(str, item.shape or ())) or 'scalar'} {item.dtype}"
 
 
 def _check_size(size: int, largest: int) -> None:
     if size > largest:
         raise _RefusedError(
-            f"its arrays take more than {largest >> 20} MiB when expanded, the most that is read of one file; split "
-            "the file"
+            f"its arrays take more than {largest >> 20} MiB when expanded, the limit for one file; split the file"
         )
 
 
 def _members(h5py: Any, group: Any, owner: str, depth: int) -> Iterator[tuple[str, Any]]:
     for name in group:
-        # Links elsewhere, and links into other files, are not followed.
+        # Soft links and links into other files are not followed.
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue
-        thing = group[name]
-        if isinstance(thing, h5py.Dataset):
-            yield owner + name, thing
-        elif isinstance(thing, h5py.Group) and depth < _DEEPEST:
-            yield from _members(h5py, thing, f"{owner}{name}/", depth + 1)
+        item = group[name]
+        if isinstance(item, h5py.Dataset):
+            yield owner + name, item
+        elif isinstance(item, h5py.Group) and depth < _MAX_DEPTH:
+            yield from _members(h5py, item, f"{owner}{name}/", depth + 1)
 
 
-def _value(thing: Any) -> Any:
-    """Return a data set's numbers or text, None for anything else."""
-    if thing.dtype.kind == "O" and thing.shape == ():
-        text = thing.asstr()[()] if thing.dtype.metadata and thing.dtype.metadata.get("vlen") in (str, bytes) else None
+def _value(item: Any) -> Any:
+    """Return the numbers or the text of a data set, None for other types."""
+    if item.dtype.kind == "O" and item.shape == ():
+        text = item.asstr()[()] if item.dtype.metadata and item.dtype.metadata.get("vlen") in (str, bytes) else None
         return text if isinstance(text, str) else None
-    if thing.dtype.kind not in "biufc" and thing.dtype.names != ("real", "imag"):
+    if item.dtype.kind not in "biufc" and item.dtype.names != ("real", "imag"):
         return None
-    array = thing[()]
-    if thing.dtype.names is not None:
+    array = item[()]
+    if item.dtype.names is not None:
         array = array["real"] + 1j * array["imag"]
-    # MATLAB writes its arrays the other way round.
-    return np.ascontiguousarray(np.asarray(array).T if "MATLAB_class" in thing.attrs else np.asarray(array))
+    # MATLAB stores arrays transposed.
+    return np.ascontiguousarray(np.asarray(array).T if "MATLAB_class" in item.attrs else np.asarray(array))
 
 
 def _answer(request: dict[str, Any]) -> tuple[bytes, list[Any]]:
-    """Return the header and the arrays that follow it."""
+    """Return the header and the arrays of an answer."""
     listed: dict[str, str] = {}
     texts: dict[str, str] = {}
     arrays: list[tuple[str, Any]] = []
@@ -169,16 +170,16 @@ def _answer(request: dict[str, Any]) -> tuple[bytes, list[Any]]:
         "texts": texts,
         "listed": listed,
     }
-    return _framed(header), [array for _, array in arrays]
+    return _frame(header), [array for _, array in arrays]
 
 
-def _framed(header: dict[str, Any]) -> bytes:
+def _frame(header: dict[str, Any]) -> bytes:
     text = json.dumps(header).encode()
     return struct.pack("<Q", len(text)) + text
 
 
 def _limit(seconds: float) -> None:
-    """End this process after so much processor time; a file in which a reader runs in circles ends there."""
+    """End this process after some processor time."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_PROF, seconds)
 
@@ -194,11 +195,11 @@ def _limit_memory(size: int) -> None:
 
 
 def serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
-    """Answer requests until there are no more."""
+    """Answer requests until the input ends."""
     for line in incoming:
         request = json.loads(line)
         if request["kind"] == "mat":
-            import scipy.io  # noqa: F401 (before the time counts)
+            import scipy.io  # noqa: F401 (before the time limit starts)
         elif request["kind"] == "hdf5":
             import h5py  # noqa: F401
         _limit_memory(request["size"])
@@ -207,11 +208,11 @@ def serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
         try:
             answer, arrays = _answer(request)
         except _RefusedError as error:
-            answer = _framed({"error": str(error)})
+            answer = _frame({"error": str(error)})
         except MemoryError:
-            answer = _framed({"error": f"it takes more than {_MEMORY >> 20} MiB of memory, the most that is allowed"})
+            answer = _frame({"error": f"it takes more than {_MEMORY >> 20} MiB of memory, the limit"})
         except Exception as error:
-            answer = _framed({"error": f"{type(error).__name__}: {error}"[:500]})
+            answer = _frame({"error": f"{type(error).__name__}: {error}"[:500]})
         _limit(0.0)
         outgoing.write(answer)
         for array in arrays:

@@ -1,33 +1,44 @@
-"""Making FRFs and sample rates of what a reader found, in one way for all formats."""
+"""Construction of FRFs, coherences and sample rates from the contents of a file, common to all formats."""
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
-from receptance.io.coherence import describe_low, refuse_above_one
+from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
+from receptance.io.measurements import Coherence, low_coherence_note
 from receptance.io.options import ReadOptions
+from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.units import Form
 
-__all__ = ["in_si", "joined", "make_frf", "outside", "sampled", "without_phase"]
+__all__ = [
+    "complex_values",
+    "file_coherence",
+    "make_coherence",
+    "make_frf",
+    "missing_phase_notes",
+    "sampling",
+    "to_si",
+    "warn_caller",
+]
 
 _RATE_TOLERANCE = 1e-4
-"""Between a sample rate that is given and one from a file, whose time step has six digits."""
-_JITTER = 0.05
-"""Of a step: how far times may be from even ones."""
-_UNSTEADY = 1e-3
-"""Of a step: how far steps may be from their mean."""
+"""Largest relative difference of a given sample rate and that of a file, whose time step has six digits."""
+_MAX_JITTER = 0.05
+"""Largest deviation of a time from an even spacing, in time steps."""
+_MAX_STEP_VARIATION = 1e-3
+"""Largest deviation of a time step from the mean step, relative."""
 
 
 def make_frf(
@@ -39,98 +50,120 @@ def make_frf(
     options: ReadOptions,
     coherence: NDArray[np.float64] | None = None,
     notes: Sequence[str] = (),
-    **known: Any,
+    **fields: Any,
 ) -> FRF:
-    """Return an FRF of values in SI, with what is known otherwise and the coordinates that were given.
+    """Return an FRF of SI values with the coordinates of the options and further fields.
 
-    A coherence above one is refused, a poor one is warned of and noted.
+    A low coherence is noted, with a warning.
 
     Raises
     ------
     FileFormatError
-        What does not make an FRF, in the words of `FRF` or of `refuse_above_one`.
+        Values that are not those of an FRF, or coordinates that contradict the directions of the file.
     """
-    told = list(notes)
+    notes = list(notes)
     if coherence is not None and options.ignore_coherence:
         coherence = None
-        told.append("the coherence in the file was left out, as asked for")
+        notes.append("the coherence in the file was ignored on request")
     if coherence is not None:
-        coherence = refuse_above_one(frequency_hz, coherence)
-        poor = describe_low(coherence)
-        if poor:
-            told.append(poor)
-            warnings.warn(poor, ReceptanceWarning, stacklevel=outside())
+        coherence = file_coherence(frequency_hz, coherence)
+        low = low_coherence_note(coherence)
+        if low:
+            notes.append(low)
+            warn_caller(low)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),
     ):
         if given is not None:
-            known[name] = _placed(name, given, side)
-        elif name not in known:
-            known[name] = tuple(side)
+            _check_directions(name, given, side)
+            fields[name] = given
+        elif name not in fields:
+            fields[name] = tuple(side)
     try:
-        return FRF(frequency_hz=frequency_hz, values=values, form=form, coherence=coherence, notes=tuple(told), **known)
+        return FRF(
+            frequency_hz=frequency_hz, values=values, form=form, coherence=coherence, notes=tuple(notes), **fields
+        )
     except (TypeError, ValueError) as error:
         raise FileFormatError(str(error)) from None
 
 
-def joined(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.complex128]:
-    """Return complex numbers of their parts, bit for bit (a sum with 1j times the one loses the sign of zeros)."""
+def make_coherence(**fields: Any) -> Coherence:
+    """Return a `Coherence`, with a FileFormatError where its fields are invalid."""
+    try:
+        return Coherence(**fields)
+    except (TypeError, ValueError) as error:
+        raise FileFormatError(str(error)) from None
+
+
+def file_coherence(frequency_hz: NDArray[np.float64], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coherence `(n, ...)` of an FRF in a file, limited to 0 to 1.
+
+    Raises
+    ------
+    FileFormatError
+        A coherence outside 0 to 1, with the option that ignores it.
+    """
+    try:
+        return check_coherence("FRF", coherence, frequency_hz)[0]
+    except ValueError as error:
+        raise FileFormatError(f"{error}: ignore_coherence=True (on the command line --ignore-coherence)") from None
+
+
+def complex_values(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.complex128]:
+    """Return complex numbers with exactly these parts; real + 1j * imaginary would lose the sign of zeros."""
     values = np.empty(real_part.shape, dtype=np.complex128)
     values.real, values.imag = real_part, imaginary
     return values
 
 
-def without_phase(values: NDArray[Any]) -> list[str]:
-    """Return what to note of real values where an FRF should be, after warning of it; nothing of complex ones."""
+def missing_phase_notes(values: NDArray[Any]) -> list[str]:
+    """Warn of an FRF with real values, and return the note; an empty list for complex values."""
     if np.iscomplexobj(values):
         return []
     note = "the values are real: without a phase this is a magnitude, or one part of the FRF"
-    warnings.warn(note, ReceptanceWarning, stacklevel=outside())
+    warn_caller(note)
     return [note]
 
 
-def in_si(values: NDArray[Any], factor: float) -> NDArray[Any]:
-    """Return values in SI; bit for bit where they are (a product with one loses the sign of complex zeros)."""
+def to_si(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """Return values in SI; unchanged for a factor of 1, because a product loses the sign of complex zeros."""
     return values if factor == 1.0 else values * factor
 
 
-def outside() -> int:
-    """Return the stack level, as seen by the caller, of the first frame that is not of this package."""
-    import sys
-
+def warn_caller(text: str) -> None:
+    """Issue a ReceptanceWarning at the first frame outside of `receptance.io`."""
     level, frame = 1, sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__", "").startswith("receptance.io"):
         level, frame = level + 1, frame.f_back  # type: ignore[assignment]
-    return level
+    warnings.warn(text, ReceptanceWarning, stacklevel=level + 1)
 
 
-def _placed(name: str, given: tuple[Coordinate, ...], side: Sequence[str]) -> tuple[Coordinate, ...]:
+def _check_directions(name: str, given: tuple[Coordinate, ...], side: Sequence[str]) -> None:
     if len(given) != len(side):
         raise FileFormatError(f"{len(given)} {name} were given, the file has {len(side)}")
-    for place, direction in zip(given, side, strict=True):
-        if place.direction != direction:
+    for coordinate, direction in zip(given, side, strict=True):
+        if coordinate.direction != direction:
             motion = "rotation" if direction == "theta" else "translation"
-            raise FileFormatError(f"{name} holds {place}, but what the file has there is a {motion}")
-    return given
+            raise FileFormatError(f"{name} holds {coordinate}, but the file has a {motion} there")
 
 
-def sampled(seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
-    """Return sample rate and start of sample times, which must be even.
+def sampling(seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
+    """Return sample rate and start of evenly spaced sample times.
 
     Parameters
     ----------
     seconds : ndarray
         `(n,)` in s.
     options : ReadOptions
-        A given sample rate is taken where it agrees.
+        A given sample rate is used if it agrees with the file.
     step : float, optional
-        The time step that the file says, more exact than what follows from the times.
+        Time step stated in the file, which is more exact than that of the times.
 
     Raises
     ------
     FileFormatError
-        Times that are not even, or a given sample rate that is another one.
+        Uneven times, or a given sample rate that contradicts the file.
     """
     start, count = float(seconds[0]), seconds.size
     if step is None:
@@ -140,11 +173,11 @@ def sampled(seconds: NDArray[np.float64], options: ReadOptions, *, step: float |
             return options.sample_rate_hz, start
         step = float(seconds[-1] - seconds[0]) / (count - 1)
         rounding = 1e-6 * float(np.max(np.abs(seconds)))
-        away = np.abs(seconds - (start + step * np.arange(count)))
-        worst = int(np.argmax(away))
-        # Rounded times are off by little from even ones; times that were summed up drift, with steps that are even.
-        steady = float(np.max(np.abs(np.diff(seconds) - step))) <= _UNSTEADY * step
-        if not (step > 0.0 and (steady or away[worst] <= _JITTER * step + rounding)):
+        deviation = np.abs(seconds - (start + step * np.arange(count)))
+        worst = int(np.argmax(deviation))
+        # Rounded times deviate little from even ones; accumulated times drift, but their steps are equal.
+        steady = float(np.max(np.abs(np.diff(seconds) - step))) <= _MAX_STEP_VARIATION * step
+        if not (step > 0.0 and (steady or deviation[worst] <= _MAX_JITTER * step + rounding)):
             raise FileFormatError(
                 f"the samples are not evenly spaced in time: sample {worst + 1} is at {seconds[worst]:.9g} s, "
                 f"expected {start + step * worst:.9g} s; resample the record before reading it"

@@ -1,4 +1,4 @@
-"""What is raised where a file is not what it should be."""
+"""The error of files that cannot be read."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ __all__ = ["FileFormatError"]
 
 
 class FileFormatError(ValueError):
-    """A file that cannot be read right; the message says where, what was found and what was expected.
+    """A file that cannot be read; the message names the place, the finding and the expectation.
 
     Parameters
     ----------
     problem : str
-        What was found and what was expected, and how to help.
+        Finding, expectation and remedy.
     file : str, optional
         Name of the file.
     line : int, optional
         Line of a text file, counted from 1.
     byte : int, optional
-        Position in the file, counted from 0, where lines mean nothing.
+        Position in the file, counted from 0, in binary data.
     place : str, optional
-        Anything else that names a place: a variable, a column.
+        Another place, such as a variable or a column.
 
     Attributes
     ----------
@@ -56,13 +56,13 @@ class FileFormatError(ValueError):
         return f"{', '.join(where)}: {self.problem}" if where else self.problem
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Keyword arguments do not survive the way exceptions are pickled by default.
-        return _again, (self.problem, self.file, self.line, self.byte, self.place)
+        # The default pickling of exceptions loses keyword arguments.
+        return _rebuilt_error, (self.problem, self.file, self.line, self.byte, self.place)
 
-    def named(self, file: str) -> FileFormatError:
-        """Return this error with the name of the file, if it had none."""
+    def with_file(self, file: str) -> FileFormatError:
+        """Return this error with the name of the file, unless it has one."""
         return FileFormatError(self.problem, file=self.file or file, line=self.line, byte=self.byte, place=self.place)
 
 
-def _again(problem: str, file: str, line: int | None, byte: int | None, place: str) -> FileFormatError:
+def _rebuilt_error(problem: str, file: str, line: int | None, byte: int | None, place: str) -> FileFormatError:
     return FileFormatError(problem, file=file, line=line, byte=byte, place=place)

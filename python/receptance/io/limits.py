@@ -1,4 +1,4 @@
-"""What reading one file may take at most, the same for all formats: bytes after expansion, lines, processor time."""
+"""Limits of reading one file, common to all formats: expanded bytes, lines, numbers and processor time."""
 
 from __future__ import annotations
 
@@ -13,60 +13,70 @@ from contextvars import ContextVar
 from receptance._files import LARGEST
 from receptance.io.errors import FileFormatError
 
-__all__ = ["LARGEST", "check_fields", "check_lines", "check_size", "check_time", "inflated", "seconds", "timed"]
+__all__ = [
+    "LARGEST",
+    "allowed_seconds",
+    "check_fields",
+    "check_lines",
+    "check_size",
+    "check_time",
+    "decompress",
+    "time_limit",
+]
 
-MOST_LINES = 1 << 24
-"""Lines of a text; each takes 100 bytes of memory and more, however short it is."""
-MOST_FIELDS = 1 << 26
-"""Numbers in a text; each takes 60 bytes of memory while it is read."""
-_START = 0.3
+MAX_LINES = 1 << 24
+"""Most lines of a text; each takes at least 100 bytes of memory."""
+MAX_FIELDS = 1 << 26
+"""Most numbers in a text; each takes 60 bytes of memory while the text is read."""
+_BASE_SECONDS = 0.3
+"""Processor time allowed for an empty file."""
 BYTES_PER_SECOND = 1e6
-"""A slow machine reads more than this, ten times as much is usual."""
-_LONGEST = 300.0
-_LOADING = 10.0
-"""Seconds for the modules that a reader in this process loads first."""
+"""Lower limit of the reading speed; ten times as much is usual."""
+_MAX_SECONDS = 300.0
+"""Most processor time allowed for one file."""
+_IMPORT_SECONDS = 10.0
+"""Processor time allowed for imports by a reader in this process."""
 _PIECE = 1 << 20
 
 _deadline: ContextVar[tuple[float, float]] = ContextVar("deadline", default=(float("inf"), float("inf")))
 
 
-def seconds(size: int) -> float:
-    """Return the processor time that reading so many bytes, after expansion, may take."""
-    return min(_START + size / BYTES_PER_SECOND, _LONGEST)
+def allowed_seconds(size: int) -> float:
+    """Return the processor time allowed for reading a number of expanded bytes."""
+    return min(_BASE_SECONDS + size / BYTES_PER_SECOND, _MAX_SECONDS)
 
 
 def check_size(size: int, what: str = "the contents") -> None:
-    """Raise where something expands to more bytes than are read of one file."""
+    """Raise if expanded data exceed the limit of bytes."""
     if size > LARGEST:
         raise FileFormatError(
-            f"{what} take more than {LARGEST >> 20} MiB when expanded, the most that is read of one file; split "
-            "the file"
+            f"{what} take more than {LARGEST >> 20} MiB when expanded, the limit for one file; split the file"
         )
 
 
 def check_lines(data: bytes) -> None:
-    """Raise where a text has more lines than are read."""
+    """Raise if a text exceeds the limit of lines."""
     count = data.count(b"\n") or data.count(b"\r")
-    if count > MOST_LINES:
+    if count > MAX_LINES:
         raise FileFormatError(
-            f"the text has {count} lines, at most {MOST_LINES} are read of one file; split the file, or give the "
-            "numbers in a NumPy file (.npz)"
+            f"the text has {count} lines, the limit for one file is {MAX_LINES}; split the file, or store the numbers "
+            "in a NumPy file (.npz)"
         )
 
 
 def check_fields(count: int) -> None:
-    """Raise where a text has more numbers than are read."""
-    if count > MOST_FIELDS:
+    """Raise if a table exceeds the limit of numbers."""
+    if count > MAX_FIELDS:
         raise FileFormatError(
-            f"the table has more than {MOST_FIELDS} numbers, the most that are read of one text; split the file, or "
-            "give the numbers in a NumPy file (.npz)"
+            f"the table has more than {MAX_FIELDS} numbers, the limit for one text; split the file, or "
+            "store the numbers in a NumPy file (.npz)"
         )
 
 
 @contextmanager
-def timed(size: int) -> Iterator[None]:
-    """Limit the processor time that reading so many bytes takes in here, as far as the readers call `check_time`."""
-    allowed = seconds(size) + _LOADING
+def time_limit(size: int) -> Iterator[None]:
+    """Limit the processor time for reading a number of bytes; readers call `check_time` within the context."""
+    allowed = allowed_seconds(size) + _IMPORT_SECONDS
     token = _deadline.set((time.thread_time() + allowed, allowed))
     try:
         yield
@@ -75,22 +85,22 @@ def timed(size: int) -> Iterator[None]:
 
 
 def check_time() -> None:
-    """Raise where the time is over; readers call it where they go through a file."""
+    """Raise if the time limit is exceeded; readers call it while they process a file."""
     end, allowed = _deadline.get()
     if time.thread_time() > end:
         raise FileFormatError(
-            f"reading was ended after {allowed:.0f} s of processor time, the limit for a file of this size; "
-            "split the file, or give the numbers in a NumPy file (.npz)"
+            f"reading was stopped after {allowed:.0f} s of processor time, the limit for a file of this size; "
+            "split the file, or store the numbers in a NumPy file (.npz)"
         )
 
 
-def inflated(data: bytes) -> bytes:
-    """Return what gzip compressed: all members of the file, at most `LARGEST` bytes together.
+def decompress(data: bytes) -> bytes:
+    """Return the expanded contents of all members of a gzip file, at most `LARGEST` bytes.
 
     Raises
     ------
     FileFormatError
-        A damaged or truncated file, something behind the last member, or too large contents.
+        A damaged or truncated file, trailing data, or contents that are too large.
     """
     pieces: list[bytes] = []
     size = 0
@@ -101,9 +111,9 @@ def inflated(data: bytes) -> bytes:
                 size += len(piece)
                 check_size(size)
     except gzip.BadGzipFile as error:
-        raise FileFormatError(f"the gzip compression is damaged, or something else follows it: {error}") from None
+        raise FileFormatError(f"the gzip data are damaged, or followed by other data: {error}") from None
     except zlib.error as error:
-        raise FileFormatError(f"the gzip compression is damaged: {error}") from None
+        raise FileFormatError(f"the gzip data are damaged: {error}") from None
     except EOFError:
-        raise FileFormatError("the gzip compression cannot be undone: it is cut off") from None
+        raise FileFormatError("the gzip data are truncated") from None
     return b"".join(pieces)

@@ -1,4 +1,4 @@
-"""NPZ: arrays of NumPy in a zip file, without pickles."""
+"""NPZ files: NumPy arrays in a zip file, without pickles."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.frf import FRF
-from receptance.io.coherence import Coherence
+from receptance.io.arrays import measurements_of, named_items
 from receptance.io.errors import FileFormatError
 from receptance.io.limits import check_size, check_time
-from receptance.io.named import items_of, things_of
+from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
-from receptance.io.time_series import TimeSeries
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,23 +25,25 @@ _KINDS = "biufcU"
 _BROKEN = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, RuntimeError, ValueError, IndexError)
 
 
-def npz_bytes(things: Sequence[FRF | TimeSeries | Coherence]) -> bytes:
-    """Return the contents of an NPZ file; nothing is lost."""
+def npz_bytes(measurements: Sequence[Measurement]) -> bytes:
+    """Return the contents of an NPZ file; all fields are stored."""
     buffer = io.BytesIO()
-    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in items_of(things, separator=".").items()}
+    arrays: dict[str, Any] = {
+        name: np.asarray(value) for name, value in named_items(measurements, separator=".").items()
+    }
     np.savez(buffer, **arrays)
     return buffer.getvalue()
 
 
-def read_npz(data: bytes, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
-    """Return the measurements in an NPZ file: those this library wrote, else the arrays that `variables` names.
+def read_npz(data: bytes, options: ReadOptions) -> list[Measurement]:
+    """Return the measurements in an NPZ file: those written by this library, else the arrays of the options.
 
     Raises
     ------
     FileFormatError
-        A file that is damaged or holds Python objects, or arrays that do not make a measurement.
+        A file that is damaged or holds Python objects, or arrays that are not a measurement.
     """
-    return things_of(arrays_in(data), options, separator=".")
+    return measurements_of(arrays_in(data), options, separator=".")
 
 
 def arrays_in(data: bytes) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def arrays_in(data: bytes) -> dict[str, Any]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-            # What a member is said to hold is all that is ever expanded of it.
+            # No member is expanded beyond its declared size.
             check_size(sum(member.file_size for member in members), "the arrays")
             for member in members:
                 check_time()
@@ -66,16 +66,14 @@ def arrays_in(data: bytes) -> dict[str, Any]:
     except FileFormatError:
         raise
     except _BROKEN as error:
-        raise FileFormatError(f"this is not a whole NPZ file: {error}") from None
+        raise FileFormatError(f"this is not a complete NPZ file: {error}") from None
     return _texts_as_str(arrays)
 
 
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
     name = member.filename.removesuffix(".npy")
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise FileFormatError(
-            f"the compression {member.compress_type} is none that NumPy writes", place=f"array {name!r}"
-        )
+        raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's", place=f"array {name!r}")
     content = archive.read(member)
     try:
         return _parse_npy(content)
@@ -84,14 +82,14 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
 
 
 def _parse_npy(content: bytes) -> NDArray[Any]:
-    """Return an array of an NPY file; its declared size must be that of the data before anything is made of it."""
+    """Return the array of an NPY file, after checking its declared size against that of the data."""
     stream = io.BytesIO(content)
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, by_column, dtype = read(stream)
     except Exception as error:
-        # NumPy evaluates the header as a Python literal; whatever the parser makes of damaged ones ends here.
+        # NumPy evaluates the header as a Python literal, and damaged ones raise various errors.
         raise FileFormatError(f"the header is damaged: {error}") from None
     if dtype.kind not in _KINDS or dtype.hasobject:
         raise FileFormatError(f"the dtype is {dtype}, expected numbers or text: Python objects (pickles) are not read")

@@ -1,4 +1,4 @@
-"""What a person may add to what a file says, and how unit and quantity follow from both."""
+"""Options of `read`, and the unit and quantity that follow from them and the file."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from os import PathLike
 from typing import Any, TypedDict
 
 from receptance import _checks
-from receptance.coordinates import Coordinate, as_coordinates
 from receptance.io.errors import FileFormatError
+from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
-__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "resolve_frf", "several_channels"]
+__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "one_unit_message", "resolve_frf"]
 
 SI = "SI"
 _GIVE_UNIT = (
-    "give it: unit='m/s^2/N', say (on the command line --unit m/s^2/N), or unit='SI' with quantity='accelerance'"
+    "give it, for example unit='m/s^2/N' (on the command line --unit m/s^2/N), or unit='SI' and quantity='accelerance'"
 )
 
 
 class ReadKeywords(TypedDict, total=False):
-    """The options of `read` as they are given."""
+    """Keyword arguments of `read`."""
 
     quantity: str | None
     unit: str | Mapping[str, str] | None
@@ -36,7 +36,7 @@ class ReadKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """The options of `read`, checked; None where nothing was given."""
+    """Validated options of `read`; None for those not given."""
 
     quantity: Form | None = None
     unit: str | Mapping[str, str] | None = None
@@ -49,7 +49,7 @@ class ReadOptions:
 
     @staticmethod
     def checked(given: Mapping[str, Any]) -> ReadOptions:
-        """Return options, or raise a TypeError or ValueError that names the one which is wrong."""
+        """Return the options, or raise a TypeError or ValueError that names the invalid one."""
         known = {field.name for field in fields(ReadOptions)}
         unknown = sorted(set(given) - known)
         if unknown:
@@ -83,7 +83,7 @@ class ReadOptions:
         return ReadOptions(**options)
 
     def channel_unit(self, name: str) -> str | None:
-        """Return the unit that was given for a channel, or None."""
+        """Return the given unit of a channel, or None."""
         unit = self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit
         if unit is not None and unit != SI and frf_kind(parse_unit(unit)) is not None:
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but channel {name!r} is a time record")
@@ -92,7 +92,7 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class Resolved:
-    """What the numbers of an FRF are."""
+    """Kind of an FRF, factor to SI, and notes."""
 
     kind: FRFKind
     factor: float
@@ -105,29 +105,29 @@ def resolve_frf(
     declared: Unit | None,
     form: Form | None,
     directions: tuple[str, str] | None,
-    undeclared: str = "the file does not say in which unit its FRF is",
+    undeclared: str = "the file does not state the unit of its FRF",
 ) -> Resolved:
-    """Return what the numbers of an FRF are, from the file and from what was given.
+    """Return kind and unit of an FRF from the file and the options.
 
     Parameters
     ----------
     options : ReadOptions
-        What was given.
+        Options of `read`.
     declared : Unit, optional
-        What the file says.
+        Unit stated in the file.
     form : str, optional
-        Receptance, mobility or accelerance as the file says otherwise than by its unit.
+        Form stated in the file otherwise than by the unit.
     directions : pair of {"y", "theta"}, optional
-        Of response and excitation, as the file says.
+        Directions of response and excitation stated in the file.
     undeclared : str, optional
-        How to say that there is no unit.
+        Message for a missing unit.
 
     Raises
     ------
     FileFormatError
-        Where neither says it, or file, unit and quantity contradict each other.
+        No unit, or a contradiction between file, unit and quantity.
     """
-    given = _given(options, form, directions, declared)
+    given = _given_unit(options, form, directions, declared)
     unit = given or declared
     if unit is None:
         raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
@@ -139,57 +139,56 @@ def resolve_frf(
         )
     if options.quantity is not None and kind.form != options.quantity:
         raise FileFormatError(
-            f"quantity is {options.quantity!r}, but {unit.text!r}{'' if given else ', which the file says,'} is the "
-            f"unit of {_a(kind.form)}; give quantity= and unit= that belong together"
+            f"quantity is {options.quantity!r}, but {unit.text!r}{'' if given else ', stated in the file,'} is the "
+            f"unit of {_with_article(kind.form)}; give a matching quantity= and unit="
         )
-    against = _against(kind, form, directions, declared if given else None)
-    placed = options.responses is not None and options.excitations is not None
-    if given and directions not in (None, (kind.response, kind.excitation)) and not placed:
+    contradiction = _contradiction(kind, form, directions, declared if given else None)
+    directed = options.responses is not None and options.excitations is not None
+    if given and directions not in (None, (kind.response, kind.excitation)) and not directed:
         raise FileFormatError(
-            f"{unit.text!r} is the unit of {_a(kind.form)} in {frf_unit(kind)}, but in the file "
-            f"{_of_directions(directions)}; give unit='SI' where all of the file is in SI, or responses= and "
-            "excitations= as well to overrule the directions"
+            f"{unit.text!r} is the unit of {_with_article(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{_describe_directions(directions)}; give unit='SI' if all of the file is in SI, or responses= and "
+            "excitations= as well to override the directions"
         )
-    if against and given is None:
+    if contradiction and given is None:
         raise FileFormatError(
-            f"the file contradicts itself: {against}, but its unit {unit.text!r} is that of {_a(kind.form)} in "
-            f"{frf_unit(kind)}; find out which is true and give both, quantity= and unit="
+            f"the file contradicts itself: {contradiction}, but its unit {unit.text!r} is that of "
+            f"{_with_article(kind.form)} in {frf_unit(kind)}; find out which is correct and give quantity= and unit="
         )
-    if against and options.quantity is None:
+    if contradiction and options.quantity is None:
         raise FileFormatError(
-            f"{unit.text!r} is the unit of {_a(kind.form)} in {frf_unit(kind)}, but in the file {against}; to overrule "
-            "the file give quantity= as well"
+            f"{unit.text!r} is the unit of {_with_article(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{contradiction}; to override the file give quantity= as well"
         )
-    notes = [f"overruled by what was given: {against}"] if against else []
+    notes = [f"overridden by the options: {contradiction}"] if contradiction else []
     if given and declared and (declared.dimension, declared.factor) != (unit.dimension, unit.factor):
-        notes.append(f"the unit in the file, {declared.text!r}, was overruled by {unit.text!r}")
+        notes.append(f"the unit in the file, {declared.text!r}, was overridden by {unit.text!r}")
     return Resolved(kind, unit.factor, tuple(notes))
 
 
-def several_channels(names: Sequence[str], unit: str) -> str:
-    """Return what to say where one unit is given for several channels."""
+def one_unit_message(names: Sequence[str], unit: str) -> str:
+    """Return the message for one unit given for several channels."""
     example = ", ".join(f"{name!r}: {unit!r}" for name in names[:2])
-    return f"one unit, {unit!r}, was given for {len(names)} channels; give one for each: unit={{{example}}}"
+    return f"one unit, {unit!r}, was given for {len(names)} channels; give one each: unit={{{example}}}"
 
 
-def _given(
+def _given_unit(
     options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
 ) -> Unit | None:
-    """Return the unit that was given; "SI" means that of the form."""
+    """Return the given unit; "SI" is that of the form."""
     if options.unit is None:
         return None
     if not isinstance(options.unit, str):
         raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
     if options.unit != SI:
         return parse_unit(options.unit)
-    said = frf_kind(declared) if declared is not None else None
-    form = options.quantity or form or (said.form if said is not None else None)
-    if directions is None and said is not None:
-        directions = (said.response, said.excitation)
+    stated = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (stated.form if stated is not None else None)
+    if directions is None and stated is not None:
+        directions = (stated.response, stated.excitation)
     if form is None:
         raise FileFormatError(
-            "unit is 'SI', but neither the file nor quantity= says whether this is a receptance, a mobility or an "
-            "accelerance"
+            "unit is 'SI', but neither the file nor quantity= states the form, receptance, mobility or accelerance"
         )
     if directions is None:
         sides = (options.responses or (Coordinate(),), options.excitations or (Coordinate(),))
@@ -197,18 +196,18 @@ def _given(
     return parse_unit(frf_unit(FRFKind(form, *directions)))
 
 
-def _against(kind: FRFKind, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None) -> str:
-    """Return what in the file is against this kind of FRF, empty where nothing is."""
+def _contradiction(kind: FRFKind, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None) -> str:
+    """Return the statement of the file that contradicts this kind of FRF, or an empty text."""
     if form is not None and form != kind.form:
-        return f"it is said to be {_a(form)}"
+        return f"it is declared as {_with_article(form)}"
     if directions not in (None, (kind.response, kind.excitation)):
-        return _of_directions(directions)
-    if declared is not None and (said := frf_kind(declared)) is not None and said != kind:
-        return f"the unit is {declared.text!r}, that of {_a(said.form)}"
+        return _describe_directions(directions)
+    if declared is not None and (stated := frf_kind(declared)) is not None and stated != kind:
+        return f"the unit is {declared.text!r}, that of {_with_article(stated.form)}"
     return ""
 
 
-def _of_directions(directions: tuple[str, str] | None) -> str:
+def _describe_directions(directions: tuple[str, str] | None) -> str:
     motion, load = directions or ("y", "y")
     return (
         f"the directions are those of {'a translation' if motion == 'y' else 'a rotation'} per "
@@ -216,5 +215,5 @@ def _of_directions(directions: tuple[str, str] | None) -> str:
     )
 
 
-def _a(form: Form) -> str:
+def _with_article(form: Form) -> str:
     return f"an {form}" if form.startswith("a") else f"a {form}"

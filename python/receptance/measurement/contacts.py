@@ -1,4 +1,4 @@
-"""Contacts of the hammer in a force signal, and signs of overload."""
+"""Contacts of the hammer in a force signal, and detection of clipping."""
 
 from __future__ import annotations
 
@@ -10,39 +10,39 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Contact", "find_contacts", "flat_top", "noise_level", "second_contact"]
+__all__ = ["Contact", "clipped_samples", "find_contacts", "noise_level", "second_contact"]
 
 _MAD = 1.4826
-"""Standard deviation of Gaussian noise over its median absolute deviation."""
+"""Ratio of standard deviation and median absolute deviation of Gaussian noise."""
 _EDGE_NOISE = 3.0
-"""A contact lasts until the force is below this many standard deviations of the noise, or below `_EDGE_SHARE`."""
+"""A contact ends where the force is below this many standard deviations of the noise,"""
 _EDGE_SHARE = 0.1
-"""Of the trigger."""
+"""or below this share of the trigger,"""
 _EDGE_MOST = 0.5
-"""Of the trigger, however noisy the force is."""
+"""but at most at this share of the trigger."""
 _SECOND_NOISE = 6.0
-"""Standard deviations above which a second contact is not taken for noise: once in 1e9 samples."""
+"""Least second contact in standard deviations of the noise, exceeded by noise once in 1e9 samples."""
 _SMOOTH = 1.5
-"""Samples, of the Gaussian that takes the ringing of a recorder's anti-alias filter off a force. Recorders cut off at
-0.39 of the sample rate or above; at that frequency, where the filter rings, a thousandth is left."""
+"""Standard deviation in samples of the Gaussian that removes ringing of a recorder's anti-alias filter from a force.
+Recorders have cut-off frequencies of at least 0.39 of the sample rate, where the Gaussian leaves a thousandth."""
 _RINGING = 16
-"""Samples from a contact within which the filter's ringing may be above the trigger."""
-_CALM = 0.3
-"""Of the trigger: what is above this without the ringing is a contact of its own."""
+"""Samples from a contact within which the ringing of the filter may exceed the trigger."""
+_SMOOTHED_TRIGGER = 0.3
+"""Share of the trigger above which the smoothed force is a contact."""
 _SWING = 0.5
-"""Smallest negative force between a contact and a lobe of its ringing, over the lobe's peak: ringing alternates and
-decays, and a hammer does not pull."""
+"""Least negative force between a contact and a lobe of its ringing, relative to the peak of the lobe: ringing
+alternates, and a hammer does not pull."""
 _FLAT_SAMPLES = 4
-"""Equal samples at the extreme that make a flat top."""
+"""Least number of equal samples of a flat top."""
 _EXTREME = 0.3
-"""Of the largest value, that an extreme is where something may be clipped: a force's lower one is silence."""
+"""Least share of the largest magnitude at which an extreme may be clipped; the lower extreme of a force is silence."""
 _FLAT_STEP = 3.0
-"""How many steps of the digitiser the wave is away from its extreme beside a flat top; less beside a round one."""
+"""Steps of the digitiser by which the signal drops beside a flat top; it drops less beside a rounded one."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One touch of the hammer: first sample, first sample after it, and largest force between."""
+    """One contact of the hammer: first sample, first sample after it, and peak force."""
 
     onset: int
     release: int
@@ -50,7 +50,7 @@ class Contact:
 
 
 def noise_level(force: NDArray[np.float64]) -> tuple[float, float]:
-    """Return offset and standard deviation of a signal that is silent most of the time, by medians."""
+    """Return offset and standard deviation, by medians, of a signal that is mostly silent."""
     offset = float(np.median(force))
     return offset, _MAD * float(np.median(np.abs(force - offset)))
 
@@ -58,15 +58,15 @@ def noise_level(force: NDArray[np.float64]) -> tuple[float, float]:
 def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
     """Return the contacts in a force `(n,)` without offset, pulses positive, in order of time.
 
-    An anti-alias filter rings before and after a pulse of few samples. Its lobes change sign, have no impulse of their
-    own, and are part of the contact they are next to.
+    An anti-alias filter rings before and after a short pulse. Lobes of the ringing alternate in sign and have no
+    impulse; they belong to the neighbouring contact.
     """
-    found = _above(force, trigger, noise)
+    found = _stretches_above(force, trigger, noise)
     if len(found) < 2:
         return found
-    calm = _smoothed(force)
-    share = float(calm.max() / force.max())
-    own = _above(calm, _CALM * share * trigger, noise)
+    smoothed = _smoothed(force)
+    share = float(smoothed.max() / force.max())
+    own = _stretches_above(smoothed, _SMOOTHED_TRIGGER * share * trigger, noise)
     groups: list[list[Contact]] = [[] for _ in own]
     alone = []
     for contact in found:
@@ -78,15 +78,15 @@ def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> l
             alone.append(contact)
     for group in filter(None, groups):
         main = max(group, key=lambda contact: contact.peak)
-        rings = [contact is main or _rings(force, main, contact) for contact in group]
+        rings = [contact is main or _is_ringing(force, main, contact) for contact in group]
         lobes = [contact for contact, ringing in zip(group, rings, strict=True) if ringing]
         alone += [Contact(lobes[0].onset, lobes[-1].release, main.peak)]
         alone += [contact for contact, ringing in zip(group, rings, strict=True) if not ringing]
     return sorted(alone, key=lambda contact: contact.onset)
 
 
-def _rings(force: NDArray[np.float64], main: Contact, other: Contact) -> bool:
-    """Return whether a contact can be a lobe of another one's ringing: the force swings below zero between them."""
+def _is_ringing(force: NDArray[np.float64], main: Contact, other: Contact) -> bool:
+    """Return whether a contact may be a lobe of another one's ringing: the force is negative between them."""
     first, second = sorted((main, other), key=lambda contact: contact.onset)
     between = force[first.release : second.onset]
     return bool(between.size) and float(-between.min()) >= _SWING * other.peak
@@ -98,8 +98,8 @@ def _smoothed(force: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.convolve(force, kernel / kernel.sum(), mode="full")[-reach[0] : -reach[-1]])
 
 
-def _above(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
-    """Return the stretches of a force that pass the trigger."""
+def _stretches_above(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
+    """Return the stretches of a force above the trigger."""
     above = np.flatnonzero(force > trigger)
     edge = min(max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger), _EDGE_MOST * trigger)
     low = np.flatnonzero(force <= edge)
@@ -115,7 +115,7 @@ def _above(force: NDArray[np.float64], trigger: float, noise: float) -> list[Con
 
 
 def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, share: float) -> tuple[int, float] | None:
-    """Look for another pulse of the first one's shape after it: a matched filter, without the frequencies that ring.
+    """Return the largest pulse after a contact with its shape, by a matched filter without the ringing frequencies.
 
     Parameters
     ----------
@@ -124,14 +124,14 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     contact : Contact
         The first one.
     stop : int
-        Where to end.
+        End of the search.
     share : float
-        Smallest peak that counts, over the first one's.
+        Smallest peak, relative to the first one.
 
     Returns
     -------
     tuple or None
-        The sample at which the largest second pulse begins, and its peak over the first one's.
+        First sample of the pulse, and its peak relative to the first one.
     """
     ends = int(4.0 * _SMOOTH)
     shape = np.pad(force[contact.onset : contact.release] / contact.peak, ends)
@@ -142,7 +142,7 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     from scipy.signal import correlate  # slow to import
 
     heights = correlate(rest - np.median(rest), smooth, mode="valid") / np.sum(shape * smooth) / contact.peak
-    # The median absolute deviation knows hum and ringing of the channel as well as white noise.
+    # The median absolute deviation includes hum and ringing of the channel.
     smallest = max(share, _SECOND_NOISE * noise_level(heights)[1])
     best = int(heights.argmax())
     if heights[best] < smallest:
@@ -150,16 +150,16 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     return contact.release + best + ends, float(heights[best])
 
 
-def flat_top(signal: NDArray[np.float64]) -> int:
-    """Return how many equal samples in a row a clipped wave has at an extreme, 0 where it does not look clipped."""
+def clipped_samples(signal: NDArray[np.float64]) -> int:
+    """Return the number of equal samples at the clipped extreme of a signal, 0 if it is not clipped."""
     size = float(np.abs(signal).max())
-    # A slow wave on a coarse digitiser is flat at its top as well, but leaves it by single steps.
+    # A slow signal on a coarse digitiser has flat tops as well, but drops from them by single steps.
     step = float(np.diff(np.unique(signal)).min(initial=np.inf))
-    counts = [_flat(side, step) for side in (signal, -signal) if side.max() >= _EXTREME * size]
+    counts = [_flat_top_length(side, step) for side in (signal, -signal) if side.max() >= _EXTREME * size]
     return max(counts, default=0)
 
 
-def _flat(signal: NDArray[np.float64], step: float) -> int:
+def _flat_top_length(signal: NDArray[np.float64], step: float) -> int:
     top = signal.max()
     changes = np.flatnonzero(np.diff(np.concatenate([[False], signal == top, [False]]).astype(np.int8)))
     begins, ends = changes[::2], changes[1::2]

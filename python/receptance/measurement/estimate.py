@@ -1,4 +1,4 @@
-"""FRFs from hits: H1, H2 and Hv, with coherence, variance and usable band."""
+"""Estimates of FRFs from hits: H1, H2 and Hv, with coherence, variance and usable band."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.measurement.band import NEGLIGIBLE, summary
-from receptance.measurement.hits import Hits
-from receptance.measurement.records import TimeRecords
-from receptance.measurement.search import Settings, find
-from receptance.measurement.spectra import Channel, Estimator, Limits, Spectra
+from receptance.measurement.hits import Hits, Settings, find
+from receptance.measurement.records import HammerRecords
+from receptance.measurement.spectra import NEGLIGIBLE, Channel, Estimator, Exclusions, Limits, Reason, Spectra
 from receptance.measurement.windows import ExponentialOn, Windows, make_windows
 
 if TYPE_CHECKING:
@@ -29,17 +27,17 @@ _FORMS: dict[str, Literal["receptance", "mobility", "accelerance"]] = {
     "velocity": "mobility",
     "acceleration": "accelerance",
 }
-_WORTH_SAYING = 0.01
-"""Share of the lines of the force's band from which on something is said in a warning."""
-_DEAD = 0.1
-"""Over the standard deviation: to what an exponential window that is suggested brings the response."""
-_ALIKE = 1.05
-"""Lines that count as one from which on that is said."""
-_NO_LINE = "on no line at all: the exponential window is on the response alone"
+_WARNING_SHARE = 0.01
+"""Share of excluded lines in the band of the force above which a warning is issued."""
+_DECAYED = 0.1
+"""Amplitude at the end of the block under a suggested exponential window, in standard deviations of the log FRF."""
+_MIN_CORRELATED = 1.05
+"""Number of correlated lines above which a note is added."""
+_RESPONSE_WINDOW = Reason("exponential", "on no line: the exponential window is on the response alone")
 
 
 def estimate_frf(
-    hits: Hits | TimeRecords | Sequence[TimeRecords],
+    hits: Hits | HammerRecords | Sequence[HammerRecords],
     *,
     estimator: Estimator = "H1",
     decay_rate: float = 0.0,
@@ -53,76 +51,75 @@ def estimate_frf(
 ) -> FRF:
     """Estimate the FRF from several hits, with its variance.
 
-    With F_i and X_i the windowed spectra of force and response of hit i, S_fx = sum(conj(F_i) X_i) and so on:
-    H1 = S_fx / S_ff, which noise on the force makes small by the share r of that noise in |F|^2; H2 = S_xx / S_xf,
-    which noise on the response makes large; Hv = S_fx / (S_ff (1 - r)), total least squares with the noise on the
-    force as it was measured while no hammer touched and everything else that scatters on the response. It lies
-    between H1 and H2. Where no noise could be measured, Hv takes equal shares of noise on both channels,
-    sqrt(H1 H2) (Rocklin, Crowley and Vold 1985).
+    With F_i and X_i the windowed spectra of force and response of hit i, and S_fx = sum(conj(F_i) X_i) and so on:
+    H1 = S_fx / S_ff is too small by the share r of noise on the force in |F|^2; H2 = S_xx / S_xf is too large by noise
+    on the response; Hv = S_fx / (S_ff (1 - r)) is total least squares with the noise on the force as measured outside
+    contacts, and lies between H1 and H2. If that noise could not be measured, Hv assumes equal shares of noise on both
+    channels, sqrt(H1 H2) (Rocklin, Crowley and Vold 1985).
 
     Parameters
     ----------
-    hits : Hits, TimeRecords or sequence of TimeRecords
-        What `find_hits` returned; records are searched with its default settings.
+    hits : Hits, HammerRecords or sequence of HammerRecords
+        Result of `find_hits`; records are searched with its default settings.
     estimator : {"H1", "H2", "Hv"}, optional
-        See above. H1 unless the force is noisy.
+        See above; H1 is suitable unless the force is noisy.
     decay_rate : float, optional
-        sigma in 1/s of an exponential window e^(-sigma t), for responses that have not died away when the record
-        ends. It is not taken out afterwards: with the window on both channels, with one origin, the values are those
-        of the FRF at the complex frequency w - i sigma, exactly, and the FRF carries the decay rate with it.
+        sigma in 1/s of an exponential window e^(-sigma t), for responses that have not decayed at the end of the
+        record. With the window on both channels and one origin, the values are exactly those of the FRF at the complex
+        frequency w - i sigma. They are not corrected; the FRF states the decay rate.
     exponential_on : {"both", "response"}, optional
-        "response" shows what a recorder gives that does not window the force: the values belong to no line, neither
-        real nor complex. No line is usable then, and that is said.
+        "response" reproduces recorders that do not window the force. The values are then those of the FRF neither at
+        real nor at complex frequencies, so that no line is usable, with a warning.
     force_window_s : float, "auto" or None, optional
-        How long the force counts after the contact begins; outside it is noise and set to zero. "auto": twice the
-        longest contact. Windows fall over one more contact, on both sides. None: the whole block.
+        Length of the force window from the beginning of the contact; the force outside is noise and set to zero.
+        "auto": twice the longest contact. The slopes on both sides have the length of one contact. None: the whole
+        block.
     low_hz, high_hz : float, optional
-        Band of the lines that are wanted; by default all but 0 Hz and half the sampling rate.
+        Band of the lines; by default all but 0 Hz and half the sampling rate.
     pooled_lines : int, optional
-        Lines, an odd number, over which the variance is pooled; 1: none. By default as few as give 60 degrees of
+        Odd number of lines over which the variance is pooled; 1: none. By default the fewest that give 60 degrees of
         freedom, at most 129.
     force_drop_db : float, optional
-        The usable band ends where the force's spectrum is so far below its largest.
+        Level of the force spectrum, below its maximum, at which the usable band ends.
     largest_deviation : float, optional
-        Largest standard deviation of the log FRF of a usable line; around antiresonances there is more.
+        Largest standard deviation of the log FRF of a usable line; it is exceeded around antiresonances.
 
     Returns
     -------
     FRF
-        `(n, n_channels, 1)`, in the form that belongs to the records' quantity, with `coherence`, `averages`,
-        `log_variance` and its `degrees_of_freedom`, `usable` (in all channels; take `records.channel(k)` for one of
-        them), `decay_rate`, and in `notes` what was done and which lines are not usable and why.
+        `(n, n_channels, 1)`, in the form of the records' quantity, with `coherence`, `averages`, `log_variance`,
+        `degrees_of_freedom`, `usable` (in all channels; use `records.channel(k)` for one of them), `decay_rate`, and
+        `notes` on the processing and the excluded lines.
 
     Raises
     ------
     TypeError, ValueError
-        Unusable settings, or no hit that is kept (the message says why each was dropped).
+        Invalid settings, or no kept hit (the message has the reasons).
 
     Warns
     -----
     ReceptanceWarning
-        One hit only, a window on the response alone, a response that has not died away, noise on the force that
-        makes H1 too small, or no usable line.
+        One hit only, a window on the response alone, a truncated response, bias of H1 by noise on the force, or no
+        usable line.
 
     Notes
     -----
-    A pulse is what it is, not a random signal: with the force spectra F_i known, H1 is the least-squares slope of
-    X_i = H F_i + e_i. So H1 - H is Gaussian with variance E|e|^2 / S_ff, however much the hits differ in strength, and
-    sum |X_i - H1 F_i|^2 is E|e|^2 / 2 times a chi-square of 2 (n - 1) degrees of freedom, independent of it. With the
-    coherence g^2 that is a variance of the real and of the imaginary part, each, of log H1 of
-    (1 - g^2) / (2 (n - 1) g^2), to first order (Bendat and Piersol, Random Data, chapter 9, have n for n - 1). It is
-    pooled over neighbouring lines (`receptance.frf.variance.pool_variance`) and multiplied by up to 2 where noise on
-    the force goes through so short a window that it changes magnitudes and not phases. H2 and Hv differ from H1 in the
-    second order only, so the same variance holds for them.
+    Pulses are deterministic: with the force spectra F_i known, H1 is the least-squares slope of X_i = H F_i + e_i.
+    H1 - H is therefore Gaussian with the variance E|e|^2 / S_ff for any strength of the hits, and independent of
+    sum |X_i - H1 F_i|^2, which is E|e|^2 / 2 times a chi-square of 2 (n - 1) degrees of freedom. With the coherence g^2
+    the real part and the imaginary part of log H1 each have the variance (1 - g^2) / (2 (n - 1) g^2), to first order
+    (Bendat and Piersol, Random Data, chapter 9, with n for n - 1). It is pooled over neighbouring lines
+    (`receptance.frf.variance.pool_variance`) and multiplied by up to 2 at low frequencies, where noise on the force
+    through a short window changes magnitudes and not phases. H2 and Hv differ from H1 in second order only and have the
+    same variance.
 
-    Errors that are known but not taken out, of noise on the force, of responses that the block cuts off and of pulses
-    that the window cuts off, exclude a line where they are over a quarter of the standard deviation and over 0.1 %;
-    elsewhere their squares are added to the variance.
+    Known errors from noise on the force, truncated responses and force outside the window exclude a line if they exceed
+    a quarter of the standard deviation and 0.1 %; otherwise their squares are added to the variance.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance.measurement import TimeRecords, estimate_frf
+    >>> from receptance.measurement import HammerRecords, estimate_frf
     >>> noise = np.random.default_rng(1)
     >>> time = np.arange(8192) / 8192.0
     >>> force = np.array([p * np.where(time < 2e-3, np.sin(500 * np.pi * time), 0.0) for p in (60.0, 90.0, 75.0)])
@@ -130,7 +127,7 @@ def estimate_frf(
     >>> ring = np.exp(-30.0 * time) * np.sin(2 * np.pi * 150.0 * time)
     >>> response = np.array([np.convolve(one, ring)[:8192] for one in force])
     >>> response += 0.01 * noise.standard_normal(response.shape)
-    >>> records = TimeRecords(force=force, response=response, sample_rate_hz=8192.0, quantity="velocity")
+    >>> records = HammerRecords(force=force, response=response, sample_rate_hz=8192.0, quantity="velocity")
     >>> frf = estimate_frf(records)
     >>> frf.form, frf.averages
     ('mobility', 3)
@@ -147,27 +144,27 @@ def estimate_frf(
     )
     found = hits if isinstance(hits, Hits) else find(hits, Settings(), stacklevel=3)
     if not found.kept:
-        raise ValueError(f"estimate_frf: no hit is fit for use\n{found.table()}")
+        raise ValueError(f"estimate_frf: all hits were dropped\n{found.table()}")
     windows = make_windows(found, decay_rate, force_window_s, exponential_on)
     spectra = Spectra(found, windows, low_hz, high_hz)
     channels = [spectra.channel(index, estimator, limits) for index in range(found.records[0].n_channels)]
-    refused = _together(channels)
+    excluded = _any_channel(channels)
     if exponential_on == "response" and decay_rate > 0.0:
-        refused = {_NO_LINE: np.ones(spectra.frequency_hz.size, dtype=bool)}
-    usable = ~np.any(list(refused.values()), axis=0)
-    said = _worth_saying(spectra, channels, refused, usable, estimator, limits, decay_rate)
-    if said:
+        excluded = {_RESPONSE_WINDOW: np.ones(spectra.frequency_hz.size, dtype=bool)}
+    usable = ~np.any(list(excluded.values()), axis=0)
+    messages = _warnings(spectra, channels, excluded, usable, estimator, limits, decay_rate)
+    if messages:
         label = f"{found.records[0].label}: " if found.records[0].label else ""
-        warnings.warn(label + "; ".join(said), ReceptanceWarning, stacklevel=2)
-    done = _what_was_done(found, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
+        warnings.warn(label + "; ".join(messages), ReceptanceWarning, stacklevel=2)
+    done = _processing_notes(found, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
     return _frf(
         found,
         spectra,
         channels,
-        decay_rate=0.0 if _NO_LINE in refused else decay_rate + found.records[0].response_decay_rate,
+        decay_rate=0.0 if _RESPONSE_WINDOW in excluded else decay_rate + found.records[0].response_decay_rate,
         usable=usable,
         estimator=estimator,
-        notes=(*found.notes, *done, *summary(spectra.frequency_hz, refused), *said),
+        notes=(*found.notes, *done, *usable_band_notes(spectra.frequency_hz, excluded), *messages),
     )
 
 
@@ -180,10 +177,10 @@ def _half_width(pooled_lines: int | None) -> int | None:
     return int(pooled_lines) // 2
 
 
-def _together(channels: Sequence[Channel]) -> dict[str, NDArray[np.bool_]]:
-    """Return the refused lines of all channels by reason."""
-    reasons = channels[0].refused
-    return {reason: np.any([channel.refused[reason] for channel in channels], axis=0) for reason in reasons}
+def _any_channel(channels: Sequence[Channel]) -> Exclusions:
+    """Return the lines excluded in any channel."""
+    reasons = channels[0].excluded
+    return {reason: np.any([channel.excluded[reason] for channel in channels], axis=0) for reason in reasons}
 
 
 def _frf(
@@ -215,7 +212,7 @@ def _frf(
         averages=len(hits.kept),
         log_variance=stacked([channel.log_variance for channel in channels]),
         degrees_of_freedom=stacked([channel.degrees_of_freedom for channel in channels]),
-        correlated_lines=np.max([channel.alike_lines for channel in channels], axis=0),
+        correlated_lines=np.max([channel.correlated_lines for channel in channels], axis=0),
         usable=usable,
         label=records.label,
         source=f"{estimator} of {len(hits.kept)}{of_all} hits" + (f", {records.source}" if records.source else ""),
@@ -223,7 +220,7 @@ def _frf(
     )
 
 
-def _what_was_done(
+def _processing_notes(
     hits: Hits,
     windows: Windows,
     channels: Sequence[Channel],
@@ -235,11 +232,11 @@ def _what_was_done(
     done = [f"{estimator} of {len(hits.kept)} hits, blocks of {hits.duration_s:g} s"]
     if force_window_s is not None:
         open_s = windows.shape.size / hits.sample_rate_hz
-        done.append(f"force window: {1e3 * open_s:.3g} ms around the contact, with its slopes")
+        done.append(f"force window: {1e3 * open_s:.3g} ms around the contact, including its slopes")
     recorded = hits.records[0].response_decay_rate
     if recorded > 0.0:
         done.append(
-            f"the recorder's exponential window of {recorded:g} 1/s on the response was put on the force as well"
+            f"the recorder's exponential window of {recorded:g} 1/s on the response was applied to the force as well"
         )
     if decay_rate > 0.0:
         where = "both channels" if exponential_on == "both" else "the response alone"
@@ -248,74 +245,72 @@ def _what_was_done(
     if freedoms:
         least = min(float(np.median(freedom)) for freedom in freedoms)
         done.append(f"variance from the scatter between hits, with {least:.0f} degrees of freedom on the median line")
-    alike = max(float(np.median(channel.alike_lines)) for channel in channels)
-    if alike > _ALIKE:
-        done.append(f"the windows make neighbouring lines alike: about {alike:.1f} of them count as one")
+    correlated = max(float(np.median(channel.correlated_lines)) for channel in channels)
+    if correlated > _MIN_CORRELATED:
+        done.append(f"the windows correlate neighbouring lines: about {correlated:.1f} lines per independent value")
     return done
 
 
-def _worth_saying(
+def _warnings(
     spectra: Spectra,
     channels: Sequence[Channel],
-    refused: dict[str, NDArray[np.bool_]],
+    excluded: Exclusions,
     usable: NDArray[np.bool_],
     estimator: Estimator,
     limits: Limits,
     decay_rate: float,
 ) -> list[str]:
-    """Return what a person should know: it goes into a warning and into the notes."""
-    if _NO_LINE in refused:
+    """Return the warnings, which are notes as well."""
+    if _RESPONSE_WINDOW in excluded:
         return [
             "the exponential window is on the response alone: these values are neither the FRF on the real lines nor "
-            "that at w - i sigma (the response is weakened by e^(-sigma t) from the block's beginning, the force is "
-            "not), so no line is usable; put the window on both channels"
+            "that at w - i sigma (the response is weakened by e^(-sigma t) from the beginning of the block, the force "
+            "is not), so no line is usable; apply the window to both channels"
         ]
-    said = []
+    messages = []
     if len(spectra.force) == 1:
-        said.append("there is one hit only: no coherence, no variance, and nothing that tells whether hits repeat")
-    inside = ~np.any(list(spectra.outside(limits).values()), axis=0)
-    share = {reason: np.mean(lines[inside]) if inside.any() else 0.0 for reason, lines in refused.items()}
-    for reason in refused:
-        if share[reason] <= _WORTH_SAYING:
+        messages.append("there is one hit only: no coherence, no variance, and no check of repeatability")
+    inside = ~np.any(list(spectra.out_of_range(limits).values()), axis=0)
+    for reason, lines in excluded.items():
+        share = np.mean(lines[inside]) if inside.any() else 0.0
+        if share <= _WARNING_SHARE:
             continue
-        if "noise makes" in reason:
-            remedy = "Hv allows for noise on the force" if estimator == "H1" else "use Hv"
-            said.append(
-                f"on {share[reason]:.0%} of the lines that the force reaches noise makes {estimator} wrong; {remedy}"
-            )
-        elif "died away" in reason:
-            said.append(
-                f"on {share[reason]:.0%} of the lines that the force reaches "
-                + _not_dead(spectra, channels, inside, decay_rate)
-            )
-        elif "cuts off" in reason:
-            said.append(
-                f"on {share[reason]:.0%} of the lines that the force reaches there is force outside the force's window "
-                "(a bounce, or the sensor's own ringing); give a longer force_window_s"
+        where = f"on {share:.0%} of the lines in the band of the force"
+        if reason.kind == "noise":
+            remedy = "Hv accounts for noise on the force" if estimator == "H1" else "use Hv"
+            messages.append(f"{where} noise biases {estimator}; {remedy}")
+        elif reason.kind == "truncation":
+            messages.append(f"{where} {_truncation_warning(spectra, channels, inside, decay_rate)}")
+        elif reason.kind == "window":
+            messages.append(
+                f"{where} there is force outside the force window (a bounce, or ringing of the sensor); give a longer "
+                "force_window_s"
             )
     if spectra.noise_share is None:
-        said += _unknown_noise(channels, len(spectra.force), estimator, inside)
+        messages += _unknown_noise_warnings(channels, len(spectra.force), estimator, inside)
     if not usable.any():
-        said.append("no line is usable; the notes say why")
-    return said
+        messages.append("no line is usable; see the notes")
+    return messages
 
 
-def _not_dead(spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.bool_], decay_rate: float) -> str:
-    after = spectra.hits.duration_s - spectra.over / spectra.hits.sample_rate_hz
-    left = max(float(channel.left[inside].max()) for channel in channels)
+def _truncation_warning(
+    spectra: Spectra, channels: Sequence[Channel], inside: NDArray[np.bool_], decay_rate: float
+) -> str:
+    after = spectra.hits.duration_s - spectra.release / spectra.hits.sample_rate_hz
+    remainder = max(float(channel.remainder[inside].max()) for channel in channels)
     wanted = min(float(np.median(np.sqrt(c.log_variance[inside]))) for c in channels if c.log_variance is not None)
-    rate = decay_rate + _rounded_up(np.log(max(left / (_DEAD * wanted), 1.0)) / after)
+    rate = decay_rate + _rounded_up(np.log(max(remainder / (_DECAYED * wanted), 1.0)) / after)
     return (
-        f"the response has not died away when the block ends (down to {100.0 * left:.2g} %); longer blocks help, or "
+        f"the response has not decayed at the end of the block (to {100.0 * remainder:.2g} %); use longer blocks, or "
         f"an exponential window (decay_rate={rate:g})"
     )
 
 
-def _unknown_noise(
+def _unknown_noise_warnings(
     channels: Sequence[Channel], hits: int, estimator: Estimator, inside: NDArray[np.bool_]
 ) -> list[str]:
     variances = [channel.log_variance[inside] for channel in channels if channel.log_variance is not None]
-    # All scatter of one hit, were it on the one channel that makes the estimator wrong.
+    # Upper limit: all scatter of one hit on the channel that biases the estimator.
     most = max((float(np.median(2 * hits * variance)) for variance in variances if variance.size), default=0.0)
     if estimator == "Hv":
         most = 0.5 * most
@@ -323,12 +318,31 @@ def _unknown_noise(
         return []
     which = {"H1": "too small", "H2": "too large", "Hv": "too small or too large"}[estimator]
     return [
-        "noise on the force could not be measured (too little silence around the hits, or the recorder's own force "
-        f"window); {estimator} may be {which} by up to {100.0 * most:.2g} %, the median of all scatter"
+        "noise on the force could not be estimated (too little silence around the hits, or a force window of the "
+        f"recorder); {estimator} may be {which} by up to {100.0 * most:.2g} %, the median of all scatter"
     ]
 
 
 def _rounded_up(value: float) -> float:
-    """Two digits are enough for a suggestion."""
+    """Return a value rounded up to two digits."""
     scale = 10.0 ** (np.floor(np.log10(max(value, 1e-6))) - 1.0)
     return float(np.ceil(value / scale) * scale)
+
+
+def usable_band_notes(frequency_hz: NDArray[np.float64], excluded: Exclusions) -> tuple[str, ...]:
+    """Return notes on the usable lines and on those excluded for each reason; a line counts for its first reason."""
+    usable = ~np.any(list(excluded.values()), axis=0)
+    if usable.any():
+        low, high = frequency_hz[usable][[0, -1]]
+        lines = [f"usable: {usable.sum()} of {usable.size} lines, from {low:g} to {high:g} Hz"]
+    else:
+        lines = ["no line is usable"]
+    counted = np.zeros(usable.size, dtype=bool)
+    for reason, lines_excluded in excluded.items():
+        new = lines_excluded & ~counted
+        counted |= lines_excluded
+        if new.any():
+            low, high = frequency_hz[new][[0, -1]]
+            which = f"{new.sum()} lines between {low:g} and {high:g} Hz" if new.sum() > 1 else f"1 line at {low:g} Hz"
+            lines.append(f"not usable: {which}, {reason.text}")
+    return tuple(lines)

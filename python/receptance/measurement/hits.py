@@ -1,28 +1,32 @@
-"""Hits: which parts of the records are used, and why the others are not."""
+"""Hits of a hammer test: the search for them in records, and the reasons for dropping some."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from receptance.measurement.records import TimeRecords
+from receptance import _checks
+from receptance.errors import ReceptanceWarning
+from receptance.measurement.contacts import Contact, clipped_samples, find_contacts, noise_level, second_contact
+from receptance.measurement.records import HammerRecords
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Hit", "Hits", "rows_of"]
+__all__ = ["Hit", "Hits", "Settings", "find", "find_hits", "single_records"]
 
 
 @dataclass(frozen=True)
 class Hit:
-    """One hit: where it is, how hard, and whether it is used.
+    """One hit with its position in the record, its peak force, and whether it is used.
 
-    `onset`, `release` and `start` count samples of the record: the contact's first one, the first one after the
-    (last) contact, and the first one of the block that is transformed. `reason` says why a hit is dropped and is
-    empty for those that are kept; `remark` is what should be known about one that is kept.
+    `onset`, `release` and `start` are samples of the record: the first one of the contact, the first one after the
+    (last) contact, and the first one of the block that is transformed. `reason` is why a hit is dropped, empty for
+    those that are kept; `remark` is a note on one that is kept.
     """
 
     number: int
@@ -44,23 +48,23 @@ class Hit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hits:
-    """All hits that were found, each kept or dropped for a reason.
+    """Hits found in records, each kept or dropped for a reason.
 
     Attributes
     ----------
-    records : tuple of TimeRecords
-        Where they were found.
+    records : tuple of HammerRecords
+        The records.
     hits : tuple of Hit
         In order of time.
     n_samples : int
         Length of the block of every hit.
     noise : float
-        Standard deviation of the force where no hammer touches, in its SI unit.
+        Standard deviation of the force outside contacts, in its SI unit.
     notes : tuple of str
-        What was dropped, and why.
+        Notes for the user, with the dropped hits and the reasons.
     """
 
-    records: tuple[TimeRecords, ...]
+    records: tuple[HammerRecords, ...]
     hits: tuple[Hit, ...]
     n_samples: int
     noise: float
@@ -73,7 +77,7 @@ class Hits:
 
     @property
     def dropped(self) -> tuple[Hit, ...]:
-        """Hits that are not used, each with its reason."""
+        """Hits that are not used."""
         return tuple(hit for hit in self.hits if not hit.kept)
 
     @property
@@ -83,29 +87,29 @@ class Hits:
 
     @property
     def duration_s(self) -> float:
-        """Length of the block of every hit; frequency lines are one over it apart."""
+        """Length of the block of every hit, the inverse of the distance of the frequency lines."""
         return self.n_samples / self.sample_rate_hz
 
     def blocks(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return force `(n_kept, n_samples)` and response `(n_kept, n_samples, n_channels)` as recorded."""
-        rows = list(rows_of(self.records))
+        """Return force `(n_kept, n_samples)` and response `(n_kept, n_samples, n_channels)` without windows."""
+        rows = list(single_records(self.records))
         cuts = [(rows[hit.record], slice(hit.start, hit.start + self.n_samples)) for hit in self.kept]
         return np.array([row[0][cut] for row, cut in cuts]), np.array([row[1][cut] for row, cut in cuts])
 
     def without(self, *numbers: int, reason: str = "dropped by hand") -> Hits:
-        """Return the same with some hits dropped.
+        """Return the hits with some of them dropped.
 
         Raises
         ------
         ValueError
-            A number that no hit has, or no reason.
+            An unknown number, or an empty reason.
         """
         known = {hit.number for hit in self.hits}
         for number in numbers:
             if number not in known:
                 raise ValueError(f"there is no hit {number}; the numbers are 1 to {len(self.hits)}")
         if not reason:
-            raise ValueError("reason is empty; say why the hits are dropped")
+            raise ValueError("reason is empty; state why the hits are dropped")
         changed = [replace(hit, reason=hit.reason or reason) if hit.number in numbers else hit for hit in self.hits]
         added = tuple(f"hit {number} dropped: {reason}" for number in numbers)
         return replace(self, hits=tuple(changed), notes=(*self.notes, *added))
@@ -131,7 +135,333 @@ class Hits:
         return f"Hits({len(self.kept)} of {len(self.hits)} kept, blocks of {self.duration_s:g} s{dropped})"
 
 
-def rows_of(records: Sequence[TimeRecords]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield force `(n,)` and response `(n, n_channels)` of every single record."""
+def single_records(records: Sequence[HammerRecords]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield force `(n,)` and response `(n, n_channels)` of each record."""
     for one in records:
         yield from zip(one.force, one.response, strict=True)
+
+
+DoubleHits = Literal["drop", "keep"]
+_TRIGGER_SHARE = 0.1
+"""Default trigger as a share of the largest force."""
+_TRIGGER_NOISE = 6.0
+"""Least default trigger in standard deviations of the noise, exceeded once in 1e9 samples."""
+_MAX_IN_WARNING = 5
+"""Most hits listed in a warning; the notes list all of them."""
+_EARLY = 0.5
+"""Share of the median time between hits below which a hit is early and does not shorten the blocks."""
+_MIN_LAST_BLOCK = 0.8
+"""Share of the usual block left after the last hit above which all blocks are shortened to it."""
+_LEAST_BEFORE = 8
+"""Least samples before a hit for an estimate of the noise."""
+_CLEAR = 2
+"""Samples left out before a contact, whose rise begins before the detected edge."""
+_OVERLOAD = 0.98
+"""Share of full scale that counts as an overload, because filters round off the corners of a clipped signal."""
+_RINGING = 3.0
+"""Response before a hit, relative to the lowest of all hits, above which an earlier hit is still ringing,"""
+_RINGING_SHARE = 3e-3
+"""and relative to the largest response."""
+
+
+def find_hits(
+    records: HammerRecords | Sequence[HammerRecords],
+    *,
+    trigger: float | None = None,
+    duration_s: float | None = None,
+    pre_trigger_s: float = 0.01,
+    one_per_record: bool | None = None,
+    double_hits: DoubleHits = "drop",
+    double_share: float = 0.02,
+    separation_s: float = 0.1,
+) -> Hits:
+    """Find the hits in records, and keep or drop each with a reason.
+
+    A hit begins where the force exceeds the trigger. It is dropped if the hammer touches again within its block (a
+    second pulse of the same shape, detected by a matched filter down to `double_share` of its peak or six times the
+    noise, without the frequencies at which a recorder's anti-alias filter rings), if a channel is overloaded (98 % of a
+    given full scale, or a flat top), and if the record does not contain its whole block.
+
+    Parameters
+    ----------
+    records : HammerRecords or sequence of HammerRecords
+        One record with several hits, or several with one each; a sequence may have records of different lengths.
+    trigger : float, optional
+        Force in N at which a hit begins; by default a tenth of the largest in the record, at least six times the noise.
+    duration_s : float, optional
+        Length of a block; by default the whole record if each holds one hit, else the time between hits.
+    pre_trigger_s : float, optional
+        Time from the beginning of a block to the trigger, in records with several hits.
+    one_per_record : bool, optional
+        Whether each record is the block of one hit; by default if there are several records.
+    double_hits : {"drop", "keep"}, optional
+        Whether to keep double hits. A kept one is valid, because the force window then spans all contacts.
+    double_share : float, optional
+        Smallest peak of a second contact, relative to the first.
+    separation_s : float, optional
+        In a record with several hits, contacts closer than this are one double hit.
+
+    Returns
+    -------
+    Hits
+        All hits; `print(hits)` shows them as a table.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No records, records of different measurements, or invalid settings.
+
+    Warns
+    -----
+    ReceptanceWarning
+        Dropped hits, pulses of negative force, and a response still ringing from an earlier hit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.measurement import HammerRecords, find_hits
+    >>> time = np.arange(3 * 8192) / 8192.0
+    >>> force = sum(np.where(abs(time - t) < 1e-3, 80.0 * np.cos(500 * np.pi * (time - t)), 0.0) for t in (0.4, 1.5))
+    >>> records = HammerRecords(force=force, response=np.sin(2e3 * time), sample_rate_hz=8192.0, quantity="velocity")
+    >>> print(find_hits(records, pre_trigger_s=0.1))
+     hit record  time [s]   peak [N] contact [ms]  use
+       1      1    0.3990      79.94         1.95  kept
+       2      1    1.4990         80         2.08  kept
+    """
+    settings = Settings(trigger, duration_s, pre_trigger_s, one_per_record, double_hits, double_share, separation_s)
+    return find(records, settings, stacklevel=3)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Validated parameters of `find_hits`."""
+
+    trigger: float | None = None
+    duration_s: float | None = None
+    pre_trigger_s: float = 0.01
+    one_per_record: bool | None = None
+    double_hits: DoubleHits = "drop"
+    double_share: float = 0.02
+    separation_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("trigger", "duration_s", "double_share", "separation_s"):
+            if getattr(self, name) is not None:
+                _checks.positive("find_hits", name, getattr(self, name))
+        _checks.not_negative("find_hits", "pre_trigger_s", self.pre_trigger_s, unit="s")
+        if self.duration_s is not None and self.pre_trigger_s >= self.duration_s:
+            raise ValueError(
+                f"find_hits: pre_trigger_s is {self.pre_trigger_s:g} s, expected less than duration_s, "
+                f"{self.duration_s:g} s"
+            )
+        if self.double_hits not in get_args(DoubleHits):
+            raise ValueError(f"find_hits: double_hits is {self.double_hits!r}, expected one of drop, keep")
+
+
+def find(records: HammerRecords | Sequence[HammerRecords], settings: Settings, *, stacklevel: int) -> Hits:
+    """Find hits; see `find_hits`."""
+    together = _checked_records(records)
+    search = _Search(together, settings)
+    hits = tuple(search.judge(number, *found) for number, found in enumerate(search.candidates(), start=1))
+    notes = dict.fromkeys(note for one in together for note in one.notes)
+    messages = [f"hit {hit.number} dropped: {hit.reason}" for hit in hits if not hit.kept]
+    messages += [f"hit {hit.number}: {hit.remark}" for hit in hits if hit.kept and hit.remark]
+    if search.polarity < 0.0:
+        messages.append(
+            "the hammer's pulses are negative: the force is used as recorded, so the FRF has the opposite sign if the "
+            "polarity of the channel is reversed (then give -force)"
+        )
+    if messages:
+        label = f"{together[0].label}: " if together[0].label else ""
+        more = len(messages) - _MAX_IN_WARNING
+        shown = [*messages[:_MAX_IN_WARNING], f"and {more} more, see the notes"] if more > 0 else messages
+        warnings.warn(label + "; ".join(shown), ReceptanceWarning, stacklevel=stacklevel)
+    return Hits(together, hits, search.n_samples, search.noise, (*notes, *messages))
+
+
+class _Search:
+    """Records without offset and with positive pulses, and the contacts in them."""
+
+    def __init__(self, records: tuple[HammerRecords, ...], settings: Settings) -> None:
+        self.settings = settings
+        self.rate = records[0].sample_rate_hz
+        self.owners = [one for one in records for _ in range(one.n_records)]
+        self.responses = [row[1] for row in single_records(records)]
+        levels = [noise_level(row[0]) for row in single_records(records)]
+        forces = [row[0] - level[0] for row, level in zip(single_records(records), levels, strict=True)]
+        self.polarity = 1.0 if sum(force.max() + force.min() for force in forces) >= 0.0 else -1.0
+        self.forces = [self.polarity * force for force in forces]
+        self.noise = float(np.median([level[1] for level in levels]))
+        self.single = len(forces) > 1 if settings.one_per_record is None else settings.one_per_record
+        self.groups = [self._contact_groups(force, level[1]) for force, level in zip(self.forces, levels, strict=True)]
+        self.n_samples = self._block_length()
+        self._quietest = self._pre_trigger_levels()
+
+    def _contact_groups(self, force: NDArray[np.float64], noise: float) -> list[list[Contact]]:
+        """Return the contacts of one record, grouped by hit."""
+        trigger = self.settings.trigger
+        if trigger is None:
+            trigger = max(_TRIGGER_SHARE * float(force.max()), _TRIGGER_NOISE * noise)
+        groups: list[list[Contact]] = []
+        for contact in find_contacts(force, trigger, noise):
+            near = groups and contact.onset - groups[-1][-1].onset < self.settings.separation_s * self.rate
+            if groups and (self.single or near):
+                groups[-1].append(contact)
+            else:
+                groups.append([contact])
+        return groups
+
+    def _start(self, onset: int) -> int:
+        if self.single and self.settings.duration_s is None:
+            return 0
+        return max(0, onset - round(self.settings.pre_trigger_s * self.rate))
+
+    def _block_length(self) -> int:
+        shortest = min(force.size for force in self.forces)
+        if self.settings.duration_s is not None:
+            n_samples = round(self.settings.duration_s * self.rate)
+            if not 16 <= n_samples <= shortest:
+                raise ValueError(
+                    f"find_hits: duration_s is {self.settings.duration_s:g} s, {n_samples} samples, expected "
+                    f"16 samples to the {shortest / self.rate:g} s of the shortest record"
+                )
+            return n_samples
+        if self.single:
+            return shortest
+        gaps, rooms = [], []
+        for force, groups in zip(self.forces, self.groups, strict=True):
+            onsets = [group[0].onset for group in groups]
+            gaps += np.diff(onsets).tolist()
+            rooms += [force.size - self._start(onset) for onset in onsets[-1:]]
+        # One early hit must not shorten all blocks: only the hit before it is dropped.
+        usual = [gap for gap in gaps if gap >= _EARLY * float(np.median(gaps))]
+        whole = [room for room in rooms if not usual or room >= _MIN_LAST_BLOCK * min(usual)]
+        return int(min([*usual, *whole], default=shortest))
+
+    def _pre_trigger_levels(self) -> NDArray[np.float64]:
+        levels = [
+            np.std(self._pre_trigger(row, group[0]), axis=0)
+            for row, groups in enumerate(self.groups)
+            for group in groups
+            if len(self._pre_trigger(row, group[0])) >= _LEAST_BEFORE
+        ]
+        return np.min(levels, axis=0) if levels else np.full(self.responses[0].shape[1], np.inf)
+
+    def _pre_trigger(self, row: int, contact: Contact) -> NDArray[np.float64]:
+        return self.responses[row][self._start(contact.onset) : max(0, contact.onset - _CLEAR)]
+
+    def candidates(self) -> Iterator[tuple[int, int]]:
+        """Yield record and number within the record of every hit; -1 for a record without hits."""
+        for row, groups in enumerate(self.groups):
+            yield from ((row, place) for place in range(len(groups)))
+            if not groups:
+                yield row, -1
+
+    def judge(self, number: int, row: int, place: int) -> Hit:
+        """Return a hit with the reason to drop it, if any."""
+        if place < 0:
+            force = self.forces[row]
+            reason = f"no hit: the largest force, {force.max():.3g}, is below trigger or noise"
+            return Hit(number, row, 0.0, float(force.max()), 0.0, 0, 0, 0, reason)
+        contacts = self.groups[row][place]
+        first = contacts[0]
+        hit = Hit(
+            number=number,
+            record=row,
+            time_s=first.onset / self.rate,
+            peak=self.polarity * first.peak,
+            contact_s=(first.release - first.onset) / self.rate,
+            onset=first.onset,
+            release=first.release,
+            start=self._start(first.onset),
+        )
+        stop = hit.start + self.n_samples
+        reason = (
+            self._truncated(row, hit, stop) or self._overload(row, hit.start, stop) or self._next_hit(row, place, stop)
+        )
+        double, release = self._double_hit(row, place, stop)
+        if double and self.settings.double_hits == "keep":
+            hit = replace(hit, release=release, remark=double)
+            double = ""
+        ringing = self._ringing(row, first, stop)
+        return replace(hit, reason=reason or double, remark="; ".join(text for text in (hit.remark, ringing) if text))
+
+    def _truncated(self, row: int, hit: Hit, stop: int) -> str:
+        if hit.onset == 0:
+            return "truncated: the record begins within the contact"
+        if hit.release > stop:
+            return f"truncated: the contact does not end within the block of {self.n_samples / self.rate:.3g} s"
+        missing = stop - self.forces[row].size
+        return f"truncated: the record ends {missing / self.rate:.3g} s before the block" if missing > 0 else ""
+
+    def _overload(self, row: int, start: int, stop: int) -> str:
+        channels = [("the force", self.forces[row][start:stop], self.owners[row].full_scale_force)]
+        limits = self.owners[row].full_scale_response
+        for index, response in enumerate(self.responses[row][start:stop].T):
+            name = "the response" if self.responses[row].shape[1] == 1 else f"response channel {index}"
+            channels.append((name, response, None if limits is None else float(limits[index])))
+        for name, values, limit in channels:
+            largest = float(np.abs(values).max(initial=0.0))
+            if limit is not None and largest >= _OVERLOAD * limit:
+                return f"overload: {name} reaches {largest:.4g}, full scale is {limit:.4g}"
+            if values.size and (count := clipped_samples(values)):
+                return f"overload: {name} has a flat top of {count} samples at {largest:.4g}"
+        return ""
+
+    def _next_hit(self, row: int, place: int, stop: int) -> str:
+        later = self.groups[row][place + 1 :]
+        if not later or later[0][0].onset >= stop:
+            return ""
+        after = (later[0][0].onset - self.groups[row][place][0].onset) / self.rate
+        return f"the next hit follows after {after:.3g} s, within the block"
+
+    def _double_hit(self, row: int, place: int, stop: int) -> tuple[str, int]:
+        """Return the description of a double hit or an empty text, and the end of the last contact."""
+        contacts = self.groups[row][place]
+        first = contacts[0]
+        later = self.groups[row][place + 1 :]
+        end = min([stop, *(group[0].onset for group in later)])
+        others = [contact for contact in contacts[1:] if contact.onset < end]
+        others = [contact for contact in others if contact.peak >= self.settings.double_share * first.peak]
+        found = [(contact.onset, contact.peak / first.peak) for contact in others]
+        release = max([first.release, *(contact.release for contact in others)])
+        matched = second_contact(self.forces[row], first, end, self.settings.double_share)
+        if matched is not None and not found:
+            found.append(matched)
+            release = max(release, matched[0] + first.release - first.onset)
+        if not found:
+            return "", release
+        onset, share = max(found, key=lambda pair: pair[1])
+        after = 1e3 * (onset - first.onset) / self.rate
+        return f"double hit: a contact with {100.0 * share:.2g} % of the force {after:.3g} ms later", release
+
+    def _ringing(self, row: int, contact: Contact, stop: int) -> str:
+        before = self._pre_trigger(row, contact)
+        if len(before) < _LEAST_BEFORE:
+            return ""
+        largest = np.abs(self.responses[row][contact.onset : stop]).max(axis=0, initial=0.0)
+        level = np.std(before, axis=0)
+        worst = int(np.argmax(level / np.maximum(self._quietest, 1e-60)))
+        if level[worst] <= _RINGING * self._quietest[worst] or level[worst] <= _RINGING_SHARE * largest[worst]:
+            return ""
+        if largest[worst] == 0.0:
+            return "the response is zero after the hit"
+        share = 100.0 * level[worst] / largest[worst]
+        return f"the response before it is {share:.2g} % of the largest: it still rings from an earlier hit"
+
+
+def _checked_records(records: HammerRecords | Sequence[HammerRecords]) -> tuple[HammerRecords, ...]:
+    found = (records,) if isinstance(records, HammerRecords) else tuple(records)
+    if not found:
+        raise ValueError("find_hits: there are no records, expected at least one")
+    for index, one in enumerate(found):
+        if not isinstance(one, HammerRecords):
+            raise TypeError(f"find_hits: records[{index}] is {one!r}, expected HammerRecords")
+    for name in ("n_channels", "sample_rate_hz", "quantity", "excitation", "responses", "response_decay_rate"):
+        for index, one in enumerate(found):
+            if getattr(one, name) != getattr(found[0], name):
+                raise ValueError(
+                    f"find_hits: {name} is {getattr(found[0], name)!r} in records[0] and {getattr(one, name)!r} in "
+                    f"records[{index}]; averaged hits must be of one measurement"
+                )
+    return found

@@ -1,4 +1,4 @@
-"""What a recorder wrote during a hammer test: force and response against time."""
+"""Records of a hammer test: force and response against time."""
 
 from __future__ import annotations
 
@@ -9,30 +9,29 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from receptance import _checks
-from receptance.coordinates import Coordinate
-from receptance.frf.places import places
+from receptance.model.coordinates import Coordinate, measured_coordinates
 from receptance.units import channel_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.frf.places import Side
-    from receptance.io.time_series import TimeSeries
+    from receptance.io.measurements import TimeSeries
+    from receptance.model.coordinates import Side
 
-__all__ = ["Quantity", "TimeRecords"]
+__all__ = ["HammerRecords", "Quantity"]
 
 Quantity = Literal["displacement", "velocity", "acceleration"]
-"""What the response channels hold."""
+"""Quantity of the response channels."""
 _ROTATIONS = {"displacement": "rotation", "velocity": "angular velocity", "acceleration": "angular acceleration"}
 _SMALLEST = 1e-30
-"""What squares and quotients of two channels can still be taken of."""
+"""Least and (inverse) largest magnitude of a channel, so that squares and quotients of two channels are finite."""
 _LEAST_SAMPLES = 16
-"""Shorter than any pulse with something after it."""
+"""Least number of samples of a record."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class TimeRecords:
-    """Force and response against time: one record with several hits, or one record for each hit.
+class HammerRecords:
+    """Force and response of a hammer test: one record with several hits, or one record for each hit.
 
     Parameters
     ----------
@@ -40,54 +39,56 @@ class TimeRecords:
         `(n,)`, or `(n_records, n)` for several records of one length.
     response : array_like
         `(n,)` or `(n, n_channels)`; with several records `(n_records, n)` or `(n_records, n, n_channels)`. Sampled
-        with the force by one clock.
+        synchronously with the force.
     sample_rate_hz : float
         Samples per second.
     quantity : {"acceleration", "velocity", "displacement"}
-        What the response is; never guessed.
+        Quantity of the response.
     force_unit, response_unit : str, optional
-        Units of the numbers given, SI by default: any text that pint reads as such a quantity, so that
-        "V/(2.25 mV/N)" takes volts from a sensor of 2.25 mV/N. Inside all is SI.
+        Units of the given numbers, SI by default: any text that pint reads as such a quantity. "V/(2.25 mV/N)", for
+        example, converts volts of a sensor with 2.25 mV/N. The attributes are in SI.
     full_scale_force, full_scale_response : float, optional
-        Largest value that the recorder can hold, in the units given; one number, or one for each channel. Where it
-        is not known, only a flat top tells an overload.
+        Full scale of the recorder in the given units; one number, or one for each channel. If it is unknown, overloads
+        are detected by flat tops only.
     excitation : Coordinate or {"y", "theta"}, optional
-        Where and in which direction the hammer hit, or the direction alone; by default y at an unknown place.
+        Position and direction of the hits, or the direction alone; by default y at an unknown position.
     responses : Coordinate, {"y", "theta"} or sequence, optional
-        The same of each channel.
+        The same for each channel.
     response_decay_rate : float, optional
-        Decay rate in 1/s of an exponential window that the recorder has already put on the response and not on the
-        force, with its origin at the first sample. `estimate_frf` puts it on the force as well.
-    label, source : str, optional
-        For people: a name, and where the data come from.
+        Decay rate in 1/s of an exponential window that the recorder applied to the response and not to the force, with
+        its origin at the first sample. `estimate_frf` applies it to the force as well.
+    label : str, optional
+        Free-text label.
+    source : str, optional
+        Origin of the data.
     notes : sequence of str, optional
-        What is known about the data.
+        Notes for the user.
 
     Attributes
     ----------
     force : ndarray
-        `(n_records, n)` in N, or N m where the excitation is a moment.
+        `(n_records, n)` in N, or N m for a moment.
     response : ndarray
-        `(n_records, n, n_channels)` in m/s^2, m/s or m, or the same of an angle.
+        `(n_records, n, n_channels)` in m/s^2, m/s or m, or the same with rad for rotations.
 
     Raises
     ------
     TypeError, ValueError
-        Arrays whose shapes do not match or that hold something else than finite numbers (the message says where),
-        an unknown unit, or coordinates of another number than channels.
+        Mismatched shapes, values that are not finite numbers (the message gives the position), an unknown unit, or
+        a number of coordinates that differs from that of the channels.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance.measurement import TimeRecords
+    >>> from receptance.measurement import HammerRecords
     >>> time = np.arange(4096) / 25600.0
     >>> force = np.where(time < 4e-4, 120.0 * np.sin(np.pi * time / 4e-4), 0.0)
     >>> response = 9.0 * np.exp(-40.0 * time) * np.sin(2 * np.pi * 800.0 * time)
-    >>> TimeRecords(
+    >>> HammerRecords(
     ...     force=force, response=response, sample_rate_hz=25600.0, quantity="acceleration", response_unit="g",
     ...     label="tip",
     ... )
-    TimeRecords('tip', 1 record of 0.16 s at 25600 Hz, acceleration, 1 channel)
+    HammerRecords('tip', 1 record of 0.16 s at 25600 Hz, acceleration, 1 channel)
     """
 
     force: NDArray[np.float64]
@@ -121,12 +122,12 @@ class TimeRecords:
         source: str = "",
         notes: Sequence[str] = (),
     ) -> None:
-        owner = f"TimeRecords {label!r}" if label else "TimeRecords"
+        owner = f"HammerRecords {label!r}" if label else "HammerRecords"
         if quantity not in get_args(Quantity):
             raise ValueError(f"{owner}: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
-        hammer, motion = _matched(owner, _samples(owner, "force", force), _samples(owner, "response", response))
-        hit = places(owner, "excitations", excitation, 1)
-        where = places(owner, "responses", responses, motion.shape[2])
+        hammer, motion = _matched_shapes(owner, _samples(owner, "force", force), _samples(owner, "response", response))
+        hit = measured_coordinates(owner, "excitations", excitation, 1)
+        where = measured_coordinates(owner, "responses", responses, motion.shape[2])
         f_factor, x_factors = _factors(owner, quantity, force_unit, response_unit, hit[0], where)
         limit = None
         if full_scale_force is not None:
@@ -134,27 +135,25 @@ class TimeRecords:
         limits = None
         if full_scale_response is not None:
             limits = np.abs(x_factors) * _full_scales(owner, full_scale_response, motion.shape[2])
-        self._set(
-            force=hammer * f_factor,
-            response=motion * x_factors,
-            sample_rate_hz=_checks.positive(owner, "sample_rate_hz", sample_rate_hz, unit="Hz"),
-            quantity=quantity,
-            full_scale_force=limit,
-            full_scale_response=limits,
-            excitation=hit[0],
-            responses=where,
-            response_decay_rate=_checks.not_negative(owner, "response_decay_rate", response_decay_rate, unit="1/s"),
-            label=str(label),
-            source=str(source),
-            notes=(notes,) if isinstance(notes, str) else tuple(str(note) for note in notes),
+        _checks.set_fields(
+            self,
+            {
+                "force": hammer * f_factor,
+                "response": motion * x_factors,
+                "sample_rate_hz": _checks.positive(owner, "sample_rate_hz", sample_rate_hz, unit="Hz"),
+                "quantity": quantity,
+                "full_scale_force": limit,
+                "full_scale_response": limits,
+                "excitation": hit[0],
+                "responses": where,
+                "response_decay_rate": _checks.not_negative(
+                    owner, "response_decay_rate", response_decay_rate, unit="1/s"
+                ),
+                "label": str(label),
+                "source": str(source),
+                "notes": (notes,) if isinstance(notes, str) else tuple(str(note) for note in notes),
+            },
         )
-
-    def _set(self, **fields: Any) -> None:
-        for name, value in fields.items():
-            if isinstance(value, np.ndarray):
-                value = np.ascontiguousarray(value, dtype=np.float64)
-                value.setflags(write=False)
-            object.__setattr__(self, name, value)
 
     @classmethod
     def from_series(
@@ -166,8 +165,8 @@ class TimeRecords:
         excitation: Coordinate | str | None = None,
         at: Side = None,
         **options: Any,
-    ) -> TimeRecords:
-        """Take the channels of a file that `receptance.io.read` has read.
+    ) -> HammerRecords:
+        """Select the channels of a time series read by `receptance.io.read`.
 
         Parameters
         ----------
@@ -178,27 +177,27 @@ class TimeRecords:
         responses : str, int or sequence of them
             Names or numbers of the response channels, all of one quantity.
         excitation, at : Coordinate, {"y", "theta"} or sequence, optional
-            Where the hammer hit, and where each response channel measured; an angle is taken for "theta".
+            Coordinates of the hits and of the response channels; rotations are "theta" by default.
         **options
-            Further parameters of `TimeRecords`; full scales are in SI units then.
+            Further parameters of `HammerRecords`; full scales are in SI units.
 
         Raises
         ------
         ValueError
-            A channel that is not there, or is not of the quantity it is taken for.
+            An unknown channel, or one of another quantity.
 
         Examples
         --------
         >>> import numpy as np
         >>> from receptance.io import TimeSeries
-        >>> from receptance.measurement import TimeRecords
+        >>> from receptance.measurement import HammerRecords
         >>> read = TimeSeries(
         ...     values=np.ones((64, 2)), channels=["hammer", "tip"], units=["N", "g"], sample_rate_hz=51200.0
         ... )
-        >>> TimeRecords.from_series(read, force="hammer", responses="tip").quantity
+        >>> HammerRecords.from_series(read, force="hammer", responses="tip").quantity
         'acceleration'
         """
-        owner = f"TimeRecords from {series.source or series.label or 'a time series'}"
+        owner = f"HammerRecords from {series.source or series.label or 'a time series'}"
         wanted = [responses] if isinstance(responses, (str, int)) else list(responses)
         rows = [_column(owner, series, name) for name in [force, *wanted]]
         if series.quantities[rows[0]] not in ("force", "moment"):
@@ -212,10 +211,12 @@ class TimeRecords:
             found = ", ".join(f"{series.channels[row]!r}: {series.quantities[row] or 'unknown'}" for row in rows[1:])
             raise ValueError(
                 f"{owner}: the responses are {found}; expected displacement, velocity or acceleration, the same for "
-                "all (what a file does not say is given to receptance.io.read)"
+                "all (missing units are given to receptance.io.read)"
             )
         turning = [series.quantities[row] in _ROTATIONS.values() for row in rows[1:]]
-        where = places(owner, "at", ["theta" if turn else "y" for turn in turning] if at is None else at, len(turning))
+        where = measured_coordinates(
+            owner, "at", ["theta" if turn else "y" for turn in turning] if at is None else at, len(turning)
+        )
         for row, turn, place in zip(rows[1:], turning, where, strict=True):
             if turn != (place.direction == "theta"):
                 raise ValueError(f"{owner}: channel {series.channels[row]!r} is {series.quantities[row]}, at {place!r}")
@@ -251,40 +252,34 @@ class TimeRecords:
 
     @property
     def time_s(self) -> NDArray[np.float64]:
-        """`(n,)` time of the samples from the first one on."""
+        """`(n,)` times of the samples, from zero."""
         return np.arange(self.force.shape[1]) / self.sample_rate_hz
 
-    def channel(self, index: int) -> TimeRecords:
-        """Return the records with one response channel alone."""
+    def channel(self, index: int) -> HammerRecords:
+        """Return the records with one response channel."""
         if not 0 <= index < self.n_channels:
             raise ValueError(f"{self!r}: there is no channel {index}, expected 0 to {self.n_channels - 1}")
         scale = None if self.full_scale_response is None else self.full_scale_response[[index]]
-        return _changed(
+        return _copy(
             self, response=self.response[:, :, [index]], full_scale_response=scale, responses=(self.responses[index],)
         )
 
     def __repr__(self) -> str:
         count = f"{self.n_records} record{'s' if self.n_records > 1 else ''} of {self.duration_s:g} s"
         channels = f"{self.n_channels} channel{'s' if self.n_channels > 1 else ''}"
-        return f"TimeRecords({self.label!r}, {count} at {self.sample_rate_hz:g} Hz, {self.quantity}, {channels})"
+        return f"HammerRecords({self.label!r}, {count} at {self.sample_rate_hz:g} Hz, {self.quantity}, {channels})"
 
 
-def _changed(records: TimeRecords, **fields: Any) -> TimeRecords:
-    """Return records with some attributes changed, which are in SI units."""
-    other = object.__new__(TimeRecords)
-    other._set(**{name: getattr(records, name) for name in TimeRecords.__dataclass_fields__} | fields)
+def _copy(records: HammerRecords, **fields: Any) -> HammerRecords:
+    """Return records with some attributes replaced, in SI units."""
+    other = object.__new__(HammerRecords)
+    kept = {name: getattr(records, name) for name in HammerRecords.__dataclass_fields__}
+    _checks.set_fields(other, kept | fields)
     return other
 
 
 def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
-    try:
-        array = _checks.unmasked(owner, name, value)
-    except _checks.MaskedError:
-        raise
-    except ValueError:
-        raise ValueError(f"{owner}: {name} has rows of different lengths; give such records one by one") from None
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"{owner}: {name} has dtype {array.dtype}, expected real numbers")
+    array = _checks.numbers(owner, name, value, "iuf", "real numbers")
     array = array.astype(np.float64)
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
@@ -296,7 +291,7 @@ def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def _matched(
+def _matched_shapes(
     owner: str, force: NDArray[np.float64], response: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return force `(n_records, n)` and response `(n_records, n, n_channels)`."""

@@ -1,4 +1,4 @@
-"""Hits on an assembly, simulated: what a recorder would have written, with noise and the usual accidents."""
+"""Simulated hammer tests of an assembly, with noise, double hits and overloads."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from typing import TYPE_CHECKING, Protocol, get_args
 import numpy as np
 
 from receptance import _checks
-from receptance.coordinates import Coordinate, as_coordinates
-from receptance.measurement.records import Quantity, TimeRecords
+from receptance.measurement.records import HammerRecords, Quantity
+from receptance.model.coordinates import Coordinate, as_coordinates
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["simulate_hits"]
 
-_LONGER = 2
-"""Blocks are computed so many times longer than they are recorded: what wraps around falls outside."""
-_FADED = 1e-5
-"""To what the shift off the real axis brings what wraps around, beside the structure's own damping."""
-_FINER = 2
-"""Samples computed per sample recorded; the filter leaves nothing above that could fold back."""
+_LENGTH_FACTOR = 2
+"""Length of the computed blocks relative to the recorded ones, so that the wrap-around is outside."""
+_WRAP_AROUND = 1e-5
+"""Attenuation of the wrap-around by the shift off the real axis, in addition to the damping of the structure."""
+_OVERSAMPLING = 2
+"""Computed samples per recorded sample; the filter prevents aliasing."""
 _STOP_DB = 80.0
 _FILTER_ORDER = 10
 _HEADROOM = 1.25
-"""Full scale of the channels over the largest regular hit."""
+"""Full scale of the channels relative to the largest regular hit."""
 _TOO_HARD = 1.8
-"""Force of a hit that overloads, over the largest regular one."""
+"""Force of an overload relative to the largest regular hit."""
 
 
 class Structure(Protocol):
-    """What can be hit: an `Assembly`, or anything else that has its receptance."""
+    """Structure with a receptance, such as an `Assembly`."""
 
     def receptance(
         self,
@@ -41,7 +41,7 @@ class Structure(Protocol):
         response: Sequence[Coordinate] | None = None,
         excitation: Sequence[Coordinate] | None = None,
     ) -> NDArray[np.complex128]:
-        """Receptance as of an `Assembly`."""
+        """Return the receptance as `Assembly.receptance`."""
 
 
 def simulate_hits(
@@ -63,51 +63,51 @@ def simulate_hits(
     one_record: bool = False,
     seed: int = 0,
     label: str = "simulated",
-) -> TimeRecords:
-    """Simulate hits on an assembly: pulses of half a sine, the responses, a recorder's filter and noise.
+) -> HammerRecords:
+    """Simulate a hammer test: half-sine pulses, the responses, a recorder's filter and noise.
 
     The response is the inverse transform of the receptance times the pulse's spectrum at complex frequencies
-    w - i sigma, multiplied by e^(sigma t): a response that has not died away when the block ends then does not come
-    back at its beginning. Both channels go through the same low-pass filter, down 80 dB at half the sampling rate.
+    w - i sigma, multiplied by e^(sigma t), so that a response that has not decayed at the end of the block does not
+    wrap around. Both channels have the same low-pass filter, down 80 dB at half the sampling rate.
 
     Parameters
     ----------
     assembly : Assembly
-        The structure, or anything that has its `receptance(frequency_hz, response=, excitation=)`. With loss factors
-        it begins to move before the hit, by a little, as such materials do in theory (they are not causal); with
-        dashpots alone the records are exact.
+        The structure, or another object with `receptance(frequency_hz, response=, excitation=)`. With dashpots the
+        records are exact; with loss factors there is a small motion before the hit, because hysteretic damping is not
+        causal.
     response, excitation : Coordinate, optional
-        Where the sensors are and where the hammer hits; the tip by default. Several responses are several channels.
+        Coordinates of the sensors and of the hits; the tip by default. Several responses are several channels.
     hits : int, optional
-        Number of hits; strength and duration differ from one to the next.
+        Number of hits, with random strength and duration.
     quantity : {"acceleration", "velocity", "displacement"}, optional
-        What the sensors measure.
+        Quantity of the sensors.
     sample_rate_hz, duration_s : float, optional
-        Samples per second, and the time from one hit to the next.
+        Samples per second, and the time between hits.
     pre_trigger_s : float, optional
-        How long each record runs before its hit, but for a tenth that differs.
+        Time before the hit, with random variation of a tenth.
     peak, contact_s : float, optional
-        Largest force in N, and how long the hammer touches.
+        Largest force in N, and duration of the contact.
     force_noise_db, response_noise_db : float, optional
-        White noise on the channels: its standard deviation over the largest regular hit's peak in that channel.
+        White noise: its standard deviation relative to the peak of the largest regular hit in the channel.
     double_hits, overloads : collection of int, optional
-        Numbers, from 1, of hits at which the hammer bounces back, and of hits too hard for the recorder.
+        Numbers, from 1, of hits with a bounce, and of hits that exceed the full scale.
     one_record : bool, optional
         One long record with all hits instead of one record each.
     seed : int, optional
-        Seed of all that is drawn.
+        Seed of the random numbers.
     label : str, optional
-        For people.
+        Free-text label.
 
     Returns
     -------
-    TimeRecords
+    HammerRecords
         Labelled as simulated in `source` and `notes`.
 
     Raises
     ------
     TypeError, ValueError
-        Unusable numbers, or coordinates that the assembly does not have.
+        Invalid numbers, or coordinates outside the assembly.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def simulate_hits(
     >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=steel)], name="bar")])
     >>> records = simulate_hits(bar, hits=3, duration_s=0.1, seed=4)
     >>> records
-    TimeRecords('simulated', 3 records of 0.1 s at 51200 Hz, acceleration, 1 channel)
+    HammerRecords('simulated', 3 records of 0.1 s at 51200 Hz, acceleration, 1 channel)
     >>> find_hits(records)
     Hits(3 of 3 kept, blocks of 0.1 s)
     """
@@ -126,8 +126,7 @@ def simulate_hits(
         raise TypeError(f"simulate_hits: assembly is {assembly!r}, expected an Assembly")
     if quantity not in get_args(Quantity):
         raise ValueError(f"simulate_hits: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
-    if isinstance(hits, bool) or not isinstance(hits, (int, np.integer)) or hits < 1:
-        raise ValueError(f"simulate_hits: hits is {hits!r}, expected a whole number of at least 1")
+    _checks.whole_number("simulate_hits", "hits", hits)
     for number in (*double_hits, *overloads):
         if not 1 <= number <= hits:
             raise ValueError(f"simulate_hits: there is no hit {number}, expected 1 to {hits}")
@@ -161,12 +160,12 @@ def simulate_hits(
     regular = [number - 1 for number in range(1, hits + 1) if number not in overloads] or list(range(hits))
     recorded, scales = [], []
     for one, level in zip(clean, levels, strict=True):
-        channel = _laid_out(one, round(long_s * rate), one_record)
+        channel = _as_records(one, round(long_s * rate), one_record)
         top = np.abs(one[regular]).max(axis=(0, 1))
         noisy = channel + level * top * generator.standard_normal(channel.shape)
         recorded.append(np.clip(noisy, -_HEADROOM * top, _HEADROOM * top))
         scales.append(_HEADROOM * top)
-    return TimeRecords(
+    return HammerRecords(
         force=recorded[0][:, :, 0],
         response=recorded[1],
         sample_rate_hz=rate,
@@ -183,7 +182,7 @@ def simulate_hits(
 
 @dataclass(frozen=True)
 class _Pulse:
-    """Half a sine, and perhaps a smaller one after it."""
+    """Half-sine pulse, optionally followed by a smaller one."""
 
     start_s: float
     contact_s: float
@@ -201,8 +200,8 @@ class _Pulse:
         return shifted
 
 
-def _laid_out(blocks: NDArray[np.float64], n_samples: int, one_record: bool) -> NDArray[np.float64]:
-    """Return records `(n_records, n, n_channels)` from blocks that are longer than the time from hit to hit."""
+def _as_records(blocks: NDArray[np.float64], n_samples: int, one_record: bool) -> NDArray[np.float64]:
+    """Return records `(n_records, n, n_channels)` from blocks longer than the time between hits."""
     if not one_record:
         return blocks[:, :n_samples]
     whole = np.zeros((1, n_samples * len(blocks), blocks.shape[2]))
@@ -220,25 +219,25 @@ def _responses(
     rate: float,
     long_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return force `(n_hits, n, 1)` and response `(n_hits, n, n_channels)`, half as long again as they are recorded."""
+    """Return force `(n_hits, n, 1)` and response `(n_hits, n, n_channels)`, 1.5 times as long as recorded."""
     from scipy.fft import irfft
     from scipy.signal import cheby2, freqs
 
-    n_samples = _LONGER * _FINER * round(long_s * rate)
-    step = 1.0 / (_FINER * rate)
-    sigma = -np.log(_FADED) / (n_samples * step)
+    n_samples = _LENGTH_FACTOR * _OVERSAMPLING * round(long_s * rate)
+    step = 1.0 / (_OVERSAMPLING * rate)
+    sigma = -np.log(_WRAP_AROUND) / (n_samples * step)
     lines = np.arange(n_samples // 2 + 1) / (n_samples * step)
     s = 2j * np.pi * lines + sigma
     low_pass = freqs(*cheby2(_FILTER_ORDER, _STOP_DB, np.pi * rate, analog=True), worN=s / 1j)[1]
-    # Above the filter's stop band nothing is heard, so nothing need be computed.
-    heard = lines <= rate / 2.0
-    # A body that floats has no receptance at 0 Hz; beside it, on the shifted line, it does.
-    places_hz = np.where(lines == 0.0, 1e-6 * lines[1], lines)[heard] - 1j * sigma / (2.0 * np.pi)
+    # Above the pass band the filtered response vanishes and is not computed.
+    passed = lines <= rate / 2.0
+    # A free body has no receptance at 0 Hz; the shifted line beside it is used.
+    lines_hz = np.where(lines == 0.0, 1e-6 * lines[1], lines)[passed] - 1j * sigma / (2.0 * np.pi)
     motion = np.zeros((lines.size, len(places[0])), dtype=np.complex128)
-    motion[heard] = assembly.receptance(places_hz, response=places[0], excitation=places[1])[:, :, 0]
+    motion[passed] = assembly.receptance(lines_hz, response=places[0], excitation=places[1])[:, :, 0]
     motion *= s[:, None] ** get_args(Quantity).index(quantity)
-    force = np.array([pulse.spectrum(s) * low_pass * heard for pulse in pulses])[:, :, None]
-    keep = slice(0, 3 * n_samples // 4, _FINER)
+    force = np.array([pulse.spectrum(s) * low_pass * passed for pulse in pulses])[:, :, None]
+    keep = slice(0, 3 * n_samples // 4, _OVERSAMPLING)
     grow = np.exp(sigma * step * np.arange(n_samples))[keep, None]
     channels = [irfft(one, n_samples, axis=1)[:, keep] * grow / step for one in (force, force * motion)]
     return channels[0], channels[1]

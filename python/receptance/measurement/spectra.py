@@ -1,19 +1,17 @@
-"""Spectra of the hits, and what they say of one response channel."""
+"""Spectra of the hits, and the FRF of each response channel with its variance and usable lines."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from receptance import _checks
 from receptance.frf.variance import pool_variance
-from receptance.measurement.band import BIAS_SHARE, NEGLIGIBLE, force_band
-from receptance.measurement.leakage import cut_off, left_over
-from receptance.measurement.noise import force_noise
-from receptance.measurement.windows import alike_lines, one_phase
+from receptance.measurement.bias import force_noise_power, force_outside_window, truncation_error
+from receptance.measurement.windows import correlated_lines, noncircularity
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,22 +19,40 @@ if TYPE_CHECKING:
     from receptance.measurement.hits import Hits
     from receptance.measurement.windows import Windows
 
-__all__ = ["Channel", "Estimator", "Limits", "Spectra"]
+__all__ = ["Channel", "Estimator", "Exclusions", "Limits", "Reason", "Spectra", "force_band"]
+
+BIAS_SHARE = 0.25
+"""Largest known error of a usable line, in standard deviations; the variance is increased by its square."""
+NEGLIGIBLE = 1e-3
+"""Relative error that never excludes a line."""
+_BAND_SMOOTHING = 5
+"""Lines over which the force's power is averaged, so that noise does not end the band."""
 
 Estimator = Literal["H1", "H2", "Hv"]
 _ALIAS_FREE = 1.0 / 2.56
-"""Of the sampling rate: where recorders' filters still keep out what is above half of it."""
+"""Share of the sampling rate up to which recorders' filters prevent aliasing."""
 _OFFSET_SAMPLES = 32
-"""Samples before a hit from which an offset can be told."""
+"""Least samples before a hit for an estimate of the offset."""
 _CLEAR = 2
-"""Samples left out before the contact: its foot is below the edge that was found."""
+"""Samples left out before a contact, whose rise begins before the detected edge."""
 _ROUNDING = 1e-28
-"""Relative variance of a transform's own rounding, so that records without noise do not claim to be exact."""
+"""Relative variance of the rounding of a transform, for records without noise."""
+
+
+class Reason(NamedTuple):
+    """Why a line is not usable."""
+
+    kind: Literal["filter", "force", "scatter", "noise", "truncation", "window", "exponential"]
+    text: str
+
+
+Exclusions: TypeAlias = dict[Reason, "NDArray[np.bool_]"]
+"""Lines `(n_lines,)` that are not usable, by reason."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a usable line may at most have, and over how many lines to pool."""
+    """Limits of usable lines, and the number of pooled lines."""
 
     force_drop_db: float
     largest_deviation: float
@@ -45,15 +61,16 @@ class Limits:
 
 @dataclass(frozen=True)
 class Channel:
-    """One FRF with its variance, `(n_lines,)` each; `refused` has the lines that are not usable by reason."""
+    """FRF of one response channel with its variance, `(n_lines,)` each, and the lines excluded for each reason."""
 
     values: NDArray[np.complex128]
     coherence: NDArray[np.float64] | None
     log_variance: NDArray[np.float64] | None
     degrees_of_freedom: NDArray[np.float64] | None
-    alike_lines: NDArray[np.float64]
-    left: NDArray[np.float64]
-    refused: dict[str, NDArray[np.bool_]]
+    correlated_lines: NDArray[np.float64]
+    remainder: NDArray[np.float64]
+    """Amplitude at the end of the block relative to that at the beginning."""
+    excluded: Exclusions
 
 
 class Spectra:
@@ -68,7 +85,7 @@ class Spectra:
     response : ndarray
         `(n_hits, n_lines, n_channels)`.
     noise_share : ndarray or None
-        `(n_lines,)` share of noise in the force's power, None where it could not be measured.
+        `(n_lines,)` share of noise in the power of the force; None if it could not be estimated.
     """
 
     def __init__(self, hits: Hits, windows: Windows, low_hz: float | None, high_hz: float | None) -> None:
@@ -83,25 +100,25 @@ class Spectra:
         self.force = self._all_force[:, self.lines]
         self.response = rfft(self._time_response, axis=1)[:, self.lines]
         self.power = np.sum(np.abs(self.force) ** 2, axis=0)
-        self._check_alive(self.power, "the force")
-        self.noise = force_noise(force, windows, self.frequency_hz, hits.sample_rate_hz)
+        self._check_not_zero(self.power, "the force")
+        self.noise = force_noise_power(force, windows, self.frequency_hz, hits.sample_rate_hz)
         self.noise_share = None
         if self.noise is not None:
             self.noise_share = np.minimum(len(force) * self.noise * windows.force_energy / self.power, 1.0)
 
     @cached_property
-    def skew(self) -> NDArray[np.float64]:
-        """Share of the force's noise that is in one phase; see `Windows.skew`."""
-        return self.windows.skew(self.force, self.lines)
+    def force_noncircularity(self) -> NDArray[np.float64]:
+        """Noncircularity of the noise on the force; see `Windows.force_noncircularity`."""
+        return self.windows.force_noncircularity(self.force, self.lines)
 
     @cached_property
-    def response_skew(self) -> NDArray[np.float64]:
-        """Share of the response's noise that is in one phase: of lines as low as an exponential window decays."""
-        return one_phase(self.windows.response, self.lines)
+    def response_noncircularity(self) -> NDArray[np.float64]:
+        """Noncircularity of the noise on the response, for lines as low as the decay rate of an exponential window."""
+        return noncircularity(self.windows.response, self.lines)
 
     @cached_property
-    def cut(self) -> NDArray[np.float64]:
-        """What the force's window takes away; see `leakage.cut_off`."""
+    def force_removed(self) -> NDArray[np.float64]:
+        """Force removed by the force window; see `bias.force_outside_window`."""
         from scipy.fft import rfft
 
         if not self.windows.shape.size or self.noise is None:
@@ -109,16 +126,16 @@ class Spectra:
         whole = rfft(self._time_force * self.windows.around, axis=1)[:, self.lines]
         outside = self.windows.around - self.windows.force
         energy = float(np.mean(np.sum(outside**2, axis=1)))
-        return cut_off(whole, self.force, self.noise * energy, alike_lines(outside))
+        return force_outside_window(whole, self.force, self.noise * energy, correlated_lines(outside))
 
-    def outside(self, limits: Limits) -> dict[str, NDArray[np.bool_]]:
-        """Return the lines that the force does not reach, and those that the recorder's filter does not guard."""
+    def out_of_range(self, limits: Limits) -> Exclusions:
+        """Return the lines not excited by the force, and those not protected by the recorder's filter."""
+        ratio = 1.0 / _ALIAS_FREE
+        filtered = Reason("filter", f"above the range of the recorder's filter (sampling rate / {ratio:g})")
+        weak = Reason("force", f"where the force spectrum is over {limits.force_drop_db:g} dB down (force_drop_db)")
         return {
-            f"where the recorder's filter ends (sampling rate / {1 / _ALIAS_FREE:g})": self.frequency_hz
-            > _ALIAS_FREE * self.hits.sample_rate_hz,
-            f"where the force's spectrum is over {limits.force_drop_db:g} dB down (force_drop_db)": ~force_band(
-                self.power, limits.force_drop_db
-            ),
+            filtered: self.frequency_hz > _ALIAS_FREE * self.hits.sample_rate_hz,
+            weak: ~force_band(self.power, limits.force_drop_db),
         }
 
     def channel(self, index: int, estimator: Estimator, limits: Limits) -> Channel:
@@ -127,67 +144,67 @@ class Spectra:
         hits = len(x)
         cross = np.sum(np.conj(self.force) * x, axis=0)
         motion = np.sum(np.abs(x) ** 2, axis=0)
-        self._check_alive(motion, f"response channel {index}")
+        self._check_not_zero(motion, f"response channel {index}")
         first = cross / self.power
-        self._check_alive(np.abs(first) ** 2, f"the FRF of response channel {index}")
-        refused = self.outside(limits)
+        self._check_not_zero(np.abs(first) ** 2, f"the FRF of response channel {index}")
+        excluded = self.out_of_range(limits)
         if hits == 1:
-            alike = self.windows.alike_lines(np.zeros(x.shape[1]))
-            return Channel(first, None, None, None, alike, np.zeros(x.shape[1]), refused)
+            correlated = self.windows.correlated_lines(np.zeros(x.shape[1]))
+            return Channel(first, None, None, None, correlated, np.zeros(x.shape[1]), excluded)
         coherence = np.clip(np.abs(cross) ** 2 / (self.power * motion), 0.0, 1.0)
-        # From the residuals themselves: 1 - g^2 has no digits left where there is little noise.
+        # From the residuals, because 1 - g^2 is dominated by rounding if there is little noise.
         scatter = np.sum(np.abs(x - first * self.force) ** 2, axis=0) / (hits - 1)
         relative = hits * scatter / (self.power * np.abs(first) ** 2) + _ROUNDING
         share = self._force_share(relative)
         variance, freedom = pool_variance(
             first,
             relative / (2.0 * hits),
-            2.0 * (hits - 1) / (1.0 + (self.skew * share) ** 2),
-            correlated_lines=self.windows.alike_lines(share),
+            2.0 * (hits - 1) / (1.0 + (self.force_noncircularity * share) ** 2),
+            correlated_lines=self.windows.correlated_lines(share),
             half_width=limits.half_width,
         )
         relative = 2.0 * hits * variance
         share = self._force_share(relative)
-        variance = variance * (1.0 + self.skew * share + self.response_skew * (1.0 - share))
+        variance = variance * (1.0 + self.force_noncircularity * share + self.response_noncircularity * (1.0 - share))
         factor, bias = self._correction(estimator, coherence, relative)
-        left = left_over(self._time_response[:, :, index], self._all_force, self.over, self.onset)
-        lost = np.maximum(left.share[self.lines], left.error[self.lines] / np.abs(first))
+        truncation = truncation_error(self._time_response[:, :, index], self._all_force, self.release, self.onset)
+        truncated = np.maximum(truncation.share[self.lines], truncation.error[self.lines] / np.abs(first))
         deviation = np.sqrt(variance)
-        wrong = {
-            f"where noise makes {estimator} wrong": bias,
-            "where the response has not died away when the block ends": lost,
-            "where the force's window cuts off force": self.cut,
+        errors = {
+            Reason("noise", f"where noise biases {estimator}"): bias,
+            Reason("truncation", "where the response has not decayed at the end of the block"): truncated,
+            Reason("window", "where the force window removes force"): self.force_removed,
         }
         limit = np.maximum(BIAS_SHARE * deviation, NEGLIGIBLE)
-        refused |= {
-            f"where the scatter is large (standard deviation of the log over {limits.largest_deviation:g})": deviation
-            > limits.largest_deviation,
-            **{reason: error > limit for reason, error in wrong.items()},
-        }
-        # An error that is kept is small; the interval is to hold it all the same.
-        variance = variance + sum(np.minimum(error, limit) ** 2 for error in wrong.values())
+        scattered = Reason(
+            "scatter", f"where the scatter is large (standard deviation of the log over {limits.largest_deviation:g})"
+        )
+        excluded |= {scattered: deviation > limits.largest_deviation}
+        excluded |= {reason: error > limit for reason, error in errors.items()}
+        # Remaining errors are small, but must be covered by the interval.
+        variance = variance + sum(np.minimum(error, limit) ** 2 for error in errors.values())
         return Channel(
             values=first * factor,
             coherence=coherence,
             log_variance=variance,
             degrees_of_freedom=freedom,
-            alike_lines=self.windows.alike_lines(share),
-            left=left.share[self.lines],
-            refused=refused,
+            correlated_lines=self.windows.correlated_lines(share),
+            remainder=truncation.share[self.lines],
+            excluded=excluded,
         )
 
-    def _check_alive(self, power: NDArray[np.float64], name: str) -> None:
+    def _check_not_zero(self, power: NDArray[np.float64], name: str) -> None:
         if not np.any(power):
             raise ValueError(f"estimate_frf: {name} is zero in all hits; is the sensor connected?")
         if not np.all(power):
             line = self.frequency_hz[np.flatnonzero(power == 0.0)[0]]
             raise ValueError(
-                f"estimate_frf: {name} is exactly zero at {line:g} Hz, which no recorder gives; leave such lines out "
-                "with low_hz and high_hz"
+                f"estimate_frf: {name} is exactly zero at {line:g} Hz, unlike recorded data; exclude such lines with "
+                "low_hz and high_hz"
             )
 
     def _force_share(self, relative: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the share of the scatter that is noise on the force, as far as it is known."""
+        """Return the known share of noise on the force in the scatter."""
         if self.noise_share is None:
             return np.zeros_like(relative)
         share: NDArray[np.float64] = np.minimum(self.noise_share / relative, 1.0)
@@ -196,9 +213,9 @@ class Spectra:
     def _correction(
         self, estimator: Estimator, coherence: NDArray[np.float64], relative: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the factor from H1 to the estimator, and the bias of its logarithm, as far as it is known.
+        """Return the factor from H1 to the estimator, and the known bias of its logarithm.
 
-        `relative` is the scatter of one hit over |H|^2 |F|^2: noise on the force and on the response, together.
+        `relative` is the scatter of one hit over |H|^2 |F|^2, from noise on force and response.
         """
         on_force = np.zeros_like(relative) if self.noise_share is None else self.noise_share
         if estimator == "H1":
@@ -207,17 +224,17 @@ class Spectra:
             return 1.0 / coherence, np.maximum(relative - on_force, 0.0)
         if self.noise_share is None:
             return 1.0 / np.sqrt(coherence), np.zeros_like(relative)
-        # There cannot be more noise on the force than there is scatter.
+        # Noise on the force cannot exceed the scatter.
         return 1.0 / (1.0 - np.minimum(on_force, relative / (1.0 + relative))), np.zeros_like(relative)
 
     @property
     def onset(self) -> int:
-        """Sample of the blocks at which the hits begin, in the middle of them."""
+        """Median sample of the blocks at which the contacts begin."""
         return int(np.median([hit.onset - hit.start for hit in self.hits.kept]))
 
     @property
-    def over(self) -> int:
-        """Sample of the blocks from which on no hammer touches."""
+    def release(self) -> int:
+        """First sample of the blocks after all contacts."""
         return max(hit.release - hit.start for hit in self.hits.kept)
 
 
@@ -225,7 +242,7 @@ def _lines(hits: Hits, low_hz: float | None, high_hz: float | None) -> slice:
     low = 0.0 if low_hz is None else _checks.not_negative("estimate_frf", "low_hz", low_hz, unit="Hz")
     high = np.inf if high_hz is None else _checks.positive("estimate_frf", "high_hz", high_hz, unit="Hz")
     numbers = np.arange(1, (hits.n_samples - 1) // 2 + 1)
-    # A limit that was meant to be on a line is on it, whatever rounding does.
+    # A limit on a line must include this line in spite of rounding.
     slack = 1e-6
     chosen = numbers[(numbers >= low * hits.duration_s - slack) & (numbers <= high * hits.duration_s + slack)]
     if not chosen.size:
@@ -237,7 +254,7 @@ def _lines(hits: Hits, low_hz: float | None, high_hz: float | None) -> slice:
 
 
 def _without_offset(hits: Hits) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the blocks less their mean before the hit; of a force with little before it, less its median."""
+    """Return the blocks without offset: the mean before the hit, or the median of a force with few samples there."""
     force, response = hits.blocks()
     recorded = hits.records[0].response_decay_rate > 0.0
     for row, hit in enumerate(hits.kept):
@@ -247,3 +264,27 @@ def _without_offset(hits: Hits) -> tuple[NDArray[np.float64], NDArray[np.float64
         if enough and not recorded:
             response[row] -= np.mean(response[row, :before], axis=0)
     return force, response
+
+
+def force_band(power: NDArray[np.float64], drop_db: float) -> NDArray[np.bool_]:
+    """Return the lines around the maximum of the force spectrum, up to the first on each side that is `drop_db` lower.
+
+    The band is contiguous: the frequencies of a pulse's side lobes vary from hit to hit, so these are excluded.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.measurement.spectra import force_band
+    >>> force_band(np.array([1.0, 1.0, 0.9, 0.5, 1e-3, 1e-3, 0.1, 0.1]), 20.0)
+    array([ True,  True,  True,  True, False, False, False, False])
+    """
+    width = min(_BAND_SMOOTHING, power.size)
+    ones = np.ones(width)
+    level = np.convolve(power, ones, "same") / np.convolve(np.ones_like(power), ones, "same")
+    # The average reaches beyond the edges of the band, so that each line must be strong as well.
+    weak = np.minimum(level, power) < level.max() * 10.0 ** (-drop_db / 10.0)
+    top = int(np.argmax(level))
+    below, above = np.flatnonzero(weak[:top]), np.flatnonzero(weak[top:])
+    inside = np.zeros(power.size, dtype=bool)
+    inside[int(below[-1]) + 1 if below.size else 0 : top + int(above[0]) if above.size else None] = True
+    return inside

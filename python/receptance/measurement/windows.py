@@ -1,4 +1,4 @@
-"""Windows on the two channels of every hit, and what they do to noise."""
+"""Windows on force and response of every hit, and their effect on noise."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ if TYPE_CHECKING:
 
     from receptance.measurement.hits import Hits
 
-__all__ = ["ExponentialOn", "Windows", "alike_lines", "make_windows", "one_phase"]
+__all__ = ["ExponentialOn", "Windows", "correlated_lines", "make_windows", "noncircularity"]
 
 ExponentialOn = Literal["both", "response"]
 _PLATEAU = 1.0
-"""Contacts that the force's window stays open before and after the hammer touches: a pulse has a foot;"""
-_LEAST_OPEN = 24
-"""in samples at least: a recorder's filter rings for about so many, and both channels must keep that."""
+"""Length of the force window's plateau before and after a contact, relative to the contact,"""
+_MIN_PLATEAU = 24
+"""and at least in samples, because the ringing of a recorder's filter must be kept in both channels."""
 _FALL = 1.0
-"""Contacts over which the window rises and falls, as half a cosine;"""
-_LEAST_FALL = 8
-"""in samples at least."""
+"""Length of the half-cosine slopes of the force window, relative to the contact,"""
+_MIN_FALL = 8
+"""and at least in samples."""
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Weights of force and response, `(n_hits, n_samples)` each, and the length of the force's window alone."""
+    """Weights of force and response, `(n_hits, n_samples)` each."""
 
     force: NDArray[np.float64]
     response: NDArray[np.float64]
     shape: NDArray[np.float64]
-    """The force's window alone, without zeros around it; empty where there is none."""
+    """The force window without the zeros around it; empty if there is none."""
     around: NDArray[np.float64]
-    """Weights of the force without its own window."""
+    """Weights of the force without the force window."""
     silent: tuple[tuple[slice, ...], ...]
-    """Samples of each block in which no hammer touches."""
+    """Samples of each block outside contacts."""
 
-    def alike_lines(self, force_share: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how many neighbouring lines share one independent value, `(n_lines,)`.
+    def correlated_lines(self, force_share: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the number of neighbouring lines per independent value, `(n_lines,)`.
 
-        That is sum |R|^2 over all lags of the correlation R between lines. R is the transform of how the noise's energy
-        lies in time, g(t) with sum 1, so the sum is N sum g^2.
+        This is the sum of |R|^2 over all lags of the correlation R between lines. R is the transform of the
+        distribution g(t) of the noise energy in time, with sum 1, so that the sum is N sum g^2.
 
         Parameters
         ----------
         force_share : ndarray
-            `(n_lines,)` share of the scatter that is noise on the force.
+            `(n_lines,)` share of noise on the force in the scatter.
         """
         x, f = (np.mean(weights**2, axis=0) for weights in (self.response, self.force))
         x, f = x / np.sum(x), f / np.sum(f)
@@ -59,15 +59,15 @@ class Windows:
 
     @property
     def force_energy(self) -> float:
-        """Sum of squares of the force's weights, mean over the hits."""
+        """Sum of squares of the force weights, mean over the hits."""
         return float(np.mean(np.sum(self.force**2, axis=1)))
 
-    def skew(self, spectra: NDArray[np.complex128], lines: slice) -> NDArray[np.float64]:
-        """Return how much of the force's noise is in phase with the pulse, `(n_lines,)`, from 0 to 1.
+    def force_noncircularity(self, spectra: NDArray[np.complex128], lines: slice) -> NDArray[np.float64]:
+        """Return the noncircularity of the noise on the force relative to the pulse, `(n_lines,)`, from 0 to 1.
 
-        Through a window of length T noise below about 1 / T looks the same to all lines: real, but for the phase of
-        the time at which the window sits, as the pulse does. So it changes magnitudes and not phases (or the other
-        way round), twice as much as noise that is alike in both. With M the windowed noise E[M^2] = sum w^2 e^(-2iwt).
+        Below about 1 / T, with T the length of the window, windowed noise is real but for the phase of the window's
+        position, which is that of the pulse as well. It then changes magnitudes and not phases, with twice the variance
+        of circular noise. With M the windowed noise, E[M^2] = sum w^2 e^(-2iwt).
         """
         from scipy.fft import fft
 
@@ -79,14 +79,14 @@ class Windows:
         return np.minimum(found, 1.0)
 
 
-def alike_lines(weights: NDArray[np.float64]) -> float:
-    """Return how many lines share one independent value of white noise through windows `(n_hits, n_samples)`."""
+def correlated_lines(weights: NDArray[np.float64]) -> float:
+    """Return the number of lines per independent value of white noise through windows `(n_hits, n_samples)`."""
     energy = np.mean(weights**2, axis=0)
     return float(energy.size * np.sum(energy**2) / np.sum(energy) ** 2)
 
 
-def one_phase(weights: NDArray[np.float64], lines: slice) -> NDArray[np.float64]:
-    """Return how much of white noise through windows `(n_hits, n_samples)` is in one phase, `(n_lines,)`, 0 to 1."""
+def noncircularity(weights: NDArray[np.float64], lines: slice) -> NDArray[np.float64]:
+    """Return the noncircularity `(n_lines,)` of white noise through windows `(n_hits, n_samples)`, from 0 to 1."""
     from scipy.fft import fft
 
     energy = np.mean(weights**2, axis=0)
@@ -102,7 +102,7 @@ def make_windows(
     rate, n_samples = hits.sample_rate_hz, hits.n_samples
     kept = hits.kept
     time = np.arange(n_samples) / rate
-    # One origin for both channels: the ratio of their spectra then is the FRF at w - i sigma, wherever the hit lies.
+    # With one origin for both channels, the ratio of their spectra is the FRF at w - i sigma for any time of the hit.
     exponential = np.exp(-decay_rate * time)
     response = np.tile(exponential, (len(kept), 1))
     force = response.copy() if exponential_on == "both" else np.ones_like(response)
@@ -118,7 +118,7 @@ def make_windows(
         first = hit.onset - hit.start - before
         stop = first + (shape.size or contact + 2 * before)
         if shape.size:
-            force[row] *= _placed(shape, first, n_samples)
+            force[row] *= _window_at(shape, first, n_samples)
         silent.append((slice(0, max(0, first)), slice(min(stop, n_samples), n_samples)))
     return Windows(force, response, shape, around, tuple(silent))
 
@@ -126,11 +126,11 @@ def make_windows(
 def _force_window(
     contact: int, rate: float, length_s: float | Literal["auto"] | None
 ) -> tuple[NDArray[np.float64], int]:
-    """Return the force's window and how many samples of it lie before the contact."""
+    """Return the force window, and its number of samples before the contact."""
     from scipy.signal.windows import hann
 
-    fall = max(_LEAST_FALL, round(_FALL * contact))
-    margin = max(_LEAST_OPEN, round(_PLATEAU * contact))
+    fall = max(_MIN_FALL, round(_FALL * contact))
+    margin = max(_MIN_PLATEAU, round(_PLATEAU * contact))
     after = contact + margin
     if length_s is not None and length_s != "auto":
         after = round(_checks.positive("estimate_frf", "force_window_s", length_s, unit="s") * rate)
@@ -145,7 +145,7 @@ def _force_window(
     return np.concatenate([ramp, np.ones(margin + after), ramp[::-1]]), margin + fall
 
 
-def _placed(shape: NDArray[np.float64], first: int, n_samples: int) -> NDArray[np.float64]:
+def _window_at(shape: NDArray[np.float64], first: int, n_samples: int) -> NDArray[np.float64]:
     window = np.zeros(n_samples)
     begin, end = max(0, first), min(n_samples, first + shape.size)
     window[begin:end] = shape[begin - first : end - first]

@@ -1,4 +1,4 @@
-"""Modal estimates: natural frequencies, damping ratios and modal constants of measured FRFs, with standard errors."""
+"""Modal analysis: natural frequencies, damping ratios and modal constants of measured FRFs, with standard errors."""
 
 from receptance.modal.circle import CircleFit, circle_fit
 from receptance.modal.estimate import ModeEstimate

@@ -1,4 +1,4 @@
-"""Poles and residues by least squares: the residues, which enter linearly, are solved for at every step."""
+"""Poles and residues by separable least squares: residues enter linearly and are solved for at every step."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 _STEPS = 200
 _TOLERANCE = 1e-13
 _ROUNDING = 1e-14
-"""A step of poles over their distance to the lines that is no step."""
+"""Step of the poles, relative to their distance to the lines, at which the search has converged."""
 _BLOCK = 64
-"""Candidates whose columns are held at one time."""
+"""Candidates evaluated at once, to limit memory."""
 
 
 @dataclass(frozen=True)
@@ -30,28 +30,27 @@ class PoleFit:
         `(m, k)` real, for each entry: real parts of the M residues, their imaginary parts, then real and imaginary
         part of each background term in the terms' order.
     residual : ndarray
-        `(n, m)` complex, measured less fitted in units of the weights.
+        `(n, m)` complex, measured minus fitted values times the weights.
     fitted : ndarray
         `(n, m)` complex, in the form of the data.
     inverse : ndarray
-        `(2M, 2M)` inverse of the information on the real, then the imaginary parts of the poles.
+        `(2M, 2M)` inverse of the information matrix of the real, then the imaginary parts of the poles.
     of_poles : ndarray
-        `(2M, 2M)` their covariance for weights that are the inverse standard deviation of the real and of the
-        imaginary part; `inverse` itself where lines are independent.
+        `(2M, 2M)` their covariance, if the weights are the inverse standard deviations of real and imaginary part;
+        equal to `inverse` for independent lines.
     of_coefficients : ndarray
-        `(m, k, k)` covariance of the coefficients, that of the poles included.
+        `(m, k, k)` covariance of the coefficients, including the uncertainty of the poles.
     with_poles : ndarray
-        `(m, k, 2M)` covariance of the coefficients with the poles.
+        `(m, k, 2M)` covariance between coefficients and poles.
     scores : ndarray
-        `(m, 2M)` where each entry alone would pull the poles: its share of the derivative of half the sum of squares,
-        which is zero for all entries together.
+        `(m, 2M)` contribution of each entry to the gradient of half the sum of squares, which is zero in total.
     information_matrices : ndarray
-        `(m, 2M, 2M)` share of each entry in the inverse of `inverse`.
+        `(m, 2M, 2M)` contribution of each entry to the information matrix.
     degrees_of_freedom : float
-        What the sum of squared residuals is expected to be for those weights: twice the number of values less that of
-        real parameters where lines are independent.
+        Expectation of the sum of squared residuals for those weights: for independent lines, twice the number of values
+        minus the number of real parameters.
     converged : bool
-        Whether it stopped because nothing changed any more.
+        Whether the search converged.
     """
 
     poles: NDArray[np.complex128]
@@ -59,9 +58,9 @@ class PoleFit:
     residual: NDArray[np.complex128]
     fitted: NDArray[np.complex128]
     inverse: NDArray[np.float64]
-    of_poles: NDArray[np.float64]
-    of_coefficients: NDArray[np.float64]
-    with_poles: NDArray[np.float64]
+    pole_covariance: NDArray[np.float64]
+    coefficient_covariance: NDArray[np.float64]
+    cross_covariance: NDArray[np.float64]
     scores: NDArray[np.float64]
     information_matrices: NDArray[np.float64]
     degrees_of_freedom: float
@@ -90,7 +89,7 @@ class PoleModel:
     power : int
         0, 1 or 2 for receptance, mobility, accelerance.
     terms : tuple of int
-        Powers of s in the receptance that stand for the modes outside the band, each with a complex coefficient per
+        Powers of s in the receptance that represent the modes outside the band, each with a complex coefficient per
         entry: -2 for those below, 0 for those above.
     """
 
@@ -100,7 +99,7 @@ class PoleModel:
 
     def basis(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """`(n, k)` columns of the real coefficients."""
-        return np.concatenate([self.of_poles(poles), self.background()], axis=1)
+        return np.concatenate([self.pole_columns(poles), self.background()], axis=1)
 
     def background(self) -> NDArray[np.complex128]:
         """`(n, 2 len(terms))` columns of the background."""
@@ -108,16 +107,16 @@ class PoleModel:
         pairs = [part for column in columns for part in (column, 1j * column)]
         return np.stack(pairs, axis=1) if pairs else np.empty((self.s.size, 0), dtype=np.complex128)
 
-    def of_poles(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def pole_columns(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """`(n, 2M)` columns of the real parts of the residues, then of their imaginary parts."""
         own, other = 1.0 / (self.s[:, None] - poles), 1.0 / (self.s[:, None] - poles.conj())
         raised = self.s[:, None] ** self.power
         return np.concatenate([raised * (own + other), 1j * raised * (own - other)], axis=1)
 
     def slopes(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """`(n, 2M)`: of each pole the derivatives of its two columns by its real part.
+        """`(n, 2M)` derivatives of the two columns of each pole by its real part.
 
-        With them T and G, the derivatives of the columns by the imaginary part are G and -T.
+        With T and G these derivatives, those by the imaginary part are G and -T.
         """
         own, other = 1.0 / (self.s[:, None] - poles) ** 2, 1.0 / (self.s[:, None] - poles.conj()) ** 2
         raised = self.s[:, None] ** self.power
@@ -125,7 +124,7 @@ class PoleModel:
 
     @property
     def decay_rate(self) -> float:
-        """Of the exponential window: how far the lines are from the imaginary axis."""
+        """Decay rate of the exponential window: distance of the lines from the imaginary axis."""
         return float(self.s[0].real)
 
     @property
@@ -136,7 +135,7 @@ class PoleModel:
 
 @dataclass(frozen=True)
 class _Group:
-    """Entries that share their weights per line, so that one factorisation serves all of them."""
+    """Entries with equal relative weights of the lines, which share one factorisation."""
 
     entries: NDArray[np.int64]
     weight: NDArray[np.float64]
@@ -145,10 +144,10 @@ class _Group:
 
 @dataclass(frozen=True)
 class PoleProblem:
-    """The weighted problem; by variable projection (Golub and Pereyra 1973) only the poles are searched for.
+    """Weighted least-squares problem of the poles by variable projection (Golub and Pereyra 1973).
 
-    The derivative is Kaufman's (1975), which leaves out what is of the size of the residual: it gives the exact
-    covariance of the linearised problem.
+    The derivative is that of Kaufman (1975), without terms of the order of the residual; it gives the exact covariance
+    of the linearised problem.
 
     Attributes
     ----------
@@ -157,22 +156,22 @@ class PoleProblem:
     values : ndarray
         `(n, m)` in the form of the data.
     weights : ndarray
-        `(n, m)`, the inverse standard deviation of the real and of the imaginary part, up to one factor.
+        `(n, m)` inverse standard deviations of real and imaginary part, up to one factor.
     shared : float
-        How many neighbouring lines share one independent value. The estimate does not depend on it, its covariance
-        does.
+        Number of neighbouring lines per independent value, which affects the covariance only.
     additive : ndarray, optional
-        `(n, m)` share of each variance that is additive noise, independent between entries. The rest is in proportion
-        to the FRF, as noise of the force is, and may be common to the responses to one excitation: how far it is
-        follows from the residuals. By default all is additive. The covariance alone depends on it.
+        `(n, m)` share of additive noise in each variance, which is independent between entries. The rest is
+        proportional to the FRF, as noise on the force, and may be correlated between the responses to one excitation;
+        the correlation is estimated from the residuals. By default all noise is additive. It affects the covariance
+        only.
     excitations : int
-        Entries are the responses by so many excitations, one row after the other.
+        Number of excitations; entries are ordered by response, then by excitation.
     """
 
     model: PoleModel
     values: NDArray[np.complex128]
     weights: NDArray[np.float64]
-    shared: float = 1.0
+    correlated_lines: float = 1.0
     additive: NDArray[np.float64] | None = None
     excitations: int = 1
 
@@ -185,7 +184,7 @@ class PoleProblem:
         tolerance: float = _TOLERANCE,
         steps: int = _STEPS,
     ) -> PoleFit:
-        """Return the fit that a Levenberg-Marquardt search from these poles ends at; without poles the background's.
+        """Return the result of a Levenberg-Marquardt search from these poles; the background alone without poles.
 
         Parameters
         ----------
@@ -194,7 +193,7 @@ class PoleProblem:
         low, high : ndarray, optional
             `(M,)` bounds of the real and of the imaginary parts.
         tolerance : float, optional
-            The search ends where a step is expected to lower the sum of squares by less than this share of it.
+            Smallest expected relative decrease of the sum of squares by a step.
         steps : int, optional
             Most evaluations.
         """
@@ -209,7 +208,7 @@ class PoleProblem:
         size, slope, bending = self._evaluate(_whole(x), groups)
         damping, converged = 1e-3, False
         for _ in range(steps):
-            # A pole at a bound that the sum of squares pushes against stays there.
+            # Variables at a bound are fixed if the gradient points outwards.
             free = ~(((x <= ends[0]) & (slope > 0.0)) | ((x >= ends[1]) & (slope < 0.0)))
             scale = np.sqrt(np.diag(bending))
             scale = np.where(scale > 0.0, scale, 1.0)[free]
@@ -220,7 +219,7 @@ class PoleProblem:
             step = np.zeros(2 * count)
             step[free] = -np.linalg.lstsq(scaled + damping * np.eye(scale.size), slope[free] / scale, rcond=None)[0]
             step[free] /= scale
-            # In one step no pole moves farther than it is from the lines: the linearisation ends there.
+            # Poles move at most by their distance to the lines, the range of the linearisation.
             away = np.maximum(np.abs(self.model.decay_rate - x[:count]), self.model.spacing)
             step /= max(1.0, float(np.max(np.abs(step) / np.tile(away, 2))))
             new = np.clip(x + step, *ends)
@@ -240,18 +239,18 @@ class PoleProblem:
         return self._conclude(_whole(x), groups, converged)
 
     def gains(self, poles: NDArray[np.complex128], candidates: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """By how much each candidate, added to these poles, would lower the sum of the squared residuals."""
+        """Decrease of the sum of squared residuals by adding each candidate to these poles."""
         gains = np.zeros(candidates.size)
         basis = self.model.basis(poles)
         for group in self._groups():
-            solved = _Solved.of(self, group, basis)
+            solved = _LinearSolution.of(self, group, basis)
             for first in range(0, candidates.size, _BLOCK):
                 own = candidates[first : first + _BLOCK]
-                columns = _stacked(group.weight[:, None] * self.model.of_poles(own))
+                columns = _stacked(group.weight[:, None] * self.model.pole_columns(own))
                 columns /= np.maximum(np.linalg.norm(columns, axis=0), np.finfo(np.float64).tiny)
                 columns -= solved.q @ (solved.q.T @ columns)
                 a, b = columns[:, : own.size], columns[:, own.size :]
-                # Of what a and b explain together, from their Gram matrix of two by two.
+                # Projection on a and b together, from their 2 x 2 Gram matrix.
                 aa, bb, ab = (np.einsum("ij,ij->j", x, y) for x, y in ((a, a), (b, b), (a, b)))
                 left = columns.T @ solved.residual
                 ya, yb = left[: own.size], left[own.size :]
@@ -261,10 +260,10 @@ class PoleProblem:
                 gains[first : first + _BLOCK] += np.where(good, top / np.where(good, known, 1.0), 0.0)
         return gains
 
-    def left_over(self, poles: NDArray[np.complex128]) -> float:
+    def residual_sum(self, poles: NDArray[np.complex128]) -> float:
         """Sum of the squared residuals with the best residues for these poles."""
         basis = self.model.basis(poles)
-        return float(sum(np.sum(_Solved.of(self, group, basis).residual ** 2) for group in self._groups()))
+        return float(sum(np.sum(_LinearSolution.of(self, group, basis).residual ** 2) for group in self._groups()))
 
     @property
     def square(self) -> float:
@@ -288,21 +287,20 @@ class PoleProblem:
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         """Return the sum of squares with the best residues, half its gradient, and the Gauss-Newton matrix.
 
-        Entries of one group share the columns that the residues multiply, so that the matrices over lines are formed
-        once and only those over modes once per entry: neither time nor memory grow with lines times entries times
-        modes.
+        The entries of a group share the columns of the poles, so that products over lines are formed once per group and
+        only products over modes once per entry: time and memory do not grow with lines times entries times modes.
         """
         basis, slopes = self.model.basis(poles), self.model.slopes(poles)
         count = poles.size
         size, slope, bending = 0.0, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
         for group in groups:
-            solved = _Solved.of(self, group, basis)
+            solved = _LinearSolution.of(self, group, basis)
             size += float(np.sum(solved.residual**2))
             outside = solved.outside(slopes)
             pull, gram = outside.T @ solved.residual, outside.T @ outside
-            for half, (a, b) in enumerate(solved.turns(count)):
+            for half, (a, b) in enumerate(solved.factors(count)):
                 slope[half * count : (half + 1) * count] -= np.sum(a * pull[:count] + b * pull[count:], axis=1)
-                for other, (c, d) in enumerate(solved.turns(count)):
+                for other, (c, d) in enumerate(solved.factors(count)):
                     block = gram[:count, :count] * (a @ c.T) + gram[:count, count:] * (a @ d.T)
                     block += gram[count:, :count] * (b @ c.T) + gram[count:, count:] * (b @ d.T)
                     bending[half * count : (half + 1) * count, other * count : (other + 1) * count] += block
@@ -313,30 +311,30 @@ class PoleProblem:
         entries, size, modes = self.values.shape[1], basis.shape[1], poles.size
         count = 2 * modes
         coefficients, scores = np.zeros((entries, size)), np.zeros((entries, count))
-        # Of the coefficients with the poles held, their slopes by the poles, and what links both errors.
+        # Covariance of the coefficients for fixed poles, their derivatives by the poles, and the cross terms.
         own, by_poles, link = (np.zeros((entries, size, each)) for each in (size, count, count))
         information_matrices, squares = (np.zeros((entries, count, count)) for _ in range(2))
         freedom = 2.0 * np.count_nonzero(self.weights)
         for group in groups:
-            solved = _Solved.of(self, group, basis)
+            solved = _LinearSolution.of(self, group, basis)
             back = np.linalg.pinv(solved.r) / solved.norms[:, None]
-            inside, outside = solved.q.T @ solved.moved(slopes), solved.outside(slopes)
+            inside, outside = solved.q.T @ solved.weighted(slopes), solved.outside(slopes)
             gram, pull = outside.T @ outside, outside.T @ solved.residual
             for place, entry in enumerate(group.entries):
-                if place == 0 or (self.additive is not None and self.shared > 1.0):
-                    turned = self._turned(entry, basis @ solved.coefficients[:, place])
-                    spread = self._with_noise(solved.q, turned)
+                if place == 0 or (self.additive is not None and self.correlated_lines > 1.0):
+                    proportional = self._proportional_noise(entry, basis @ solved.coefficients[:, place])
+                    spread = self._times_noise_covariance(solved.q, proportional)
                     seen, crossed = solved.q.T @ spread, spread.T @ outside
-                    shared = outside.T @ self._with_noise(outside, turned)
-                    of_coefficients = back @ seen @ back.T
-                turn = solved.turn(modes, place)
+                    noise = outside.T @ self._times_noise_covariance(outside, proportional)
+                    coefficient_covariance = back @ seen @ back.T
+                rotation = solved.rotation(modes, place)
                 coefficients[entry] = solved.coefficients[:, place]
-                information_matrices[entry] = turn.T @ gram @ turn
-                squares[entry] = turn.T @ shared @ turn
-                scores[entry] = -turn.T @ pull[:, place]
-                own[entry] = of_coefficients / group.factor[place] ** 2
-                by_poles[entry] = -back @ (inside @ turn) / group.factor[place]
-                link[entry] = back @ (crossed @ turn) / group.factor[place]
+                information_matrices[entry] = rotation.T @ gram @ rotation
+                squares[entry] = rotation.T @ noise @ rotation
+                scores[entry] = -rotation.T @ pull[:, place]
+                own[entry] = coefficient_covariance / group.factor[place] ** 2
+                by_poles[entry] = -back @ (inside @ rotation) / group.factor[place]
+                link[entry] = back @ (crossed @ rotation) / group.factor[place]
                 freedom -= float(np.trace(seen))
         inverse = _inverse(information_matrices.sum(axis=0))
         fitted = basis @ coefficients.T
@@ -345,24 +343,28 @@ class PoleProblem:
         if self.additive is not None:
             square += self._between_entries(groups, basis, slopes, fitted, residual, link)
         if not np.all(np.isfinite(inverse)):
-            # Poles that the data do not determine leave nothing determined that depends on them.
-            of_poles, of_coefficients, with_poles = inverse, np.full(own.shape, np.inf), np.full(by_poles.shape, np.inf)
+            # If the poles are not determined, neither are the coefficients.
+            pole_covariance, coefficient_covariance, cross_covariance = (
+                inverse,
+                np.full(own.shape, np.inf),
+                np.full(by_poles.shape, np.inf),
+            )
         else:
-            of_poles = inverse @ square @ inverse
+            pole_covariance = inverse @ square @ inverse
             freedom -= float(np.trace(inverse @ square))
             linked = link @ inverse
-            with_poles = by_poles @ of_poles + linked
-            of_coefficients = own + by_poles @ of_poles @ by_poles.transpose(0, 2, 1)
-            of_coefficients += linked @ by_poles.transpose(0, 2, 1) + by_poles @ linked.transpose(0, 2, 1)
+            cross_covariance = by_poles @ pole_covariance + linked
+            coefficient_covariance = own + by_poles @ pole_covariance @ by_poles.transpose(0, 2, 1)
+            coefficient_covariance += linked @ by_poles.transpose(0, 2, 1) + by_poles @ linked.transpose(0, 2, 1)
         return PoleFit(
             poles,
             coefficients,
             residual,
             fitted,
             inverse,
-            of_poles,
-            of_coefficients,
-            with_poles,
+            pole_covariance,
+            coefficient_covariance,
+            cross_covariance,
             scores,
             information_matrices,
             freedom,
@@ -378,19 +380,19 @@ class PoleProblem:
         residual: NDArray[np.complex128],
         link: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return what noise common to several responses adds to the covariance of the poles' scores.
+        """Return the covariance of the scores of the poles from noise common to several responses.
 
-        Relative to the FRF this noise is the same in all responses to one excitation. With g the derivative of an entry
-        times its noise, turned back by the phase of the FRF, the products of different entries are G* T G less the sum
-        of g* T g, with G the sum of g and T the correlation of the lines. What links the coefficients of an entry to
-        the scores of the others is added to `link`.
+        Relative to the FRF this noise is equal in all responses to one excitation. With g the derivative of an entry
+        times its noise, rotated by the phase of the FRF, the products of different entries are G* T G minus the sum of
+        g* T g, with G the sum of g and T the correlation of the lines. The covariance between the coefficients of an
+        entry and the scores of the others is added to `link`.
         """
         count, (n, entries) = slopes.shape[1], self.values.shape
         total = np.zeros((count, count))
-        turned = np.stack([self._turned(entry, fitted[:, entry]) for entry in range(entries)], axis=1)
+        proportional = np.stack([self._proportional_noise(entry, fitted[:, entry]) for entry in range(entries)], axis=1)
         common = np.array(
             [
-                self._common(turned[:, x :: self.excitations], residual[:, x :: self.excitations])
+                self._common(proportional[:, x :: self.excitations], residual[:, x :: self.excitations])
                 for x in range(self.excitations)
             ]
         )
@@ -399,33 +401,33 @@ class PoleProblem:
         sums = np.zeros((self.excitations, n, count), dtype=np.complex128)
         for repeated in (False, True):
             for group in groups:
-                solved = _Solved.of(self, group, basis)
+                solved = _LinearSolution.of(self, group, basis)
                 outside = solved.outside(slopes)
                 back = np.linalg.pinv(solved.r) / solved.norms[:, None]
                 for place, entry in enumerate(group.entries):
                     x = entry % self.excitations
                     if common[x] == 0.0:
                         continue
-                    back_turned = turned[:, entry, None].conj()
-                    own = back_turned * _unstacked(outside @ solved.turn(count // 2, place))
+                    conjugate = proportional[:, entry, None].conj()
+                    own = conjugate * _unstacked(outside @ solved.rotation(count // 2, place))
                     if not repeated:
                         sums[x] += own
                         continue
-                    others = self._with_shared(_stacked(sums[x] - own))
+                    others = self._times_line_correlation(_stacked(sums[x] - own))
                     total += common[x] * (_stacked(own).T @ others)
-                    seen = _stacked(back_turned * _unstacked(solved.q))
+                    seen = _stacked(conjugate * _unstacked(solved.q))
                     link[entry] += common[x] * (back @ (seen.T @ others)) / group.factor[place]
         return total
 
     @staticmethod
-    def _common(turned: NDArray[np.complex128], residual: NDArray[np.complex128]) -> float:
-        """Correlation between responses of their noise in proportion to the FRF, from 0 to 1, from the residuals.
+    def _common(proportional: NDArray[np.complex128], residual: NDArray[np.complex128]) -> float:
+        """Estimate the correlation between responses of the noise proportional to the FRF, from 0 to 1.
 
-        The sum of the products of different entries over what it is where they are alike. The fit makes both smaller
-        by the same factor.
+        The sum of the products of different entries' residuals relative to its value for equal entries. The fit reduces
+        both by the same factor.
         """
-        share = np.abs(turned) ** 2
-        own = turned.conj() * residual
+        share = np.abs(proportional) ** 2
+        own = proportional.conj() * residual
         weight = share * (share.sum(axis=1, keepdims=True) - share)
         size = float(np.sum(weight * np.abs(residual) ** 2))
         if size == 0.0:
@@ -433,46 +435,48 @@ class PoleProblem:
         product = float(np.sum(np.abs(own.sum(axis=1)) ** 2) - np.sum(np.abs(own) ** 2))
         return float(np.clip(product / size, 0.0, 1.0))
 
-    def _turned(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Root of the share of the noise in proportion to the FRF, with the FRF's phase."""
+    def _proportional_noise(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the root of the share of noise proportional to the FRF, with the phase of the FRF."""
         size = np.abs(fitted)
         if self.additive is None:
             return np.zeros(size.shape, dtype=np.complex128)
         phase = np.where(size > 0.0, fitted, 1.0) / np.where(size > 0.0, size, 1.0)
         return np.asarray(np.sqrt(1.0 - self.additive[:, entry]) * phase)
 
-    def _with_noise(self, columns: NDArray[np.float64], turned: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Product of the covariance of one entry's noise with stacked columns.
+    def _times_noise_covariance(
+        self, columns: NDArray[np.float64], proportional: NDArray[np.complex128]
+    ) -> NDArray[np.float64]:
+        """Return the product of the noise covariance of one entry with stacked columns.
 
-        Noise in proportion to the FRF is correlated between lines once the phase of the FRF is taken off.
+        Noise proportional to the FRF is correlated between lines relative to the phase of the FRF.
         """
-        if self.shared <= 1.0 or self.additive is None or columns.size == 0:
-            return self._with_shared(columns)
-        values, phase = _unstacked(columns), turned[:, None]
+        if self.correlated_lines <= 1.0 or self.additive is None or columns.size == 0:
+            return self._times_line_correlation(columns)
+        values, phase = _unstacked(columns), proportional[:, None]
         additive = np.sqrt(np.maximum(1.0 - np.abs(phase) ** 2, 0.0))
         own = _stacked(np.concatenate([additive * values, phase.conj() * values], axis=1))
-        first, second = np.split(_unstacked(self._with_shared(own)), 2, axis=1)
+        first, second = np.split(_unstacked(self._times_line_correlation(own)), 2, axis=1)
         return _stacked(additive * first + phase * second)
 
-    def _with_shared(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Product of the correlation of the lines with `(2n, k)` stacked columns.
+    def _times_line_correlation(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the product of the correlation of the lines with `(2n, k)` stacked columns.
 
-        Noise under an exponential window, exp(-2 sigma t) in power, has between lines m apart the correlation
-        1 / (1 + i pi m / c), where c, the sum of its squares, is the number of lines that share a value. Zero padding
-        leaves noise in the early part of the record as well, and is taken for the same.
+        Noise under an exponential window, exp(-2 sigma t) in power, has the correlation 1 / (1 + i pi m / c) between
+        lines at a distance of m lines, with c, the sum of its squares, the number of correlated lines. Zero padding
+        also leaves noise in the early part of the record and is treated in the same way.
         """
-        if self.shared <= 1.0 or columns.size == 0:
+        if self.correlated_lines <= 1.0 or columns.size == 0:
             return columns
         from scipy.linalg import matmul_toeplitz
 
         n = columns.shape[0] // 2
-        first = 1.0 / (1.0 + 1j * np.pi * np.arange(n) / self.shared)
+        first = 1.0 / (1.0 + 1j * np.pi * np.arange(n) / self.correlated_lines)
         return _stacked(np.asarray(matmul_toeplitz((first, first.conj()), columns[:n] + 1j * columns[n:])))
 
 
 @dataclass(frozen=True)
-class _Solved:
-    """The linear part for one group: A c = y with A = Q R diag(norms)."""
+class _LinearSolution:
+    """Solution of the linear part for one group: A c = y with A = Q R diag(norms)."""
 
     q: NDArray[np.float64]
     r: NDArray[np.float64]
@@ -483,7 +487,7 @@ class _Solved:
     factor: NDArray[np.float64]
 
     @classmethod
-    def of(cls, problem: PoleProblem, group: _Group, basis: NDArray[np.complex128]) -> _Solved:
+    def of(cls, problem: PoleProblem, group: _Group, basis: NDArray[np.complex128]) -> _LinearSolution:
         columns = _stacked(group.weight[:, None] * basis)
         norms = np.linalg.norm(columns, axis=0)
         norms = np.where(norms > 0.0, norms, 1.0)
@@ -493,23 +497,23 @@ class _Solved:
         solution = np.linalg.lstsq(r, inside, rcond=None)[0] / norms[:, None] / group.factor
         return cls(q, r, norms, solution, y - q @ inside, group.weight, group.factor)
 
-    def moved(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """`(2n, 2M)`: the slopes' columns with the weights."""
+    def weighted(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """`(2n, 2M)` weighted columns of the slopes."""
         return _stacked(self.weight[:, None] * slopes)
 
     def outside(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """`(2n, 2M)`: the part of them that no residues explain."""
-        moved = self.moved(slopes)
-        return np.asarray(moved - self.q @ (self.q.T @ moved))
+        """`(2n, 2M)` part of them orthogonal to the columns of the residues."""
+        columns = self.weighted(slopes)
+        return np.asarray(columns - self.q @ (self.q.T @ columns))
 
-    def turns(self, count: int) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]:
-        """What multiplies both halves of the slopes' columns, `(M, entries)` each: by real, then by imaginary parts."""
+    def factors(self, count: int) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]:
+        """Factors `(M, entries)` of both halves of the slopes' columns, for the real, then the imaginary parts."""
         a, b = self.coefficients[:count] * self.factor, self.coefficients[count : 2 * count] * self.factor
         return (a, b), (-b, a)
 
-    def turn(self, count: int, place: int) -> NDArray[np.float64]:
-        """How the slopes' columns make up an entry's derivative by the real and by the imaginary parts, `(2M, 2M)`."""
-        (a, b), (c, d) = ([np.diag(part[:, place]) for part in pair] for pair in self.turns(count))
+    def rotation(self, count: int, place: int) -> NDArray[np.float64]:
+        """Matrix `(2M, 2M)` from the slopes' columns to the derivatives of an entry by real and imaginary parts."""
+        (a, b), (c, d) = ([np.diag(part[:, place]) for part in pair] for pair in self.factors(count))
         return np.block([[a, c], [b, d]])
 
 
@@ -541,7 +545,7 @@ def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a symmetric matrix; infinite where it is singular, as nothing is known there."""
+    """Return the inverse of a symmetric matrix, infinite if it is singular."""
     if information.size == 0:
         return information
     size = np.sqrt(np.diag(information))

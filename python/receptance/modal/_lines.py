@@ -1,4 +1,4 @@
-"""The lines of an FRF that an estimate is made from."""
+"""Selection of the lines of an FRF for an estimate."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lines:
-    """Usable lines of a band as plain arrays; m entries are the responses by the excitations, one row after the other.
+    """Usable lines of a band as plain arrays; the m entries are ordered by response, then by excitation.
 
     Attributes
     ----------
     frf : FRF
-        The same lines, as they were measured.
+        The FRF on these lines.
     frequency_hz : ndarray
         `(n,)` real.
     s : ndarray
-        `(n,)` complex, i (w - i sigma): an exponential window moves the lines to the right of the imaginary axis.
+        `(n,)` complex, i (w - i sigma), to the right of the imaginary axis under an exponential window.
     values : ndarray
-        `(n, m)` in the form they were measured in, because that is the form their noise is simplest in.
+        `(n, m)` in the measured form, in which the noise is simplest.
     power : int
-        Receptance times s to this power is that form.
+        The receptance times s to this power is the measured form.
     relative : ndarray or None
-        `(n, m)` standard deviation of the real and of the imaginary part of the logarithm; may be infinite.
+        `(n, m)` standard deviation of real and imaginary part of the logarithm; may be infinite.
     freedom : float
-        Degrees of freedom of those standard deviations; infinite where they are exact or not stated.
+        Degrees of freedom of these standard deviations; infinite if exact or not stated.
     shared : float
-        How many neighbouring lines share one independent value.
+        Number of neighbouring lines per independent value.
     notes : tuple of str
-        What a person should know of them.
+        Notes for the user.
     """
 
     frf: FRF
@@ -51,7 +51,7 @@ class Lines:
     power: int
     relative: NDArray[np.float64] | None
     freedom: float
-    shared: float
+    correlated_lines: float
     notes: tuple[str, ...]
 
     @property
@@ -61,7 +61,7 @@ class Lines:
 
     @cached_property
     def additive(self) -> NDArray[np.float64] | None:
-        """`(n, m)` share of additive noise in each variance; None where no variance is stated."""
+        """`(n, m)` share of additive noise in each variance; None if no variance is stated."""
         if self.relative is None:
             return None
         share = np.ones_like(self.relative)
@@ -69,24 +69,24 @@ class Lines:
             known = np.isfinite(self.relative[:, entry]) & (self.values[:, entry] != 0.0)
             if known.any():
                 variance = self.relative[known, entry] ** 2
-                share[known, entry] = additive_share(self.values[known, entry], variance, self.shared)
+                share[known, entry] = additive_share(self.values[known, entry], variance, self.correlated_lines)
         return share
 
     @property
     def spacing_hz(self) -> float:
-        """Distance between neighbouring lines; the median where it varies."""
+        """Median distance between neighbouring lines."""
         return float(np.median(np.diff(self.frequency_hz)))
 
     def spacing_at(self, place: int) -> float:
-        """Distance of the lines around one inside the band."""
+        """Mean distance of a line to its two neighbours."""
         return float(self.frequency_hz[place + 1] - self.frequency_hz[place - 1]) / 2.0
 
     def thinned(self, most: int) -> Lines:
-        """Return fewer lines where there are more: evenly spread ones, and as many of the highest."""
+        """Return at most `most` lines: half of them evenly distributed, half with the largest magnitudes."""
         n = self.frequency_hz.size
         if n <= most:
             return self
-        # Peaks are what modes are found from; even thinning alone could step over them.
+        # Even thinning alone could skip peaks.
         level = np.mean(np.abs(self.values) ** 2, axis=0)
         size = np.sum(np.abs(self.values) ** 2 / np.where(level > 0.0, level, 1.0), axis=1)
         kept = np.union1d(np.linspace(0, n - 1, most // 2).astype(np.int64), np.argsort(size)[-(most // 2) :])
@@ -96,13 +96,13 @@ class Lines:
         )
 
 
-def lines_of(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int) -> Lines:
+def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int) -> Lines:
     """Return the usable lines between two frequencies, both included, without 0 Hz.
 
     Raises
     ------
     TypeError, ValueError
-        Something else than an FRF, a band the wrong way round, or fewer than `least` lines in it.
+        Not an FRF, an invalid band, or fewer than `least` lines in it.
     """
     from receptance.frf import FRF
 
@@ -122,24 +122,24 @@ def lines_of(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, 
             + (f" (and {unusable} outside its usable band)" if unusable else "")
             + f", expected at least {least}"
         )
-    # The smallest positive number keeps a line at 0 Hz out.
+    # The smallest positive number excludes a line at 0 Hz.
     part = frf.masked().select(low_hz=max(low, float(np.nextafter(0.0, 1.0))), high_hz=high_hz)
     lines, values = part.frequency_hz, part.values.reshape(part.shape[0], -1)
     relative, notes = _relative(owner, part)
-    shared = float(np.median(part.correlated_lines))
+    correlated_lines = float(np.median(part.correlated_lines))
     s = (2j * np.pi * lines + part.decay_rate).astype(np.complex128)
-    # Of the errors that follow, too: to average many lines would give more, were these not estimated together.
+    # Also those of the resulting errors: averaging over lines adds none, because their variances are pooled.
     freedom = float("inf") if part.degrees_of_freedom is None else float(np.median(part.degrees_of_freedom))
-    return Lines(part, lines, s, values, FORMS.index(part.form), relative, freedom, shared, notes)
+    return Lines(part, lines, s, values, FORMS.index(part.form), relative, freedom, correlated_lines, notes)
 
 
-def one_entry(owner: str, lines: Lines) -> None:
+def check_one_entry(owner: str, lines: Lines) -> None:
     """Raise if the FRF has several responses or excitations."""
     entries = lines.values.shape[1]
     if entries != 1:
         raise ValueError(
             f"{owner}: the FRF has {entries} entries, expected one response and one excitation; "
-            "take one with frf.select(responses=..., excitations=...), or use fit_modes for all of them together"
+            "select one with frf.select(responses=..., excitations=...), or use fit_modes for all entries"
         )
 
 
@@ -151,16 +151,16 @@ def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[
     if lost.size:
         row, column = divmod(int(lost[0]), part.shape[2])
         raise ValueError(
-            f"{owner}: the log_variance of response {row} by excitation {column} is infinite on every line between "
-            f"{part.frequency_hz[0]:g} and {part.frequency_hz[-1]:g} Hz: nothing is known there; leave the entry out"
+            f"{owner}: the log_variance of response {row} by excitation {column} is infinite on all lines between "
+            f"{part.frequency_hz[0]:g} and {part.frequency_hz[-1]:g} Hz; leave the entry out"
         )
     positive = variance > 0.0
     if not positive.any():
-        return None, ("the stated variance is zero on all lines: the scatter is taken from the residuals instead",)
+        return None, ("the stated variance is zero on all lines: the scatter is estimated from the residuals",)
     if positive.all():
         return np.sqrt(variance), ()
-    # A coherence of exactly one says that the noise was too small to be seen, not that there was none.
+    # A coherence of exactly one means unresolved noise, not its absence.
     floor = float(variance[positive].min())
     count = int(np.count_nonzero(~positive))
-    note = f"{count} values have a stated variance of zero; they count as the smallest above zero, {floor:.2g}"
+    note = f"{count} values have a stated variance of zero; the smallest positive one, {floor:.2g}, is used for them"
     return np.sqrt(np.where(positive, variance, floor)), (note,)

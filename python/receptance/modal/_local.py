@@ -1,4 +1,4 @@
-"""One mode near the highest line of a band: what peaks, half-power points and circles share."""
+"""One mode near the highest line of a band, for the peak, half-power and circle methods."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ if TYPE_CHECKING:
     from receptance.modal._lines import Lines
 
 BACKGROUND = (-1,)
-"""What is left of all other modes near one mode: a constant in the mobility, which moves the circle off the origin."""
-_AROUND = 0.3
-"""A mode's own lines have at least this share of its peak's mobility: three half-power half-widths to either side."""
+"""Background of one mode: a constant mobility, which represents the other modes."""
+_MIN_SHARE = 0.3
+"""Least mobility of the lines of a mode relative to its peak: three half-power half-widths to each side."""
 _LEAST = 7
 
 
 def mobility(lines: Lines) -> NDArray[np.complex128]:
-    """`(n,)` mobility of the only entry as the real lines show it: an exponential window is part of the damping."""
+    """Return the mobility `(n,)` of the only entry on real lines, with an exponential window as part of the damping."""
     return lines.receptance[:, 0] * (2j * np.pi * lines.frequency_hz)
 
 
-def highest(owner: str, lines: Lines, size: NDArray[np.float64]) -> int:
-    """Return the index of the highest line, or raise where that is the band's first or last."""
+def highest_line(owner: str, lines: Lines, size: NDArray[np.float64]) -> int:
+    """Return the index of the highest line, or raise if it is the first or last of the band."""
     peak = int(np.argmax(size))
     if peak in (0, size.size - 1):
         f = lines.frequency_hz
         raise ValueError(
-            f"{owner}: the highest mobility between {f[0]:g} and {f[-1]:g} Hz is at {f[peak]:g} Hz, the band's "
-            f"{'first' if peak == 0 else 'last'} line; expected a peak inside: give low_hz and high_hz around one"
+            f"{owner}: the highest mobility between {f[0]:g} and {f[-1]:g} Hz is at {f[peak]:g} Hz, the "
+            f"{'first' if peak == 0 else 'last'} line of the band; expected a peak within: change low_hz or high_hz"
         )
     return peak
 
 
-def around(size: NDArray[np.float64], peak: int, share: float = _AROUND, least: int = _LEAST) -> slice:
-    """Lines to both sides of a peak that have a share of it, and no fewer than `least` where the band has them."""
+def lines_around_peak(size: NDArray[np.float64], peak: int, share: float = _MIN_SHARE, least: int = _LEAST) -> slice:
+    """Return the lines around a peak above a share of its height, at least `least` if the band has as many."""
     first = last = peak
     while first > 0 and size[first - 1] >= share * size[peak]:
         first -= 1
@@ -47,7 +47,7 @@ def around(size: NDArray[np.float64], peak: int, share: float = _AROUND, least: 
         last += 1
     while last - first + 1 < min(least, size.size):
         down, up = first > 0, last < size.size - 1
-        # The nearer end first, so that the peak stays in the middle.
+        # The nearer end is extended first, which keeps the peak in the middle.
         if down and (not up or peak - first <= last - peak):
             first -= 1
         else:
@@ -62,11 +62,11 @@ class SingleMode:
     Attributes
     ----------
     fit : PoleFit
-        With weights that are inverse standard deviations: stated, or one for all lines.
+        Fit with weights from the stated standard deviations, or equal weights.
     factor : float
-        What its covariances are multiplied by: the residual variance where no scatter is stated, else 1.
+        Factor of its covariances: the residual variance if no variance is stated, else 1.
     degrees_of_freedom : float
-        Of that factor.
+        Degrees of freedom of that factor.
     """
 
     fit: PoleFit
@@ -83,29 +83,29 @@ def single_mode(lines: Lines, part: slice, start: complex) -> SingleMode:
     else:
         weights /= float(np.max(np.abs(values)))
     model = PoleModel(lines.s[part], lines.power, BACKGROUND)
-    fit = PoleProblem(model, values, weights, lines.shared).fit(np.array([start]))
+    fit = PoleProblem(model, values, weights, lines.correlated_lines).fit(np.array([start]))
     if lines.relative is not None:
         return SingleMode(fit, 1.0, lines.freedom)
     freedom = fit.degrees_of_freedom
     if freedom < 0.5:
         return SingleMode(fit, float("inf"), 1.0)
-    return SingleMode(fit, fit.chi_square / freedom, max(freedom / lines.shared, 1.0))
+    return SingleMode(fit, fit.chi_square / freedom, max(freedom / lines.correlated_lines, 1.0))
 
 
 def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[np.float64], float, tuple[str, ...]]:
-    """Standard deviation of the log of every line of the only entry, its degrees of freedom, and notes.
+    """Return the standard deviation of the log of every line of the only entry, its degrees of freedom, and notes.
 
-    As the FRF states it; else what is left when one mode is fitted around the peak, the same on all lines in the form
-    that was measured.
+    It is that stated by the FRF, or follows from the residuals of one mode fitted around the peak, with equal noise on
+    all lines in the measured form.
     """
     if lines.relative is not None:
         return lines.relative[:, 0], lines.freedom, ()
     size = np.abs(lines.values[:, 0])
-    part = around(np.abs(mobility(lines)), peak)
+    part = lines_around_peak(np.abs(mobility(lines)), peak)
     decay = np.pi * width_hz - lines.frf.decay_rate
     single = single_mode(lines, part, complex(-decay, 2.0 * np.pi * lines.frequency_hz[peak]))
     if not np.isfinite(single.factor):
-        note = f"{part.stop - part.start} lines around the peak are too few to tell their scatter from"
+        note = f"{part.stop - part.start} lines around the peak are too few to estimate their scatter"
         return np.full(size.shape, np.inf), 1.0, (note,)
     deviation = np.sqrt(single.factor) * float(np.max(size[part]))
     floor = np.finfo(np.float64).tiny
@@ -113,7 +113,7 @@ def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[
 
 
 def polar_errors(value: complex, of_size: float, of_phase: float) -> complex:
-    """Standard errors of the real and of the imaginary part from those of ln|value| and of the phase."""
+    """Return the standard errors of real and imaginary part from those of ln|value| and of the phase."""
     if not (np.isfinite(of_size) and np.isfinite(of_phase)):
         return complex(np.inf, np.inf)
     return complex(

@@ -1,4 +1,4 @@
-"""A circle through the mobility of one mode."""
+"""Circle fit of the mobility of one mode."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
-from receptance.modal._lines import lines_of, one_entry
-from receptance.modal._local import around, highest, mobility, single_mode
+from receptance.modal._lines import check_one_entry, select_lines
+from receptance.modal._local import highest_line, lines_around_peak, mobility, single_mode
 from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
 
 if TYPE_CHECKING:
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 
 __all__ = ["CircleFit", "circle_fit"]
 
-_LEAST = 5
-_SHORT = np.pi
-"""A shorter arc than this leaves the circle's size to the noise."""
+_MIN_LINES = 5
+_MIN_ARC = np.pi
+"""Least arc in radians without a warning; the radius of shorter arcs is dominated by noise."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CircleFit(ModeEstimate):
-    """A mode with the circle that its mobility runs through.
+    """Estimate of a mode with the circle of its mobility.
 
     Attributes
     ----------
     centre : complex
-        Centre in the plane of the mobility, as the real lines show it.
+        Centre in the plane of the mobility on real lines.
     radius : float
         Radius in the unit of the mobility.
     arc : float
-        Angle in radians that the lines cover, seen from the centre.
+        Angle in radians of the arc covered by the lines.
     off_circle : float
-        Root mean square distance of the lines from the circle, over its radius.
+        Root mean square distance of the lines from the circle, relative to its radius.
     """
 
     centre: complex
@@ -48,27 +48,27 @@ class CircleFit(ModeEstimate):
 
 
 def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None = None) -> CircleFit:
-    """Natural frequency, damping and modal constant from the circle of the highest peak in a band.
+    """Estimate natural frequency, damping and modal constant from the circle of the highest peak in a band.
 
-    Near one mode the mobility is B + C i w / (w_r^2 - w^2 + 2 i zeta w_r w): a circle that the other modes move off the
-    origin by B and a lack of proportional damping turns. Its first guess is the algebraic circle of Taubin (1991) and
-    the bilinear map 1 / (Y - Y_far) = a + b w on it, which is what the classical sweep of angles evaluates. Then
-    frequency, damping, C and B are fitted together to the lines by least squares in the plane, which uses the angle
-    and the radius of every line with its weight and gives standard errors; a few lines on the circle are enough.
+    Near one mode the mobility is B + C i w / (w_r^2 - w^2 + 2 i zeta w_r w): a circle displaced from the origin by the
+    other modes (B) and rotated by nonproportional damping. The start values follow from the algebraic circle of Taubin
+    (1991) and the bilinear map 1 / (Y - Y_far) = a + b w on it, equivalent to the classical sweep of angles. Frequency,
+    damping, C and B are then fitted to the lines by weighted least squares in the plane, which uses angle and radius of
+    every line and gives standard errors; a few lines on the circle are sufficient.
 
     Parameters
     ----------
     frf : FRF
         One response and one excitation.
     low_hz, high_hz : float, optional
-        The band; its highest peak is the mode, and of the lines around it those with at least 0.3 of its mobility
-        are used, at least seven where the band has them.
+        The band; its highest peak is the mode. The lines around it with at least 0.3 of its mobility are used, at least
+        seven if the band has as many.
 
     Returns
     -------
     CircleFit
-        Standard errors from the FRF's variance where it has one, else from the residuals. What B cannot stand for, a
-        mode a few half-power bands away, is not in them: use `fit_modes` there.
+        Standard errors from the variance of the FRF, else from the residuals. They do not contain the influence of
+        modes a few half-power bands away, which B does not represent: use `fit_modes` there.
 
     Warns
     -----
@@ -98,38 +98,40 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     '0.00200 from 0.8 lines in the half-power band'
     """
     owner = "circle_fit"
-    lines = lines_of(owner, frf, low_hz, high_hz, _LEAST)
-    one_entry(owner, lines)
-    moved = mobility(lines)
-    peak = highest(owner, lines, np.abs(moved))
-    part = around(np.abs(moved), peak)
-    if lines.relative is not None and np.count_nonzero(np.isfinite(lines.relative[part])) < _LEAST:
+    lines = select_lines(owner, frf, low_hz, high_hz, _MIN_LINES)
+    check_one_entry(owner, lines)
+    mobility_values = mobility(lines)
+    peak = highest_line(owner, lines, np.abs(mobility_values))
+    part = lines_around_peak(np.abs(mobility_values), peak)
+    if lines.relative is not None and np.count_nonzero(np.isfinite(lines.relative[part])) < _MIN_LINES:
         raise ValueError(
-            f"{owner}: the variance of fewer than {_LEAST} lines around the peak at {lines.frequency_hz[peak]:g} Hz is "
-            "finite: too little is known there"
+            f"{owner}: the variance of fewer than {_MIN_LINES} lines around the peak at {lines.frequency_hz[peak]:g} "
+            "Hz is finite"
         )
-    centre, _ = _taubin(moved[part])
-    start = _first_pole(lines.frequency_hz[part], moved[part], centre) + frf.decay_rate
+    centre, _ = _taubin(mobility_values[part])
+    start = _first_pole(lines.frequency_hz[part], mobility_values[part], centre) + frf.decay_rate
     single = single_mode(lines, part, start)
     fit = single.fit
-    frequency, damping, covariance = modal_values(fit.poles, scaled(fit.of_poles, single.factor))
+    frequency, damping, covariance = modal_values(fit.poles, scaled(fit.pole_covariance, single.factor))
     constant, of_constant = constants(
         complex(fit.poles[0]), complex(fit.residues[0, 0]), scaled(joint_with_residue(fit, 0, 0), single.factor)
     )
-    # From the form that was measured to the mobility on real lines.
-    fitted = fit.fitted[:, 0] * moved[part] / lines.values[part, 0]
+    # From the measured form to the mobility on real lines.
+    fitted = fit.fitted[:, 0] * mobility_values[part] / lines.values[part, 0]
     centre, radius = _taubin(fitted)
     arc = float(np.sum(np.mod(-np.diff(np.angle(fitted - centre)), 2.0 * np.pi)))
     width = max(frf.decay_rate - fit.poles[0].real, 0.0) / (np.pi * lines.spacing_at(peak))
-    said = list(lines.notes)
-    if arc < _SHORT:
-        said.append(f"the lines cover {np.degrees(arc):.0f} degrees of the circle: its size rests on the noise")
+    messages = list(lines.notes)
+    if arc < _MIN_ARC:
+        messages.append(
+            f"the lines cover {np.degrees(arc):.0f} degrees of the circle: its radius is dominated by noise"
+        )
     if not fit.converged:
-        said.append("the fit did not converge: is there one mode in the band?")
-    for text in said[len(lines.notes) :]:
+        messages.append("the fit did not converge: is there one mode in the band?")
+    for text in messages[len(lines.notes) :]:
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
     if damping[0] <= 0.0:
-        said.append("the damping is not above zero within what the lines can tell")
+        messages.append("the damping ratio is not positive within its uncertainty")
     spread = np.sqrt(np.diag(covariance))
     return CircleFit(
         method="circle",
@@ -143,18 +145,18 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         band_hz=(float(lines.frequency_hz[part][0]), float(lines.frequency_hz[part][-1])),
         lines=part.stop - part.start,
         degrees_of_freedom=single.degrees_of_freedom,
-        notes=tuple(said),
+        notes=tuple(messages),
         centre=centre,
         radius=radius,
         arc=arc,
-        off_circle=float(np.sqrt(np.mean((np.abs(moved[part] - centre) - radius) ** 2)) / radius),
+        off_circle=float(np.sqrt(np.mean((np.abs(mobility_values[part] - centre) - radius) ** 2)) / radius),
     )
 
 
 def _first_pole(f: NDArray[np.float64], z: NDArray[np.complex128], centre: complex) -> complex:
-    """Pole as the real lines show it, from the bilinear map that makes a straight line of the circle.
+    """Return the pole on the real lines from the bilinear map of the circle to a straight line.
 
-    With Y_far, the point opposite to where the circle is run through fastest, 1 / (Y - Y_far) is proportional to
+    With Y_far, the point opposite to that of the fastest change, 1 / (Y - Y_far) is proportional to
     delta + i (w - w_r).
     """
     pace = np.abs(np.diff(z)) / np.diff(f)
@@ -163,7 +165,7 @@ def _first_pole(f: NDArray[np.float64], z: NDArray[np.complex128], centre: compl
     away = z - (2.0 * centre - nearest)
     w = 2.0 * np.pi * f
     middle = float(w.mean())
-    # Lines near the far point say nothing, so each weighs as its distance.
+    # Lines near the far point are uncertain; the weight is the distance to it.
     columns = np.stack([np.ones_like(w), w - middle], axis=1) * np.abs(away)[:, None]
     a, b = np.linalg.lstsq(columns, np.abs(away) / away, rcond=None)[0]
     ratio = complex(a / b)
@@ -172,7 +174,7 @@ def _first_pole(f: NDArray[np.float64], z: NDArray[np.complex128], centre: compl
 
 
 def _taubin(z: NDArray[np.complex128]) -> tuple[complex, float]:
-    """Centre and radius of the algebraic circle through points (Taubin 1991, by singular values)."""
+    """Return centre and radius of the algebraic circle through points (Taubin 1991, by singular values)."""
     middle = complex(z.mean())
     size = float(np.sqrt(np.mean(np.abs(z - middle) ** 2)))
     x, y = (z - middle).real / size, (z - middle).imag / size

@@ -1,4 +1,4 @@
-"""What an estimate of one mode from one FRF consists of."""
+"""Estimate of one mode, and the conversion of poles and residues to modal parameters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from receptance import _checks
+from receptance.frf.variance import interval_factor
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,33 +21,33 @@ Method = Literal["peak", "half-power", "circle", "global"]
 
 @dataclass(frozen=True, kw_only=True)
 class ModeEstimate:
-    """One mode as one method sees it, H = C / (w_r^2 - w^2 + 2 i zeta_r w_r w) near it.
+    """Estimate of one mode, H = C / (w_r^2 - w^2 + 2 i zeta_r w_r w) near it.
 
     Attributes
     ----------
     method : {"peak", "half-power", "circle", "global"}
-        How it was estimated.
+        Method of the estimate.
     frequency_hz, frequency_standard_error_hz : float
         Undamped natural frequency w_r / 2 pi and its standard error.
     damping_ratio, damping_standard_error : float
-        Viscous damping ratio zeta_r, that of an exponential window taken off; NaN where the lines do not determine it.
+        Viscous damping ratio zeta_r without that of an exponential window; NaN if the lines do not determine it.
     modal_constant : complex
-        C of the receptance, in 1/kg for m/N; real for a mode whose damping does not couple it to others. From
-        magnitudes alone ("peak") the phase is that of the line at the peak.
+        C of the receptance, in 1/kg for m/N; real for proportional damping. With the method "peak" its phase is that of
+        the line at the peak.
     modal_constant_standard_error : complex
-        Its real part is the standard error of the real part, its imaginary part that of the imaginary part.
+        Standard errors of the real part and of the imaginary part, as a complex number.
     lines_in_band : float
-        Width of the half-power band over the distance of the lines, both as measured (an exponential window widens
-        the band). Under five a half-power damping is too large.
+        Width of the half-power band over the distance of the lines (an exponential window widens the band). Below five
+        the half-power method overestimates the damping.
     band_hz : (float, float)
-        First and last line that was used.
+        First and last line used.
     lines : int
-        How many lines were used.
+        Number of lines used.
     degrees_of_freedom : float
-        Of the standard errors: those of the FRF's variance where it has one, infinite if that is exact, else those of
-        the residuals.
+        Degrees of freedom of the standard errors: those of the variance of the FRF, infinite if it is exact, or those
+        of the residuals.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
 
     Examples
     --------
@@ -81,13 +81,13 @@ class ModeEstimate:
         return complex(-self.damping_ratio * w, w * np.sqrt(1.0 - self.damping_ratio**2))
 
     def frequency_interval_hz(self, level: float = 0.95) -> tuple[float, float]:
-        """Interval that holds the natural frequency with this probability, if the errors are as estimated."""
-        reach = quantile(level, self.degrees_of_freedom) * self.frequency_standard_error_hz
+        """Return the confidence interval of the natural frequency."""
+        reach = float(interval_factor(level, self.degrees_of_freedom)) * self.frequency_standard_error_hz
         return self.frequency_hz - reach, self.frequency_hz + reach
 
     def damping_interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Interval that holds the damping ratio with this probability, if the errors are as estimated."""
-        reach = quantile(level, self.degrees_of_freedom) * self.damping_standard_error
+        """Return the confidence interval of the damping ratio."""
+        reach = float(interval_factor(level, self.degrees_of_freedom)) * self.damping_standard_error
         return self.damping_ratio - reach, self.damping_ratio + reach
 
     def __repr__(self) -> str:
@@ -98,29 +98,17 @@ class ModeEstimate:
         )
 
 
-def quantile(level: float, degrees_of_freedom: float) -> float:
-    """Return how many standard errors a two-sided interval reaches."""
-    from scipy.special import ndtri, stdtrit
-
-    level = _checks.number("interval", "level", level)
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"interval: level is {level:g}, expected between 0 and 1")
-    if not np.isfinite(degrees_of_freedom):
-        return float(ndtri(0.5 + 0.5 * level))
-    return float(stdtrit(max(degrees_of_freedom, 1.0), 0.5 + 0.5 * level))
-
-
 def modal_values(
     poles: NDArray[np.complex128], covariance: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Natural frequencies in Hz, damping ratios, and their joint covariance, frequencies first.
+    """Return natural frequencies in Hz, damping ratios, and their joint covariance, frequencies first.
 
     Parameters
     ----------
     poles : ndarray
         `(M,)` complex, rad/s.
     covariance : ndarray
-        `(2M, 2M)` of the real, then the imaginary parts.
+        `(2M, 2M)` covariance of the real, then the imaginary parts.
     """
     size = np.abs(poles)
     frequency, damping = size / (2.0 * np.pi), -poles.real / size
@@ -136,30 +124,30 @@ def modal_values(
 
 
 def scaled(covariance: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    """Return the covariance times a factor; infinite as a whole where something in it is not determined."""
+    """Return the covariance times a factor; infinite if any element is not finite."""
     if np.isfinite(factor) and np.all(np.isfinite(covariance)):
         return covariance * factor
     return np.full(covariance.shape, np.inf)
 
 
 def joint_with_residue(fit: PoleFit, mode: int, entry: int) -> NDArray[np.float64]:
-    """`(3, 3)` covariance of the real part of a residue, its imaginary part and the mode's damped frequency."""
+    """Return the `(3, 3)` covariance of the real and imaginary part of a residue and the damped frequency."""
     count = fit.poles.size
     own = [mode, count + mode]
     joint = np.empty((3, 3))
-    joint[:2, :2] = fit.of_coefficients[entry][np.ix_(own, own)]
-    joint[:2, 2] = joint[2, :2] = fit.with_poles[entry][own, count + mode]
-    joint[2, 2] = fit.of_poles[count + mode, count + mode]
+    joint[:2, :2] = fit.coefficient_covariance[entry][np.ix_(own, own)]
+    joint[:2, 2] = joint[2, :2] = fit.cross_covariance[entry][own, count + mode]
+    joint[2, 2] = fit.pole_covariance[count + mode, count + mode]
     return joint
 
 
 def constants(pole: complex, residue: complex, of_residue: NDArray[np.float64]) -> tuple[complex, complex]:
-    """Modal constant C = 2 i w_d A and its standard errors, real and imaginary part.
+    """Return the modal constant C = 2 i w_d A and the standard errors of its real and imaginary part.
 
     Parameters
     ----------
     pole, residue : complex
-        The mode's pole and its residue A.
+        Pole and residue A of the mode.
     of_residue : ndarray
         `(3, 3)` covariance of the real part of A, its imaginary part and w_d.
     """

@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 __all__ = ["draw_modal_fit", "draw_ring_down"]
 
 _NAMED = 8
-"""Most modes that are named in the figure."""
+"""Most modes labelled in the figure."""
 
 
 def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax: Axes | None = None) -> Figure:
-    """Draw measured and synthesised values of one entry, what is left of it, and the poles among their candidates.
+    """Draw measured and fitted values of one entry, its residuals, and the poles among their candidates.
 
     Parameters
     ----------
     fit : ModalFit
-        The fit; it holds the lines that were fitted.
+        The fit.
     response, excitation : int, optional
-        Which entry.
+        The entry.
     ax : Axes, optional
         As in `Result.plot`.
     """
@@ -69,21 +69,19 @@ def draw_ring_down(decay: RingDown, ax: Axes | None = None) -> Figure:
 
 
 def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
-    from receptance.frf.forms import unit_of
-
     frf = fit.frf
-    unit = unit_of(frf.form, frf.responses[response], frf.excitations[excitation]).replace("^2", "²")
+    unit = frf.units[response][excitation].replace("^2", "²")
     set_up(axes, "Measured and fitted", "", f"|{frf.form}| ({unit})")
     measured = frf.values[:, response, excitation]
     left = measured - fit.synthesised()[:, response, excitation]
     lines, fitted = _curve(fit, response, excitation)
-    axes.plot(frf.frequency_hz, np.abs(left), color=PALE, linewidth=0.8, label="what is left")
+    axes.plot(frf.frequency_hz, np.abs(left), color=PALE, linewidth=0.8, label="residuals")
     axes.plot(frf.frequency_hz, np.abs(measured), ".", color=COLOURS[0], markersize=4, label="measured")
     axes.plot(lines, np.abs(fitted), color=COLOURS[1], linewidth=1.3, label="fitted")
     for number, place in enumerate(fit.frequency_hz):
         axes.axvline(place, color=PALE, linewidth=0.7, linestyle=":", label="modes" if number == 0 else None)
     axes.set_yscale("log")
-    # What is left may fall to the rounding of the arithmetic, which is not worth the room.
+    # The lower limit excludes residuals at the level of rounding.
     top, least = np.abs(measured).max(), np.abs(measured).min()
     low = max(min(least, float(np.quantile(np.abs(left), 0.05))), 1e-3 * least)
     axes.set_ylim(0.5 * low, 12.0 * top)
@@ -101,7 +99,7 @@ def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int) -> No
         markersize=4,
     )
     phase = np.degrees(np.angle(fitted))
-    # No line across the figure where the phase leaves it at one edge and comes in at the other.
+    # No line is drawn across a jump by a full turn.
     jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
     axes.plot(np.insert(lines, jumps, np.nan), np.insert(phase, jumps, np.nan), color=COLOURS[1], linewidth=1.3)
     axes.set_yticks([-180, -90, 0, 90, 180])
@@ -109,10 +107,12 @@ def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int) -> No
 
 
 def _draw_poles(axes: Axes, fit: ModalFit) -> None:
-    set_up(axes, "Poles, and what the polynomials offered", "frequency (Hz)", "damping ratio (%)")
-    offered = np.concatenate(fit.stabilisation)
-    damping = 100.0 * offered.imag / np.abs(offered)
-    axes.plot(offered.real[damping > 0.0], damping[damping > 0.0], ".", color="#C9C9C9", markersize=3, label="offered")
+    set_up(axes, "Poles and candidates", "frequency (Hz)", "damping ratio (%)")
+    candidates = np.concatenate(fit.stabilisation)
+    damping = 100.0 * candidates.imag / np.abs(candidates)
+    axes.plot(
+        candidates.real[damping > 0.0], damping[damping > 0.0], ".", color="#C9C9C9", markersize=3, label="candidates"
+    )
     values, interval = 100.0 * fit.damping_ratio, 100.0 * fit.damping_interval()
     reach = np.stack([values - interval[:, 0], interval[:, 1] - values])
     axes.errorbar(
@@ -126,7 +126,7 @@ def _draw_poles(axes: Axes, fit: ModalFit) -> None:
         axes.annotate(
             f"{fit.frequency_hz[number]:.5g} Hz\n{values[number]:.3g} %",
             (fit.frequency_hz[number], values[number]),
-            # Neighbours on opposite sides: close modes are what such a fit is for.
+            # Labels of neighbouring modes are on opposite sides.
             xytext=(-8, 8) if number % 2 == 0 else (8, -26),
             ha="right" if number % 2 == 0 else "left",
             textcoords="offset points",
@@ -154,8 +154,8 @@ def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> No
 
 
 def _curve(fit: ModalFit, response: int, excitation: int) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Lines close enough to draw every mode round, and the fit on them in the form of the FRF."""
-    from receptance.frf.forms import conversion
+    """Return lines dense enough to draw every mode smoothly, and the fit on them in the form of the FRF."""
+    from receptance.frf import form_factor
 
     f = fit.frf.frequency_hz
     apparent = (fit.frf.decay_rate - fit.poles.real) / (2.0 * np.pi)
@@ -163,5 +163,5 @@ def _curve(fit: ModalFit, response: int, excitation: int) -> tuple[NDArray[np.fl
     lines = np.unique(np.concatenate([np.linspace(f[0], f[-1], 800), near.ravel()]))
     lines = lines[(lines >= f[0]) & (lines <= f[-1])]
     places = lines - 1j * fit.frf.decay_rate / (2.0 * np.pi)
-    values = fit.receptance(places)[:, response, excitation] * conversion(places, "receptance", fit.frf.form)
+    values = fit.receptance(places)[:, response, excitation] * form_factor(places, "receptance", fit.frf.form)
     return lines, values

@@ -1,4 +1,4 @@
-"""Damping from the width of a peak at the half-power points."""
+"""Natural frequency and damping from the half-power points of a peak."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
-from receptance.modal._lines import lines_of, one_entry
-from receptance.modal._local import highest, mobility, polar_errors, relative_scatter
+from receptance.modal._lines import check_one_entry, select_lines
+from receptance.modal._local import highest_line, mobility, polar_errors, relative_scatter
 from receptance.modal.estimate import ModeEstimate
 
 if TYPE_CHECKING:
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 __all__ = ["half_power"]
 
-_ENOUGH = 5.0
-"""Below so many lines in the half-power band the width is largely that of the interpolation."""
+_MIN_LINES = 5.0
+"""Least number of lines in the half-power band without a warning of bias."""
 
 
 def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None = None) -> ModeEstimate:
-    """Natural frequency and damping from the half-power points of the highest peak in a band.
+    """Estimate natural frequency and damping from the half-power points of the highest peak in a band.
 
     On the magnitude of the mobility (w times the receptance), whose half-power points w_1 and w_2 satisfy
     w_2 - w_1 = 2 zeta w_r and w_1 w_2 = w_r^2 exactly for one viscously damped mode. The peak is the highest line, and
-    the points are interpolated linearly between lines, as is customary. Both are wrong where there are few lines: the
-    peak is cut off and the band comes out too wide. Nothing is corrected; below five lines a warning says by how
-    much it is off on average, and `circle_fit` or `fit_modes` should be used instead.
+    the points are interpolated linearly between lines, as is customary. With few lines the peak is truncated and the
+    width is overestimated. This is not corrected; below five lines a warning states the mean bias, and `circle_fit` or
+    `fit_modes` should be used instead.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     Returns
     -------
     ModeEstimate
-        The standard errors contain the scatter of the lines (as stated by the FRF's variance, else from the residuals
-        of a single mode fitted around the peak) and that of not knowing where between two lines the peak is. They do
-        not contain the bias, nor what a neighbouring mode adds.
+        The standard errors contain the scatter of the lines (stated by the variance of the FRF, else from the residuals
+        of one mode fitted around the peak) and that of the position of the peak between two lines. They contain neither
+        the bias nor the influence of neighbouring modes.
 
     Warns
     -----
@@ -76,11 +76,11 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     '795.8 Hz, 1.00 %, 16 lines'
     """
     owner = "half_power"
-    lines = lines_of(owner, frf, low_hz, high_hz, 3)
-    one_entry(owner, lines)
-    moved = mobility(lines)
-    peak = highest(owner, lines, np.abs(moved))
-    points = _points(owner, lines.frequency_hz, np.abs(moved), peak)
+    lines = select_lines(owner, frf, low_hz, high_hz, 3)
+    check_one_entry(owner, lines)
+    mobility_values = mobility(lines)
+    peak = highest_line(owner, lines, np.abs(mobility_values))
+    points = _points(owner, lines.frequency_hz, np.abs(mobility_values), peak)
     width, spacing = points.high - points.low, lines.spacing_at(peak)
     resolution = _resolution(round(float(np.clip(width / spacing, 0.5, 50.0)), 1))
     scatter, freedom, notes = relative_scatter(lines, peak, width)
@@ -89,25 +89,25 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     slopes = np.stack([0.5 * (points.slopes[0] + points.slopes[1]), (points.slopes[1] - points.slopes[0]) / width])
     slopes = np.vstack([slopes, slopes[1]])
     slopes[2, peak] += 1.0
-    # Nothing is known of some lines; that matters where they are used.
+    # Lines with infinite scatter matter only if they are used.
     reach = np.multiply(np.abs(slopes), scatter, out=np.zeros_like(slopes), where=slopes != 0.0)
-    # Of lines that share their values only the two around each end are near enough to matter: at most twice as much.
-    of_centre, of_width, of_constant = np.sqrt(min(lines.shared, 2.0) * np.sum(reach**2, axis=1))
+    # Of correlated lines only the two at each end contribute, so that the variance is at most doubled.
+    of_centre, of_width, of_constant = np.sqrt(min(lines.correlated_lines, 2.0) * np.sum(reach**2, axis=1))
 
     decay = np.pi * width - frf.decay_rate
     # w_1 w_2 is w_r^2 of the mode with the window's damping; its damped frequency is not changed by the window.
     damped_squared = (2.0 * np.pi) ** 2 * points.low * points.high - (np.pi * width) ** 2
     natural = float(np.sqrt(damped_squared + decay**2))
-    # The highest line is not at the resonance: turned from its place on the circle to there.
+    # Rotation on the circle from the highest line to the resonance.
     turn = np.arctan2(lines.frequency_hz[peak] - np.sqrt(points.low * points.high), 0.5 * width)
-    constant = complex(2.0 * np.pi * width * moved[peak] * np.exp(1j * turn))
+    constant = complex(2.0 * np.pi * width * mobility_values[peak] * np.exp(1j * turn))
     of_phase = float(np.hypot(scatter[peak], 2.0 * of_centre / width))
-    said = [*lines.notes, *notes]
-    if width / spacing < _ENOUGH:
-        said.append(_few(width / spacing, natural, resolution.bias, frf.decay_rate > 0.0))
-        warnings.warn(f"{owner}: {said[-1]}", ReceptanceWarning, stacklevel=2)
+    messages = [*lines.notes, *notes]
+    if width / spacing < _MIN_LINES:
+        messages.append(_few_lines_warning(width / spacing, natural, resolution.bias, frf.decay_rate > 0.0))
+        warnings.warn(f"{owner}: {messages[-1]}", ReceptanceWarning, stacklevel=2)
     if decay <= 0.0:
-        said.append("the peak is no wider than the exponential window makes it: the damping is not determined")
+        messages.append("the peak is no wider than the exponential window makes it: the damping is not determined")
     return ModeEstimate(
         method="half-power",
         frequency_hz=natural / (2.0 * np.pi),
@@ -124,15 +124,15 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         band_hz=(float(lines.frequency_hz[points.first]), float(lines.frequency_hz[points.last])),
         lines=points.last - points.first + 1,
         degrees_of_freedom=freedom,
-        notes=tuple(said),
+        notes=tuple(messages),
     )
 
 
-def _few(lines: float, natural: float, bias: float, window: bool) -> str:
+def _few_lines_warning(lines: float, natural: float, bias: float, window: bool) -> str:
     return (
         f"only {lines:.1f} lines in the half-power band of the mode at {natural / (2.0 * np.pi):.6g} Hz: its width "
-        f"{'(that of the exponential window included) ' if window else ''}comes out about {100.0 * bias:.2g} % too "
-        "large on average; use circle_fit or fit_modes"
+        f"{'(including that of the exponential window) ' if window else ''}is overestimated by "
+        f"{100.0 * bias:.2g} % on average; use circle_fit or fit_modes"
     )
 
 
@@ -173,10 +173,10 @@ def _points(owner: str, f: NDArray[np.float64], size: NDArray[np.float64], peak:
 
 @dataclass(frozen=True)
 class _Resolution:
-    """What the lines' places do to the half-power points of one undisturbed mode, over all places alike.
+    """Errors of the half-power method for one mode from the position of the lines, averaged over all positions.
 
-    Mean relative error of the width, and standard deviations: of the width, relative; of the centre, in distances
-    of the lines; of the log of the modal constant; of its phase.
+    Mean relative error of the width, and standard deviations of the width (relative), of the centre (in distances of
+    the lines), of the log of the modal constant, and of its phase.
     """
 
     bias: float
@@ -188,12 +188,12 @@ class _Resolution:
 
 _SHIFTS = tuple((np.arange(40) + 0.5) / 40.0)
 _NEARBY = (0.85, 0.9, 0.95, 1.0, 1.05)
-"""How far the true number of lines may be from the apparent one; what the places do varies quickly with it."""
+"""Ratios of the true to the apparent number of lines over which the errors are averaged."""
 
 
 @functools.lru_cache(maxsize=256)
 def _resolution(lines_in_band: float) -> _Resolution:
-    found = [[_placed(lines_in_band * factor, shift) for shift in _SHIFTS] for factor in _NEARBY]
+    found = [[_measured_at(lines_in_band * factor, shift) for shift in _SHIFTS] for factor in _NEARBY]
     # (factors, places, quantities)
     table = np.array(found)
     spread = np.sqrt(np.mean(table.var(axis=1), axis=0))
@@ -201,8 +201,8 @@ def _resolution(lines_in_band: float) -> _Resolution:
     return _Resolution(bias, float(spread[0]), float(spread[1]), float(spread[2]), float(spread[3]))
 
 
-def _placed(lines_in_band: float, shift: float) -> tuple[float, float, float, float]:
-    """Width over the true one, centre, log of the modal constant and its phase, for one place of the lines."""
+def _measured_at(lines_in_band: float, shift: float) -> tuple[float, float, float, float]:
+    """Return relative width, centre, log of the modal constant and its phase for one position of the lines."""
     reach = int(2.0 * lines_in_band) + 6
     x = np.arange(-reach, reach + 1).astype(np.float64) + shift
     values = 1.0 / (1.0 + 2j * x / lines_in_band)

@@ -1,4 +1,4 @@
-"""The modes that a global fit found, with what it cannot tell."""
+"""Result of a global modal fit: modes with standard errors, background and warnings."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.frf.forms import conversion
-from receptance.modal.estimate import ModeEstimate, quantile
+from receptance.frf import form_factor
+from receptance.frf.variance import interval_factor
+from receptance.modal._selection import Scatter, search_range, weights_of
+from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
+    from receptance.modal._least_squares import PoleFit
+    from receptance.modal._lines import Lines
 
 __all__ = ["ModalFit"]
 
@@ -26,47 +30,47 @@ __all__ = ["ModalFit"]
 class ModalFit(Result):
     """Modes common to all entries of an FRF, in ascending frequency.
 
-    H(s) = sum over modes of A_r / (s - p_r) + A_r* / (s - p_r*), and background, s = i w on real lines; for a mode
-    with a real modal constant that is C_r / (w_r^2 - w^2 + 2 i zeta_r w_r w) with C_r = 2 i w_d A_r.
+    H(s) = sum over modes of A_r / (s - p_r) + A_r* / (s - p_r*) plus background, with s = i w on real lines. For a
+    real modal constant the term of a mode is C_r / (w_r^2 - w^2 + 2 i zeta_r w_r w) with C_r = 2 i w_d A_r.
 
     Attributes
     ----------
     frequency_hz, frequency_standard_error_hz : ndarray
         `(M,)` undamped natural frequencies.
     damping_ratio, damping_standard_error : ndarray
-        `(M,)` viscous damping ratios; an exponential window is taken off.
+        `(M,)` viscous damping ratios, without that of an exponential window.
     covariance : ndarray
-        `(2M, 2M)` of the frequencies in Hz, then the damping ratios.
+        `(2M, 2M)` covariance of the frequencies in Hz, then the damping ratios.
     modal_constant, modal_constant_standard_error : ndarray
-        `(M, n_out, n_in)` complex C_r of the receptance, in 1/kg for m/N. Of the standard error the real part is that
-        of the real part, the imaginary part that of the imaginary part.
+        `(M, n_out, n_in)` complex C_r of the receptance, in 1/kg for m/N, and the standard errors of its real and
+        imaginary parts as complex numbers.
     residue : ndarray
         `(M, n_out, n_in)` complex A_r of the receptance.
     background : dict of int to ndarray
         `(n_out, n_in)` complex coefficient of each power of s in the receptance: -2 for the modes far below the
         band, 0 for those far above it.
     outside_poles, outside_residue : ndarray
-        `(K,)` in rad/s and `(K, n_out, n_in)`: poles that stand for modes near the band, and, where frequencies were
-        given, for other modes in it. They are part of the background.
+        `(K,)` in rad/s and `(K, n_out, n_in)`: poles of modes near the band, and of further modes in the band if
+        frequencies were given. They are part of the background.
     lines_in_band : ndarray
-        `(M,)` width of the half-power band over the distance of the lines, both as measured.
+        `(M,)` width of the half-power band over the distance of the lines.
     frf : FRF
-        The lines that were fitted.
+        The fitted lines.
     scatter : ndarray
-        `(n_out, n_in)` root mean square of what is left over, of the real and of the imaginary part: in stated standard
-        deviations where the FRF has a variance, else in the unit of the FRF ("absolute") or over it ("relative").
+        `(n_out, n_in)` root mean square of the real and imaginary parts of the residuals: in stated standard deviations
+        if the FRF has a variance, else in the unit of the FRF ("absolute") or relative to it ("relative").
     known_scatter : bool
         Whether the FRF stated its variance.
     correlation : float
-        Of what is left on neighbouring lines.
+        Correlation of the residuals of neighbouring lines.
     degrees_of_freedom : float
-        Of the standard errors: those of the FRF's variance where it explains what is left, infinite if that is exact,
-        else those of the residuals or of the entries that disagree.
+        Degrees of freedom of the standard errors: those of the variance of the FRF if it explains the residuals,
+        infinite if it is exact, else those of the residuals or of inconsistent entries.
     converged : bool
-        Whether the last fit stopped because nothing changed any more.
+        Whether the last fit converged.
     stabilisation : tuple of ndarray
-        For each order of the polynomials, its candidates as complex frequencies in Hz, damped natural frequency plus
-        i times decay rate over 2 pi, that of the window taken off.
+        Candidates of each polynomial order as complex frequencies in Hz, damped natural frequency plus i times decay
+        rate over 2 pi, without that of an exponential window.
     notes : tuple of str
         Notes for the user.
     provenance : Provenance
@@ -104,14 +108,14 @@ class ModalFit(Result):
         return np.asarray(-self.damping_ratio * w + 1j * w * np.sqrt(1.0 - self.damping_ratio**2))
 
     def receptance(self, frequency_hz: ArrayLike, *, background: bool = True) -> NDArray[np.complex128]:
-        """`(n, n_out, n_in)` receptance of the modes.
+        """Return the receptance `(n, n_out, n_in)` of the modes.
 
         Parameters
         ----------
         frequency_hz : array_like
             `(n,)` real, or complex f - i sigma / 2 pi for lines under an exponential window.
         background : bool, optional
-            Whether what stands for modes outside the band is added; it holds in the band only.
+            Whether to add the background, which is valid in the band only.
         """
         s = 2j * np.pi * np.atleast_1d(_checks.unmasked("", "frequency_hz", frequency_hz)).astype(np.complex128)
         poles, residue = self.poles, self.residue
@@ -126,9 +130,9 @@ class ModalFit(Result):
         return np.asarray(total)
 
     def synthesised(self) -> NDArray[np.complex128]:
-        """`(n, n_out, n_in)` the fit on the lines and in the form of `frf`."""
+        """Return the fit `(n, n_out, n_in)` on the lines and in the form of `frf`."""
         lines = self.frf.complex_frequency_hz
-        return self.receptance(lines) * conversion(lines, "receptance", self.frf.form)[:, None, None]
+        return self.receptance(lines) * form_factor(lines, "receptance", self.frf.form)[:, None, None]
 
     def mode(self, number: int, response: int = 0, excitation: int = 0) -> ModeEstimate:
         """Return one mode, counted from 0, with its modal constant at one entry."""
@@ -148,13 +152,13 @@ class ModalFit(Result):
         )
 
     def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
-        """`(M, 2)` intervals that hold the natural frequencies, each with this probability."""
-        reach = quantile(level, self.degrees_of_freedom) * self.frequency_standard_error_hz
+        """Return the confidence intervals `(M, 2)` of the natural frequencies."""
+        reach = interval_factor(level, self.degrees_of_freedom) * self.frequency_standard_error_hz
         return np.stack([self.frequency_hz - reach, self.frequency_hz + reach], axis=1)
 
     def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
-        """`(M, 2)` intervals that hold the damping ratios, each with this probability."""
-        reach = quantile(level, self.degrees_of_freedom) * self.damping_standard_error
+        """Return the confidence intervals `(M, 2)` of the damping ratios."""
+        reach = interval_factor(level, self.degrees_of_freedom) * self.damping_standard_error
         return np.stack([self.damping_ratio - reach, self.damping_ratio + reach], axis=1)
 
     def tables(self) -> list[Table]:
@@ -213,3 +217,236 @@ class ModalFit(Result):
         )
         state = "" if self.converged else ", not converged"
         return f"ModalFit({self._headline()}: {found}{state})"
+
+
+_MIN_ENTRIES = 4
+"""Least number of entries for an estimate of their inconsistency."""
+_MIN_CLUSTERS = 1.2
+"""Least effective number of entries that determine a pole, for an estimate of their inconsistency."""
+_ROUNDING = 1e-22
+"""Share of the sum of squares below which residuals are rounding errors."""
+_MIN_CORRELATION = 0.2
+"""Least correlation of neighbouring residuals that enlarges the standard errors."""
+
+
+def make_modal_fit(
+    fit: PoleFit,
+    modes: NDArray[np.bool_],
+    lines: Lines,
+    terms: tuple[int, ...],
+    scatter: Scatter,
+    orders: list[NDArray[np.complex128]],
+    wanted: int | tuple[float, ...] | None,
+) -> tuple[ModalFit, list[str]]:
+    """Return the result and its warnings; `modes` are the poles that are not background."""
+    shape = np.asarray(lines.frf.values).shape[1:]
+    sigma = float(lines.frf.decay_rate)
+    factor, freedom, correlation, notes = _covariance_factor(fit, lines)
+    of_poles, remark = scaled(fit.pole_covariance, factor), list[str]()
+    if not _is_exact(fit, lines):
+        of_poles, freedom, remark = _between_entries(fit, of_poles, freedom)
+    place = np.flatnonzero(modes)
+    place = place[np.argsort(np.abs(fit.poles[place]))]
+    poles, count = fit.poles[place], place.size
+    both = np.concatenate([place, fit.poles.size + place])
+    frequency, damping, covariance = modal_values(poles, of_poles[np.ix_(both, both)])
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    constant = np.empty((count, fit.coefficients.shape[0]), dtype=np.complex128)
+    of_constant = np.empty_like(constant)
+    for row, mode in enumerate(place):
+        for entry in range(constant.shape[1]):
+            joint = scaled(joint_with_residue(fit, int(mode), entry), factor)
+            residue = complex(fit.residues[mode, entry])
+            constant[row, entry], of_constant[row, entry] = constants(complex(fit.poles[mode]), residue, joint)
+    outside = fit.coefficients[:, 2 * fit.poles.size :]
+    decay = sigma - poles.real
+    warned = [
+        *_missing_mode_warnings(frequency, lines, wanted),
+        *_validity_warnings(fit, frequency, damping, spread[count:]),
+    ]
+    remarks = [*_resolution_notes(frequency, decay, lines), *_further_mode_notes(fit.poles[~modes], lines)]
+    messages = [*lines.notes, *notes, *remark, *warned, *remarks]
+    result = ModalFit(
+        frequency_hz=frequency,
+        frequency_standard_error_hz=spread[:count],
+        damping_ratio=damping,
+        damping_standard_error=spread[count:],
+        covariance=covariance,
+        modal_constant=constant.reshape(count, *shape),
+        modal_constant_standard_error=of_constant.reshape(count, *shape),
+        residue=fit.residues[place].reshape(count, *shape),
+        background={
+            term: (outside[:, 2 * index] + 1j * outside[:, 2 * index + 1]).reshape(shape)
+            for index, term in enumerate(terms)
+        },
+        outside_poles=fit.poles[~modes],
+        outside_residue=fit.residues[~modes].reshape(-1, *shape),
+        lines_in_band=np.maximum(decay, 0.0) / np.pi / _spacing_at(lines, poles.imag / (2.0 * np.pi)),
+        frf=lines.frf,
+        scatter=_residual_scatter(fit, lines, scatter).reshape(shape),
+        known_scatter=lines.relative is not None,
+        correlation=correlation,
+        degrees_of_freedom=freedom,
+        converged=fit.converged,
+        stabilisation=tuple(found - 1j * sigma / (2.0 * np.pi) for found in orders),
+        notes=tuple(messages),
+    )
+    return result, warned
+
+
+def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]:
+    """Return the factor of the covariances, its degrees of freedom, the correlation of the residuals, and notes."""
+    notes = []
+    freedom = fit.degrees_of_freedom
+    independent = freedom / lines.correlated_lines
+    variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
+    if lines.relative is None:
+        of_factor = max(independent, 1.0)
+    elif variance > 1.0 + 3.0 * np.sqrt(2.0 / max(independent, 1.0)):
+        of_factor = max(independent, 1.0)
+        notes.append(
+            f"the residuals are {np.sqrt(variance):.2g} times as large as stated by the variance; the standard errors "
+            "are enlarged by this factor"
+        )
+    else:
+        variance, of_factor = 1.0, lines.freedom
+    correlation = _correlation(fit)
+    # The stated correlation of the lines is included in the covariance already.
+    stated = 1.0 / (1.0 + (np.pi / lines.correlated_lines) ** 2) if lines.correlated_lines > 1.0 else 0.0
+    chance = 3.0 / np.sqrt(2.0 * fit.residual.size / lines.correlated_lines)
+    if correlation <= stated + max(_MIN_CORRELATION * (1.0 - stated), chance) or _is_exact(fit, lines):
+        return variance, of_factor, correlation, notes
+    # Ratio of the correlated lines of first-order autoregressive residuals to the stated ones.
+    kept = min(correlation, 0.98)
+    more = (1.0 + kept) / (1.0 - kept) * (1.0 - stated) / (1.0 + stated)
+    notes.append(
+        f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model is incomplete, or the "
+        f"lines are closer than the resolution of the record; the standard errors are enlarged by {np.sqrt(more):.2g}"
+    )
+    return variance * more, max(of_factor / more, 1.0), correlation, notes
+
+
+def _correlation(fit: PoleFit) -> float:
+    """Return the correlation of the residuals of neighbouring lines."""
+    left = fit.residual
+    neighbours = float(np.sum((left[:-1].conj() * left[1:]).real))
+    return neighbours / max(fit.chi_square, np.finfo(np.float64).tiny)
+
+
+def _is_exact(fit: PoleFit, lines: Lines) -> bool:
+    """Return whether the residuals are rounding errors."""
+    left = np.sum(np.abs(lines.values - fit.fitted) ** 2)
+    return bool(left <= _ROUNDING * np.sum(np.abs(lines.values) ** 2))
+
+
+def _between_entries(
+    fit: PoleFit, covariance: NDArray[np.float64], freedom: float
+) -> tuple[NDArray[np.float64], float, list[str]]:
+    """Return the covariance of the poles, enlarged if entries are inconsistent beyond their scatter.
+
+    If the structure changes between hits (position of a sensor, temperature), every entry has its own poles. The scores
+    of the entries then determine the uncertainty: the covariance with entries as clusters (Liang and Zeger 1986).
+    """
+    if not np.all(np.isfinite(covariance)) or fit.scores.shape[0] < _MIN_ENTRIES:
+        return covariance, freedom, []
+    from scipy.special import chdtri
+
+    influence = fit.scores @ fit.inverse
+    shares = np.einsum("ij,ejk,ki->ei", fit.inverse, fit.information_matrices, fit.inverse)
+    clusters = shares.sum(axis=0) ** 2 / np.sum(shares**2, axis=0)
+    identified = clusters > _MIN_CLUSTERS
+    between = np.sum(influence**2, axis=0) / np.where(identified, 1.0 - 1.0 / clusters, 1.0)
+    ratio = between / np.diag(covariance)
+    # Upper 0.1 % point of chi-square over its degrees of freedom.
+    limit = chdtri(clusters, 1e-3) / clusters
+    over = identified & (ratio > limit)
+    if not over.any():
+        return covariance, freedom, []
+    scale = np.sqrt(np.where(over, ratio, 1.0))
+    note = (
+        f"the poles of the entries differ by up to {scale.max():.2g} times their scatter (did the structure change "
+        "between the hits?); the standard errors are enlarged by this factor"
+    )
+    return covariance * np.outer(scale, scale), min(freedom, max(float(clusters[over].min()) - 1.0, 1.0)), [note]
+
+
+def _missing_mode_warnings(
+    frequency: NDArray[np.float64], lines: Lines, wanted: int | tuple[float, ...] | None
+) -> list[str]:
+    if wanted is None:
+        return []
+    if isinstance(wanted, int):
+        if frequency.size == wanted:
+            return []
+        return [
+            f"{wanted} modes were requested, {frequency.size} found: no further pole in the band improves the fit; "
+            "give the frequencies as modes"
+        ]
+    from scipy.optimize import linear_sum_assignment
+
+    far = np.abs(np.array(wanted)[:, None] - frequency)
+    met = {int(row) for row, column in zip(*linear_sum_assignment(far), strict=True) if np.isfinite(far[row, column])}
+    return [
+        f"no mode was found within {search_range(place, lines):.3g} Hz of {place:g} Hz"
+        for index, place in enumerate(wanted)
+        if index not in met
+    ]
+
+
+def _validity_warnings(
+    fit: PoleFit,
+    frequency: NDArray[np.float64],
+    damping: NDArray[np.float64],
+    of_damping: NDArray[np.float64],
+) -> list[str]:
+    messages = []
+    if not fit.converged:
+        messages.append("the fit did not converge; is the number of modes right?")
+    for f, z, spread in zip(frequency, damping, of_damping, strict=True):
+        if z <= 0.0:
+            messages.append(f"the damping ratio of the mode at {f:.6g} Hz is {z:.2g} +- {spread:.1g}, not above zero")
+    return messages
+
+
+def _further_mode_notes(poles: NDArray[np.complex128], lines: Lines) -> list[str]:
+    f = np.sort(np.abs(poles) / (2.0 * np.pi))
+    inside = [f"{one:.6g}" for one in f if lines.frequency_hz[0] <= one <= lines.frequency_hz[-1]]
+    if not inside:
+        return []
+    return [f"the band contains further modes, fitted as background: {', '.join(inside)} Hz"]
+
+
+def _resolution_notes(frequency: NDArray[np.float64], decay: NDArray[np.float64], lines: Lines) -> list[str]:
+    messages = []
+    width = decay / np.pi
+    spacing = _spacing_at(lines, frequency)
+    for f, own, step in zip(frequency, width, spacing, strict=True):
+        if 0.0 < own < step:
+            messages.append(
+                f"the half-power band of the mode at {f:.6g} Hz is {own / step:.1g} of the distance of the lines: its "
+                "damping is valid only for lines without leakage"
+            )
+    for index in range(frequency.size - 1):
+        if frequency[index + 1] - frequency[index] < 0.5 * min(width[index], width[index + 1]):
+            messages.append(
+                f"the poles at {frequency[index]:.6g} and {frequency[index + 1]:.6g} Hz are within half of a "
+                "half-power band: two close modes, or one mode that changed between hits"
+            )
+    return messages
+
+
+def _spacing_at(lines: Lines, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance of the lines at given frequencies."""
+    gaps = np.diff(lines.frequency_hz)
+    return np.asarray(gaps[np.clip(np.searchsorted(lines.frequency_hz, places) - 1, 0, gaps.size - 1)])
+
+
+def _residual_scatter(fit: PoleFit, lines: Lines, scatter: Scatter) -> NDArray[np.float64]:
+    """Return the root mean square `(m,)` of the residuals, corrected for the fitted parameters."""
+    left = lines.values - fit.fitted
+    if lines.relative is not None:
+        left = left * weights_of(lines, scatter, fit, smooth=True)
+    elif scatter == "relative":
+        left = left / np.maximum(np.abs(lines.values), np.finfo(np.float64).tiny)
+    share = max(fit.degrees_of_freedom, 1) / (2.0 * fit.residual.size)
+    return np.asarray(np.sqrt(np.mean(np.abs(left) ** 2, axis=0) / 2.0 / share))

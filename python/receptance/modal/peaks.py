@@ -1,4 +1,4 @@
-"""Peaks of a magnitude, between the lines."""
+"""Modes from the peaks of the mobility, with frequencies between the lines."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
-from receptance.modal._lines import Lines, lines_of, one_entry
-from receptance.modal._local import around, mobility, polar_errors
+from receptance.modal._lines import Lines, check_one_entry, select_lines
+from receptance.modal._local import lines_around_peak, mobility, polar_errors
 from receptance.modal.estimate import ModeEstimate
 
 if TYPE_CHECKING:
@@ -26,28 +26,28 @@ _LEAST, _MOST = 5, 25
 def find_peaks(
     frf: FRF, *, low_hz: float | None = None, high_hz: float | None = None, prominence_db: float = 6.0
 ) -> tuple[ModeEstimate, ...]:
-    """Peaks of the mobility's magnitude with what each says about its mode.
+    """Find the peaks of the mobility's magnitude, and estimate the mode of each.
 
     The inverse square of one mode's receptance is exactly a parabola in w^2,
-    1 / |H|^2 = ((w_r^2 - w^2)^2 + (2 zeta_r w_r w)^2) / |C|^2; it is fitted to the lines around the peak that have at
-    least half of its height (five at least), each with its weight. The frequency is then not tied to the lines and no
-    half-power points are needed. Only magnitudes are used, and other modes are taken to be far: good for finding
-    modes and for clear peaks, while `circle_fit` and `fit_modes` are better for numbers.
+    1 / |H|^2 = ((w_r^2 - w^2)^2 + (2 zeta_r w_r w)^2) / |C|^2; it is fitted, with weights, to the lines around the peak
+    with at least half of its height (at least five). The frequency is not limited to the lines, and no half-power
+    points are needed. Only magnitudes are used, and other modes are neglected: suitable for finding modes and for
+    isolated peaks; `circle_fit` and `fit_modes` are more accurate.
 
     Parameters
     ----------
     frf : FRF
         One response and one excitation.
     low_hz, high_hz : float, optional
-        Where to look.
+        The band.
     prominence_db : float, optional
-        How far a peak must stand above the valleys beside it.
+        Least prominence of a peak.
 
     Returns
     -------
     tuple of ModeEstimate
-        In ascending frequency; empty if nothing stands out. The damping is NaN where the lines are too few for the
-        width, with a note. Peaks of whose lines the stated variance says nothing are left out.
+        In ascending frequency; empty without prominent peaks. The damping is NaN, with a note, if there are too few
+        lines for the width. Peaks on lines of infinite stated variance are left out.
 
     Raises
     ------
@@ -70,26 +70,32 @@ def find_peaks(
 
     owner = "find_peaks"
     least = _checks.positive(owner, "prominence_db", prominence_db, unit="dB")
-    lines = lines_of(owner, frf, low_hz, high_hz, _LEAST)
-    one_entry(owner, lines)
-    moved = mobility(lines)
-    size = np.maximum(np.abs(moved), np.finfo(np.float64).tiny)
+    lines = select_lines(owner, frf, low_hz, high_hz, _LEAST)
+    check_one_entry(owner, lines)
+    mobility_values = mobility(lines)
+    size = np.maximum(np.abs(mobility_values), np.finfo(np.float64).tiny)
     found, _ = peaks_of(20.0 * np.log10(size), prominence=least)
-    return tuple(_estimate(lines, moved, int(peak)) for peak in found if _known(lines, np.abs(moved), int(peak)))
+    return tuple(
+        _estimate(lines, mobility_values, int(peak))
+        for peak in found
+        if _is_known(lines, np.abs(mobility_values), int(peak))
+    )
 
 
-def _estimate(lines: Lines, moved: NDArray[np.complex128], peak: int) -> ModeEstimate:
-    part = _part(np.abs(moved), peak)
+def _estimate(lines: Lines, mobility_values: NDArray[np.complex128], peak: int) -> ModeEstimate:
+    part = _part(np.abs(mobility_values), peak)
     parabola = _Parabola.through(lines, part, peak)
     values, slopes = parabola.evaluated(lines, peak)
     spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, parabola.covariance, slopes), 0.0))
     frequency, damping, size, turn, width = values
     notes = list(lines.notes)
     if np.isnan(damping):
-        notes.append("the lines do not resolve the peak's width: its damping is not determined")
+        notes.append("the lines do not resolve the width of the peak: its damping is not determined")
     elif damping <= 0.0:
         notes.append("the peak is no wider than the exponential window makes it: the damping is not determined")
-    constant = complex(np.exp(size + 1j * (np.angle(moved[peak]) + turn))) if np.isfinite(size) else complex("nan")
+    constant = (
+        complex(np.exp(size + 1j * (np.angle(mobility_values[peak]) + turn))) if np.isfinite(size) else complex("nan")
+    )
     return ModeEstimate(
         method="peak",
         frequency_hz=float(frequency),
@@ -108,13 +114,13 @@ def _estimate(lines: Lines, moved: NDArray[np.complex128], peak: int) -> ModeEst
     )
 
 
-def _known(lines: Lines, size: NDArray[np.float64], peak: int) -> bool:
-    """Whether the variance of enough lines is finite for a parabola."""
+def _is_known(lines: Lines, size: NDArray[np.float64], peak: int) -> bool:
+    """Return whether enough lines for a parabola have a finite variance."""
     return lines.relative is None or bool(np.count_nonzero(np.isfinite(lines.relative[_part(size, peak)])) >= 4)
 
 
 def _part(size: NDArray[np.float64], peak: int) -> slice:
-    wide = around(size, peak, _SHARE, _LEAST)
+    wide = lines_around_peak(size, peak, _SHARE, _LEAST)
     return slice(max(wide.start, peak - _MOST // 2), min(wide.stop, peak + _MOST // 2 + 1))
 
 
@@ -137,7 +143,7 @@ class _Parabola:
         x = (squared - middle) / reach
         inverse = 1.0 / np.maximum(np.abs(lines.receptance[part, 0]), np.finfo(np.float64).tiny ** 0.25) ** 2
         known = lines.relative is not None
-        # Noise of one size on all lines weighs on a line as the inverse of its magnitude.
+        # Equal noise on all lines has a relative standard deviation inverse to the magnitude.
         raw = np.abs(lines.values[part, 0])
         relative = (
             lines.relative[part, 0] if lines.relative is not None else raw.max() / np.maximum(raw, raw.max() / 1e6)
@@ -151,19 +157,23 @@ class _Parabola:
         freedom = x.size - 3
         left = target - q @ (q.T @ target)
         scatter = 1.0 if known else float(left @ left) / freedom
-        factor = scatter * lines.shared
+        factor = scatter * lines.correlated_lines
         at_peak = float(relative[peak - part.start] * np.sqrt(scatter))
         return cls(
             coefficients,
             factor * back @ back.T,
             middle,
             reach,
-            lines.freedom if known else max(freedom / lines.shared, 1.0),
+            lines.freedom if known else max(freedom / lines.correlated_lines, 1.0),
             at_peak,
         )
 
     def evaluated(self, lines: Lines, peak: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Frequency in Hz, damping ratio, log of |C|, turn from the peak line to the resonance, width in Hz; slopes."""
+        """Return the modal parameters, and their derivatives by the coefficients.
+
+        The parameters are frequency in Hz, damping ratio, log |C|, phase from the peak line to the resonance, and width
+        in Hz.
+        """
         w, sigma = 2.0 * np.pi * float(lines.frequency_hz[peak]), float(lines.frf.decay_rate)
         steps = np.maximum(1e-3 * np.sqrt(np.diag(self.covariance)), 1e-9 * np.abs(self.coefficients).max())
         slopes = [
@@ -176,15 +186,15 @@ class _Parabola:
     def _values(self, coefficients: NDArray[np.float64], w: float, sigma: float) -> NDArray[np.float64]:
         a, b, c = (float(value) for value in coefficients)
         if c <= 0.0:
-            # No peak but a slope that noise has dented.
+            # Not a peak, but noise on a slope.
             return np.array([w / (2.0 * np.pi), np.nan, np.nan, np.nan, np.nan])
         vertex = self.middle - self.reach * b / (2.0 * c)
         depth = self.reach**2 * (a / c - (b / (2.0 * c)) ** 2)
         if depth <= 0.0 or vertex <= 0.0:
             return np.array([np.sqrt(max(vertex, w**2 / 4.0)) / (2.0 * np.pi), np.nan, np.nan, np.nan, np.nan])
-        # As the lines show it: x_vertex = w_r^2 (1 - 2 zeta^2), depth = 4 zeta^2 (1 - zeta^2) w_r^4.
+        # Including an exponential window: x_vertex = w_r^2 (1 - 2 zeta^2), depth = 4 zeta^2 (1 - zeta^2) w_r^4.
         natural = np.sqrt(np.hypot(vertex, np.sqrt(depth)))
-        # Half of natural^2 - vertex, without the difference of two near numbers.
+        # Half of natural^2 - vertex, without cancellation.
         apparent = np.sqrt(0.5 * depth / (natural**2 + vertex))
         decay = apparent - sigma
         own = np.sqrt(natural**2 - apparent**2 + decay**2)

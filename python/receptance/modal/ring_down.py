@@ -1,17 +1,17 @@
-"""Frequency and damping of one mode against its amplitude, from a free decay."""
+"""Natural frequency and damping of one mode against its amplitude, from a free decay."""
 
 from __future__ import annotations
 
+import itertools
 import warnings
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.modal._decay import PER_BLOCK, Block, Demodulated, blocks_of, demodulated, fit_block
-from receptance.modal.estimate import quantile
+from receptance.frf.variance import interval_factor
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -21,16 +21,172 @@ if TYPE_CHECKING:
 
 __all__ = ["RingDown", "ring_down"]
 
-_MOST = 40
-_LOST = 0.1
-"""Above this scatter relative to the amplitude the logarithm is biased."""
-_CLEAN = 0.05
-"""A relative scatter above this at the start of the decay is no noise but something else in the band."""
+TAPS_PER_WIDTH = 4.0
+"""Length of the filter times the width of the band: half of the amplitude passes at the ends of the band."""
+PER_BLOCK = 8.0
+"""Shortest block times the width of the band, which leaves residuals of a quadratic to estimate the scatter."""
+_SAMPLES_PER_WIDTH = 3.0
+_KAISER_BETA = 8.0
+"""Shape parameter of the Kaiser window (80 dB)."""
+
+
+@dataclass(frozen=True)
+class Demodulation:
+    """Complex amplitude z(t) of a band, whose part of the record is Re z exp(2 pi i middle t).
+
+    Attributes
+    ----------
+    time_s : ndarray
+        `(k,)` evenly spaced.
+    log : ndarray
+        `(k,)` complex log z, with unwrapped phase.
+    middle_hz, width_hz : float
+        Middle and width of the band.
+    taps : ndarray
+        Coefficients of the filter.
+    sample_rate_hz : float
+        Sample rate of the record.
+    correlation : ndarray
+        Correlation of filtered white noise at 0, 1, 2, ... steps of `time_s`.
+    """
+
+    time_s: NDArray[np.float64]
+    log: NDArray[np.complex128]
+    middle_hz: float
+    width_hz: float
+    taps: NDArray[np.float64]
+    sample_rate_hz: float
+    correlation: NDArray[np.float64]
+
+    def until(self, count: int) -> Demodulation:
+        """Return the first samples."""
+        return replace(self, time_s=self.time_s[:count], log=self.log[:count])
+
+    def log_gain(self, slope: complex) -> complex:
+        """Return the log of the gain of the filter for exp(slope t)."""
+        place = np.arange(self.taps.size) - 0.5 * (self.taps.size - 1)
+        return complex(np.log(np.sum(self.taps * np.exp(-slope * place / self.sample_rate_hz))))
+
+
+@dataclass(frozen=True)
+class Block:
+    """Estimates of one block of time."""
+
+    time_s: float
+    duration_s: float
+    amplitude: float
+    amplitude_standard_error: float
+    frequency_hz: float
+    frequency_standard_error_hz: float
+    damping_ratio: float
+    damping_standard_error: float
+    relative_scatter: float
+    degrees_of_freedom: float
+
+
+def demodulate(
+    record: NDArray[np.float64], sample_rate_hz: float, low_hz: float, high_hz: float, start_s: float
+) -> Demodulation:
+    """Shift a record down by the middle of a band and low-pass filter it, without the transients at its ends."""
+    from scipy.signal import firwin, oaconvolve
+
+    middle, width = 0.5 * (low_hz + high_hz), high_hz - low_hz
+    half = int(np.ceil(0.5 * TAPS_PER_WIDTH * sample_rate_hz / width))
+    taps = firwin(2 * half + 1, 0.5 * width, window=("kaiser", _KAISER_BETA), fs=sample_rate_hz)
+    time = start_s + np.arange(record.size) / sample_rate_hz
+    shifted = 2.0 * record * np.exp(-2j * np.pi * middle * time)
+    step = max(int(sample_rate_hz / (_SAMPLES_PER_WIDTH * width)), 1)
+    z = oaconvolve(shifted, taps, mode="valid")[::step]
+    # Limited for records with zeros.
+    size = np.maximum(np.abs(z), np.finfo(np.float64).tiny)
+    log = np.log(size) + 1j * np.unwrap(np.angle(z))
+    correlation = oaconvolve(taps, taps[::-1])[taps.size - 1 :: step]
+    return Demodulation(
+        time[half : half + shifted.size - 2 * half : step],
+        log,
+        middle,
+        width,
+        taps,
+        sample_rate_hz,
+        correlation / correlation[0],
+    )
+
+
+def split_blocks(signal: Demodulation, count: int) -> list[slice]:
+    """Return blocks with equal decrease of the log amplitude, smoothed by a cubic."""
+    time = signal.time_s - signal.time_s[0]
+    share = time / time[-1]
+    smooth = np.polynomial.Polynomial.fit(share, signal.log.real, min(3, share.size - 1))(share)
+    falling = np.minimum.accumulate(smooth)
+    # Without a decrease the blocks have equal length.
+    course = (falling[0] - falling) + 1e-3 * share
+    edges = np.searchsorted(course, np.linspace(0.0, course[-1], count + 1)[1:-1])
+    ends = [0, *(int(edge) for edge in edges), time.size]
+    return [slice(first, last) for first, last in itertools.pairwise(ends)]
+
+
+def fit_block(signal: Demodulation, part: slice) -> Block:
+    """Fit a quadratic to the log of the complex amplitude, weighted by the squared amplitude."""
+    time, log = signal.time_s[part], signal.log[part]
+    size = np.exp(log.real)
+    middle = float(np.sum(size**2 * time) / np.sum(size**2))
+    reach = 0.5 * float(time[-1] - time[0])
+    x = (time - middle) / reach
+    q, r = np.linalg.qr(np.stack([np.ones_like(x), x, 0.5 * x**2], axis=1) * size[:, None])
+    inside = q.T @ (size * log)
+    value, slope = np.linalg.solve(r, inside)[:2]
+    slope = complex(slope) / reach
+    left = size * log - q @ inside
+
+    step = float(time[1] - time[0])
+    turned = signal.correlation * np.cos(slope.imag * step * np.arange(signal.correlation.size))
+    spread = _correlated(turned, q)
+    seen = q.T @ spread
+    free = x.size - float(np.trace(seen))
+    variance = float(np.sum(np.abs(left) ** 2)) / (2.0 * free)
+    lags = turned[1 : x.size]
+    square = x.size + 2.0 * float(np.sum(lags**2 * (x.size - 1 - np.arange(lags.size))))
+    square += -2.0 * float(np.sum(spread**2)) + float(np.sum(seen**2))
+    back = np.linalg.inv(r)
+    covariance = variance * back @ seen @ back.T
+
+    decay, turn = -slope.real, slope.imag + 2.0 * np.pi * signal.middle_hz
+    natural = float(np.hypot(decay, turn))
+    error = float(np.sqrt(covariance[1, 1])) / reach
+    amplitude = float(np.exp(value.real - signal.log_gain(slope).real))
+    return Block(
+        time_s=middle,
+        duration_s=float(time[-1] - time[0]) + step,
+        amplitude=amplitude,
+        amplitude_standard_error=amplitude * float(np.sqrt(covariance[0, 0])),
+        frequency_hz=natural / (2.0 * np.pi),
+        frequency_standard_error_hz=error / (2.0 * np.pi),
+        damping_ratio=decay / natural,
+        damping_standard_error=error / natural,
+        relative_scatter=float(np.sqrt(variance) / np.exp(value.real)),
+        degrees_of_freedom=2.0 * free**2 / square,
+    )
+
+
+def _correlated(correlation: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the product of the symmetric Toeplitz matrix of a short correlation with columns."""
+    total: NDArray[np.float64] = correlation[0] * columns
+    for lag in range(1, min(correlation.size, len(columns))):
+        total[lag:] += correlation[lag] * columns[:-lag]
+        total[:-lag] += correlation[lag] * columns[lag:]
+    return total
+
+
+_MAX_BLOCKS = 40
+_MAX_SCATTER = 0.1
+"""Largest scatter relative to the amplitude, above which the logarithm is biased."""
+_MAX_INITIAL_SCATTER = 0.05
+"""Largest relative scatter at the start of the decay without a warning of other contents of the band."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RingDown(Result):
-    """Natural frequency and damping of one mode while its amplitude falls, one value per block of time.
+    """Natural frequency and damping of one mode during its decay, one value per block of time.
 
     Attributes
     ----------
@@ -39,17 +195,17 @@ class RingDown(Result):
     duration_s : ndarray
         `(k,)` length of each block.
     amplitude, amplitude_standard_error : ndarray
-        `(k,)` amplitude (half of peak to peak) of the mode at that time, in the unit of the samples.
+        `(k,)` amplitude (half of peak to peak) of the mode at this time, in the unit of the samples.
     frequency_hz, frequency_standard_error_hz : ndarray
         `(k,)` undamped natural frequency.
     damping_ratio, damping_standard_error : ndarray
         `(k,)` ratio of the decay rate of the amplitude to the natural frequency.
     relative_scatter : ndarray
-        `(k,)` what is left in the band around the smooth decay, relative to the amplitude.
+        `(k,)` residuals of the smooth decay in the band, relative to the amplitude.
     degrees_of_freedom : ndarray
-        `(k,)` of the standard errors.
+        `(k,)` degrees of freedom of the standard errors.
     band_hz : (float, float)
-        Where the filter passes half of the amplitude.
+        Frequencies at which the filter passes half of the amplitude.
     notes : tuple of str
         Notes for the user.
     provenance : Provenance
@@ -73,12 +229,12 @@ class RingDown(Result):
     heading = "Ring-down"
 
     def at(self, amplitude: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Natural frequency in Hz and damping ratio at some amplitudes, linear in the logarithm between blocks.
+        """Return natural frequency in Hz and damping ratio at given amplitudes, interpolated in the log amplitude.
 
         Raises
         ------
         ValueError
-            An amplitude outside the blocks' middles.
+            An amplitude outside the middles of the blocks.
         """
         wanted = _checks.unmasked("ring-down", "amplitude", amplitude, np.float64)
         low, high = self.amplitude.min(), self.amplitude.max()
@@ -93,15 +249,15 @@ class RingDown(Result):
         return np.interp(place, known, self.frequency_hz[order]), np.interp(place, known, self.damping_ratio[order])
 
     def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
-        """`(k, 2)` intervals that hold the natural frequencies, each with this probability."""
+        """Return the confidence intervals `(k, 2)` of the natural frequencies."""
         return self._interval(self.frequency_hz, self.frequency_standard_error_hz, level)
 
     def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
-        """`(k, 2)` intervals that hold the damping ratios, each with this probability."""
+        """Return the confidence intervals `(k, 2)` of the damping ratios."""
         return self._interval(self.damping_ratio, self.damping_standard_error, level)
 
     def _interval(self, value: NDArray[np.float64], error: NDArray[np.float64], level: float) -> NDArray[np.float64]:
-        reach = error * np.array([quantile(level, freedom) for freedom in self.degrees_of_freedom])
+        reach = error * interval_factor(level, self.degrees_of_freedom)
         return np.stack([value - reach, value + reach], axis=1)
 
     def tables(self) -> list[Table]:
@@ -159,7 +315,7 @@ def ring_down(
     neither frequency nor rate), which gives the mode's complex amplitude z(t). In each of some blocks of equal drop in
     amplitude a quadratic is fitted to log z: the slope of its real part is the decay rate, that of its imaginary part
     the frequency. A quadratic, so that the slope in the middle of a block is not pulled by a frequency that drifts with
-    the amplitude. Standard errors come from what is left around the quadratic, with the correlation that the
+    the amplitude. Standard errors come from the residuals of the quadratic, with the correlation that the
     filter gives to white noise.
 
     A linear mode gives the same numbers in every block. A joint that slips more at larger amplitude gives a lower
@@ -189,12 +345,12 @@ def ring_down(
     Warns
     -----
     ReceptanceWarning
-        Something else than one decaying mode in the band.
+        Other signals than one decaying mode in the band.
 
     Raises
     ------
     TypeError, ValueError
-        Unusable samples or settings, or a decay too short for a block.
+        Invalid samples or settings, or a decay too short for a block.
 
     Examples
     --------
@@ -211,12 +367,12 @@ def ring_down(
     rate = _checks.positive(owner, "sample_rate_hz", sample_rate_hz, unit="Hz")
     low, high = _band(owner, low_hz, high_hz, rate)
     first, last = _part(owner, record, rate, start_s, end_s)
-    if blocks is not None and (isinstance(blocks, bool) or not isinstance(blocks, (int, np.integer)) or blocks < 1):
-        raise ValueError(f"{owner}: blocks is {blocks!r}, expected a whole number of at least 1")
-    signal = demodulated(record[first : last + 1], rate, low, high, first / rate)
-    signal, notes = _above_scatter(owner, signal)
+    if blocks is not None:
+        _checks.whole_number(owner, "blocks", blocks)
+    signal = demodulate(record[first : last + 1], rate, low, high, first / rate)
+    signal, notes = _until_scatter(owner, signal)
     found = [fit_block(signal, part) for part in _blocks(owner, signal, blocks)]
-    if found[0].relative_scatter > _CLEAN:
+    if found[0].relative_scatter > _MAX_INITIAL_SCATTER:
         text = (
             f"{100.0 * found[0].relative_scatter:.2g} % of the amplitude at the start of the decay is not one decaying "
             f"mode between {low:g} and {high:g} Hz: another mode in the band, or the hit itself; narrow the band or "
@@ -235,9 +391,7 @@ def ring_down(
 
 
 def _record(owner: str, samples: ArrayLike) -> NDArray[np.float64]:
-    record = _checks.unmasked(owner, "samples", samples)
-    if record.dtype.kind not in "iuf":
-        raise TypeError(f"{owner}: samples has dtype {record.dtype}, expected real numbers")
+    record = _checks.numbers(owner, "samples", samples, "iuf", "real numbers")
     if record.ndim != 1:
         raise ValueError(
             f"{owner}: samples has shape {record.shape}, expected one dimension: one channel of one record"
@@ -255,7 +409,7 @@ def _band(owner: str, low_hz: float, high_hz: float, rate: float) -> tuple[float
     high = _checks.positive(owner, "high_hz", high_hz, unit="Hz")
     if low >= high:
         raise ValueError(f"{owner}: low_hz is {low:g} and high_hz {high:g}, expected low_hz below high_hz")
-    # The mirror image of the band at negative frequencies, and that at the sample rate, are then where nothing passes.
+    # The filter then blocks the image of the band at negative frequencies, and that at the sample rate.
     if low < 0.25 * high or high > 0.4 * rate:
         raise ValueError(
             f"{owner}: the band reaches from {low:g} to {high:g} Hz, expected low_hz to be at least a quarter of "
@@ -268,7 +422,7 @@ def _part(
     owner: str, record: NDArray[np.float64], rate: float, start_s: float | None, end_s: float | None
 ) -> tuple[int, int]:
     length = (record.size - 1) / rate
-    # An offset of the sensor is no motion.
+    # The median removes an offset of the sensor.
     first, last = int(np.argmax(np.abs(record - np.median(record)))), record.size - 1
     if start_s is not None:
         first = round(_checks.not_negative(owner, "start_s", start_s, unit="s") * rate)
@@ -281,39 +435,39 @@ def _part(
     return first, last
 
 
-def _above_scatter(owner: str, signal: Demodulated) -> tuple[Demodulated, list[str]]:
-    """Cut the record off where the scatter is no longer small against the amplitude."""
-    size = _shortest(signal)
+def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list[str]]:
+    """Truncate the record where the scatter is no longer small relative to the amplitude."""
+    size = _shortest_block(signal)
     if signal.time_s.size < size:
         raise ValueError(
             f"{owner}: the decay is {signal.time_s.size * _step(signal):.3g} s long beyond the filter's ends, expected "
             f"at least {size * _step(signal):.3g} s ({PER_BLOCK:g} over the width of the band); widen the band"
         )
     lost = [
-        fit_block(signal, slice(first, first + size)).relative_scatter > _LOST
+        fit_block(signal, slice(first, first + size)).relative_scatter > _MAX_SCATTER
         for first in range(0, signal.time_s.size - size + 1, size)
     ]
-    # One bad block may be a disturbance; two are the end.
+    # A single block may be a disturbance; two in succession are the end.
     end = next((index for index in range(len(lost)) if all(lost[index : index + 2])), len(lost))
     if end == len(lost):
         return signal, []
     if end == 0:
         raise ValueError(
             f"{owner}: between {signal.middle_hz - 0.5 * signal.width_hz:g} and "
-            f"{signal.middle_hz + 0.5 * signal.width_hz:g} Hz the record does not decay like one mode from its start "
-            f"on: what is left is more than {100.0 * _LOST:g} % of the amplitude"
+            f"{signal.middle_hz + 0.5 * signal.width_hz:g} Hz the record does not begin with the decay of one "
+            f"mode: the residuals are more than {100.0 * _MAX_SCATTER:g} % of the amplitude"
         )
     note = (
-        f"the record is used up to {signal.time_s[end * size]:.4g} s; from there on the scatter is more than "
-        f"{100.0 * _LOST:g} % of the amplitude"
+        f"the record is used up to {signal.time_s[end * size]:.4g} s; after it the scatter is more than "
+        f"{100.0 * _MAX_SCATTER:g} % of the amplitude"
     )
     return signal.until(end * size), [note]
 
 
-def _blocks(owner: str, signal: Demodulated, wanted: int | None) -> list[slice]:
-    least = _shortest(signal)
-    for count in range(_MOST, 0, -1) if wanted is None else [wanted]:
-        parts = blocks_of(signal, count)
+def _blocks(owner: str, signal: Demodulation, wanted: int | None) -> list[slice]:
+    least = _shortest_block(signal)
+    for count in range(_MAX_BLOCKS, 0, -1) if wanted is None else [wanted]:
+        parts = split_blocks(signal, count)
         shortest = min(part.stop - part.start for part in parts)
         if shortest >= least:
             return parts
@@ -324,10 +478,10 @@ def _blocks(owner: str, signal: Demodulated, wanted: int | None) -> list[slice]:
     )
 
 
-def _step(signal: Demodulated) -> float:
+def _step(signal: Demodulation) -> float:
     return float(np.diff(signal.time_s[:2])[0]) if signal.time_s.size > 1 else 0.0
 
 
-def _shortest(signal: Demodulated) -> int:
-    """Samples of the shortest block."""
+def _shortest_block(signal: Demodulation) -> int:
+    """Return the number of samples of the shortest block."""
     return int(np.ceil(PER_BLOCK / signal.width_hz / max(_step(signal), 1e-12)))

@@ -1,4 +1,4 @@
-"""The protocol of results, and their one renderer: terminal, text, HTML and JSON."""
+"""The protocol of results, and their rendering to terminal, text, HTML and JSON."""
 
 from receptance.report.result import Provenance, Result, Results
 from receptance.report.table import Column, Table

@@ -1,4 +1,4 @@
-"""Shared parts of all figures; matplotlib is loaded when one is drawn, and figures are returned, not shown."""
+"""Shared functions of figures; matplotlib is loaded when a figure is drawn, and figures are returned, not shown."""
 
 from __future__ import annotations
 
@@ -21,26 +21,32 @@ __all__ = [
     "finished",
     "image_formats",
     "keep_clear",
+    "label_point",
     "new_figure",
+    "panels",
     "set_up",
     "surface",
     "title_left",
 ]
 
-# Okabe and Ito's colours, which most people with a colour deficiency can tell apart.
+# Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 INK = "#222222"
 PALE = "#9A9A9A"
 BAD = "#B2182B"
 _POWER = "$\\mathdefault{"
-"""Beginning of the labels that matplotlib writes at logarithmic axes."""
+"""Prefix of the labels that matplotlib writes at logarithmic axes."""
 
 
 def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
-    """Return an empty figure that belongs to no window and no global state; inches.
+    """Return an empty figure without window and global state.
 
-    Its texts are shown as they are written: titles and names are those of people, and dollar signs in them are no
-    formulas. With `math` they are formulas.
+    Parameters
+    ----------
+    width, height : float
+        Size in inches.
+    math : bool, optional
+        Whether dollar signs in texts mark formulas; by default titles and names of users are shown literally.
     """
     from matplotlib.figure import Figure
 
@@ -49,7 +55,7 @@ def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
 
 
 def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
-    """Return an empty figure, or the place of axes in their figure, for one panel or several.
+    """Return an empty figure, or a subfigure in place of axes, for one or several panels.
 
     Parameters
     ----------
@@ -61,13 +67,13 @@ def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
     Raises
     ------
     ValueError
-        Axes that have no place in a grid.
+        Axes that are not part of a grid.
     """
     if ax is None:
         return new_figure(width, height)
     place = ax.get_subplotspec()
     if place is None:
-        raise ValueError("plot: ax has no place in a grid; create it with `figure.subplots()` or `plt.subplots()`")
+        raise ValueError("plot: ax is not part of a grid; create it with `figure.subplots()` or `plt.subplots()`")
     parent = ax.figure
     ax.remove()
     found = parent.add_subfigure(place)
@@ -75,8 +81,27 @@ def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
     return found
 
 
+def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any) -> list[Axes]:
+    """Return axes in a grid; unused cells of the last row stay empty.
+
+    Parameters
+    ----------
+    figure : Figure or SubFigure
+        From `surface` or `new_figure`.
+    count, columns : int
+        Number of axes, and of columns.
+    options
+        Keyword arguments of `Figure.subplots`, such as `sharex`.
+    """
+    grid = figure.subplots(-(-count // columns), columns, squeeze=False, **options)
+    axes = [one for row in grid for one in row]
+    for empty in axes[count:]:
+        empty.set_visible(False)
+    return axes[:count]
+
+
 def finished(figure: Figure | SubFigure) -> Figure:
-    """Return the whole figure; texts with dollar signs in a part of somebody's figure are no formulas."""
+    """Return the whole figure; in a subfigure of a user's figure, dollar signs are made literal."""
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
@@ -93,7 +118,7 @@ def finished(figure: Figure | SubFigure) -> Figure:
 
 
 def title_left(figure: Figure | SubFigure, text: str, size: float = 13.0) -> None:
-    """Give a figure or a part of one a title, for which room is made."""
+    """Add a title at the left of a figure or subfigure."""
     figure.suptitle(text, x=0.01, ha="left", fontsize=size, color=INK)
 
 
@@ -103,7 +128,7 @@ def _literal_figure() -> type[Figure]:
     from matplotlib.text import Text
 
     class LiteralFigure(Figure):
-        """A figure without formulas, but for the powers of ten that matplotlib writes at logarithmic axes."""
+        """A figure without formulas, except for the powers of ten at logarithmic axes."""
 
         def draw(self, renderer: Any) -> None:
             for artist in self.findobj(Text):
@@ -120,14 +145,14 @@ def _literal_figure() -> type[Figure]:
 
 
 def keep_clear(figure: Figure, top: float) -> None:
-    """Keep the panels below a height, from 0 to 1, so that there is room for titles."""
+    """Limit the panels to a share of the height, from 0 to 1, to leave space for titles."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, top), w_pad=0.08, h_pad=0.08))
 
 
 def set_up(axes: Axes, title: str, x: str = "", y: str = "") -> None:
-    """Give axes a title on the left, labels, and no frame where nothing ends."""
+    """Set title and labels of axes, and remove the upper and the right part of the frame."""
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
     axes.set_xlabel(x, color=INK)
     axes.set_ylabel(y, color=INK)
@@ -138,15 +163,29 @@ def set_up(axes: Axes, title: str, x: str = "", y: str = "") -> None:
     axes.set_axisbelow(True)
 
 
+def label_point(axes: Axes, text: str, point: tuple[float, float], *, left: bool, offset: float = 7.0) -> None:
+    """Write a text to the left or to the right of a point, with a distance in points."""
+    axes.annotate(
+        text,
+        point,
+        xytext=(-offset if left else offset, 0),
+        textcoords="offset points",
+        ha="right" if left else "left",
+        fontsize=8.5,
+        color=INK,
+        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
+    )
+
+
 def as_image(figure: Figure, kind: str) -> bytes:
-    """Return the figure as the content of a file of some format: png, pdf, svg and so on."""
+    """Return the content of an image file in one of `image_formats`, such as "png"."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, dpi=150)
     return buffer.getvalue()
 
 
 def image_formats() -> tuple[str, ...]:
-    """Names of the formats that a figure can be saved in."""
+    """Return the names of the formats in which figures can be saved."""
     from matplotlib.figure import Figure
 
     return tuple(sorted(Figure().canvas.get_supported_filetypes()))

@@ -18,7 +18,7 @@ __all__ = ["as_html", "table_html"]
 
 
 def as_html(result: Result) -> str:
-    """Return a result as a piece of an HTML page."""
+    """Return a result as an HTML fragment."""
     texts = [*filter(None, [result.provenance.description]), *result.sentences()]
     parts = [f"<p><b>{_shown(result.title)}</b></p>", *(f"<p>{_shown(text)}</p>" for text in texts)]
     parts += [table_html(table) for table in result.tables()]
@@ -30,7 +30,7 @@ def as_html(result: Result) -> str:
 
 
 def table_html(table: Table) -> str:
-    """Return a table as HTML: columns of text to the left, numbers to the right."""
+    """Return a table as HTML, with text aligned left and numbers aligned right."""
     sides = ["left" if isinstance(column, str) else "right" for column in table.columns]
     head = "".join(_cell("th", text, side) for text, side in zip(table.headings, sides, strict=True))
     rows = ("".join(_cell("td", text, side) for text, side in zip(row, sides, strict=True)) for row in table.texts())

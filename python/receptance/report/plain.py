@@ -1,4 +1,4 @@
-"""Results as values that JSON can hold."""
+"""Conversion of results to values that JSON supports."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["plain"]
 
 
 def plain(value: Any) -> Any:
-    """Return dictionaries, lists, text, numbers and None.
+    """Return a value as dictionaries, lists, text, numbers and None.
 
-    A number that is not finite is None, a complex number a pair, a dataclass a dictionary of its fields.
+    A number that is not finite becomes None, a complex number a pair, a dataclass a dictionary of its fields.
 
     Examples
     --------

@@ -1,7 +1,8 @@
-"""The protocol of results: what a class declares, and what all of them offer."""
+"""The protocol of results: the methods that a class defines, and those that it inherits."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -22,16 +23,16 @@ _versions = cache(provenance.versions)
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """Where a result comes from.
+    """Source of a result.
 
     Attributes
     ----------
     title, description, file : str
-        Title, description and file name of the campaign; empty where there is none.
+        Title, description and file name of the campaign; empty without a campaign.
     settings : dict
-        Settings of the campaign that the result depends on; empty where there is none.
+        Settings of the campaign that the result depends on; empty without a campaign.
     seed : int or None
-        Seed of all random numbers; None where none were drawn.
+        Seed of all random numbers; None if none were drawn.
     versions : dict of str to str
         Versions of the software.
     """
@@ -49,29 +50,29 @@ class Provenance:
         return seed + ", ".join(f"{name} {value}" for name, value in self.versions.items())
 
 
-class Result:
-    """Base of all results: a class declares tables, sentences and data, and is rendered here.
+class Result(ABC):
+    """Base of all results: a subclass defines tables, sentences and data, which this class renders.
 
-    A class has the attributes `provenance` and `notes` (sentences that a user should know) and overrides `tables`,
-    `sentences`, `data` and `plot`; `warnings` where there is something to act on.
+    A subclass has the attributes `provenance` and `notes` (sentences for the user), defines `data` and `plot`, and
+    overrides `tables`, `sentences`, and `warnings` if the user should act on something.
     """
 
     heading: ClassVar[str] = "Result"
-    """Kind of the result, as it is printed."""
+    """Type of the result in its title."""
 
     if TYPE_CHECKING:
 
         @property
         def provenance(self) -> Provenance:
-            """Where the result comes from."""
+            """Source of the result."""
 
         @property
         def notes(self) -> Sequence[str]:
-            """Sentences that a user should know."""
+            """Notes for the user, a sentence each."""
 
     @property
     def title(self) -> str:
-        """Title of the campaign, if there is one, and kind of the result."""
+        """Title of the campaign, if there is one, and type of the result."""
         return f"{self.provenance.title}: {self.heading.lower()}" if self.provenance.title else self.heading
 
     def tables(self) -> list[Table]:
@@ -83,30 +84,30 @@ class Result:
         return []
 
     def warnings(self) -> Sequence[str]:
-        """Return what the user should act on, a sentence each."""
+        """Return recommendations for the user, a sentence each."""
         return ()
 
+    @abstractmethod
     def data(self) -> dict[str, Any]:
-        """Return what is particular to this result in `to_dict`, in which arrays and dataclasses may stand."""
-        raise NotImplementedError
+        """Return the values of this result for `to_dict`; arrays and dataclasses are allowed."""
 
+    @abstractmethod
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the result.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Axes in whose place the result is drawn; several panels share that place. By default a new figure.
+            Axes that are replaced by the figure; several panels share their place. By default a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure
-            The figure. A new one belongs to no window; save it with `savefig`.
+            The figure; save it with `savefig`.
         """
-        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as values that JSON can hold; a number that is not finite is None."""
+        """Return the result as values that JSON supports; a number that is not finite is None."""
         origin = self.provenance
         found: dict[str, Any] = {"campaign": origin.title, "file": origin.file} if origin.file else {}
         found |= {**self.data(), "notes": self.notes}
@@ -123,7 +124,7 @@ class Result:
         Parameters
         ----------
         width : int, optional
-            Number of characters on a line, at least 40. Numbers are never cut; wide tables are printed in parts.
+            Number of characters per line, at least 40. Numbers are never cut; wide tables are split.
         """
         from receptance.report.terminal import as_text
 
@@ -139,16 +140,16 @@ _Inner = TypeVar("_Inner", bound=Result)
 
 
 class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
-    """Results of one kind by name, such as the joints of a campaign; a mapping and itself a result.
+    """Results of one type by name, such as the joints of a campaign; a mapping and a result.
 
     Parameters
     ----------
     items : mapping of str to Result
         The results.
     provenance : Provenance, optional
-        Where they come from.
+        Source of the results.
     notes : sequence of str, optional
-        Sentences that a user should know, of all of them.
+        Notes for the user on all of them, a sentence each.
     """
 
     key: ClassVar[str] = "results"
@@ -163,16 +164,16 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
 
     @property
     def provenance(self) -> Provenance:
-        """Where the results come from."""
+        """Source of the results."""
         return self._provenance
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences that a user should know."""
+        """Notes for the user, a sentence each."""
         return self._notes
 
     def tables(self) -> list[Table]:
-        """Return the tables of all results; those with the same title and columns are one."""
+        """Return the tables of all results; tables with the same title and columns are joined."""
         return joined(table for one in self.values() for table in one.tables())
 
     def sentences(self) -> list[str]:
@@ -180,7 +181,7 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
         return [sentence for one in self.values() for sentence in one.sentences()]
 
     def warnings(self) -> list[str]:
-        """Return what the user should act on, of all results."""
+        """Return the recommendations of all results."""
         return list(dict.fromkeys(text for one in self.values() for text in one.warnings()))
 
     def data(self) -> dict[str, Any]:

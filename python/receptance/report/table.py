@@ -1,4 +1,4 @@
-"""Tables of results, and the one place where numbers are rounded for readers."""
+"""Tables of results, and the rounding of their numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Cell", "Column", "Table", "interval", "joined", "number"]
 
 Interval: TypeAlias = tuple[float | None, float | None]
 Cell: TypeAlias = str | float | Interval | None
-"""Text, a number, a truth value, an interval, or None for an empty cell."""
+"""Text, a number, a Boolean, an interval, or None for an empty cell."""
 
 
 def number(value: float, form: str = ".4g") -> str:
@@ -52,9 +52,9 @@ class Column:
     name : str
         Heading.
     unit : str
-        Unit of its numbers, shown in brackets below the heading; empty where they have none or differ by row.
+        Unit of its numbers, shown in brackets below the heading; empty without a unit or with several.
     form : str
-        Format of its numbers, as `format` takes it.
+        Format specification of its numbers for `format`.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a result, with numbers as they are; they are rounded when the table is rendered.
+    """A table of a result; its numbers are rounded when it is rendered.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Table:
     columns : sequence of Column and str
         A string is the heading of a column of text.
     rows : sequence of sequences
-        A cell for each column: text, a number, a truth value, an interval `(low, high)` or None.
+        A cell for each column: text, a number, a Boolean, an interval `(low, high)` or None.
     note : str
         Sentence below the table.
 
@@ -115,7 +115,7 @@ class Table:
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.columns):
-                raise ValueError(f"table {self.title!r}: {len(self.columns)} columns, and a row of {len(row)} cells")
+                raise ValueError(f"table {self.title!r}: a row has {len(row)} cells, expected {len(self.columns)}")
 
     @property
     def headings(self) -> list[str]:
@@ -135,7 +135,7 @@ class Table:
 
 
 def joined(tables: Iterable[Table]) -> list[Table]:
-    """Return tables with the rows of those together that have the same title and columns."""
+    """Return tables after joining the rows of those with the same title and columns."""
     found: dict[tuple[object, ...], Table] = {}
     for one in tables:
         key = (one.title, *one.columns)

@@ -1,7 +1,7 @@
 """Results on a terminal and as plain text.
 
-A table never cuts a number. Where it is wider than the terminal, headings and columns of text are wrapped; where that
-is not enough it is printed in parts, each with the columns that name the rows.
+Numbers in tables are never cut. If a table is wider than the terminal, headings and columns of text are wrapped; if
+that is not sufficient, the table is split into parts, each with the columns that identify the rows.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 __all__ = ["LEAST_WIDTH", "as_text", "print_result", "print_sentences", "print_table", "print_title", "rendered"]
 
 LEAST_WIDTH = 40
-"""Characters on a line that every interval and its name fit."""
+"""Smallest width in characters that fits every interval with its name."""
 _LEAST_TEXT = 8
-"""Characters that a text column keeps where its words have to be broken."""
+"""Smallest width of a text column whose words are broken."""
 
 
 def as_text(result: Result, width: int = 100) -> str:
-    """Return a result as plain text, no table of which is wider than a number of characters."""
+    """Return a result as plain text with tables of at most `width` characters."""
     buffer = io.StringIO()
     console = Console(file=buffer, width=max(width, LEAST_WIDTH), color_system=None, highlight=False, markup=False)
     print_result(console, result)
@@ -43,7 +43,7 @@ def as_text(result: Result, width: int = 100) -> str:
 
 
 def print_result(console: Console, result: Result, measured: Sequence[Table] = ()) -> None:
-    """Print a result: findings, tables, warnings and notes; of a campaign's also data, seed and versions."""
+    """Print a result: findings, tables, warnings and notes; for a campaign also data, seed and versions."""
     print_title(console, result.title)
     if result.provenance.description:
         print_sentences(console, [result.provenance.description])
@@ -65,13 +65,13 @@ def print_result(console: Console, result: Result, measured: Sequence[Table] = (
 def print_title(console: Console, text: str) -> None:
     """Print a heading."""
     if cell_len(text) + 4 > console.width:
-        console.print(Text(text, style="bold"))  # a rule would cut it
+        console.print(Text(text, style="bold"))  # a rule would cut the title
     else:
         console.rule(Text(text, style="bold"), align="left")
 
 
 def print_sentences(console: Console, sentences: Iterable[str]) -> None:
-    """Print sentences, a paragraph each; those that begin with spaces are indented by as many more."""
+    """Print sentences, a paragraph each; leading spaces add to the indentation."""
     printed = False
     for sentence in sentences:
         indent = len(sentence) - len(sentence.lstrip(" "))
@@ -87,7 +87,7 @@ def print_table(console: Console, table: Table) -> None:
 
 
 def rendered(table: Table) -> Group:
-    """Return a table with its title and its note, which `rich` prints."""
+    """Return a table with its title and its note as a renderable of `rich`."""
     shown: list[RenderableType] = [Text(table.title, style="bold"), _Columns(table)]
     if table.note:
         shown.append(Padding(Text(table.note), (0, 0, 1, 2), expand=False))
@@ -103,7 +103,7 @@ class _Columns:
         self._rows = rows = table.texts()
         cells = [[row[i] for row in rows] for i in range(len(self._heads))]
         self._natural = [_widest([head, *own]) for head, own in zip(self._heads, cells, strict=True)]
-        # A heading may wrap between words, and so may text. A number may not, and an interval stays on one line.
+        # Headings and text may wrap between words; numbers and intervals stay on one line.
         self._least = [
             max(_longest_word([head, *own]) if text else max(_longest_word([head]), _widest(own)), 1)
             for head, own, text in zip(self._heads, cells, self._text, strict=True)
@@ -132,7 +132,7 @@ class _Columns:
         return parts
 
     def _naming(self) -> int:
-        """Return how many of the first columns tell the rows apart; an empty first cell repeats the one above it."""
+        """Return the number of first columns that identify the rows; an empty first cell repeats the one above."""
         seen: list[tuple[str, ...]] = []
         first = ""
         for row in self._rows:
@@ -144,14 +144,14 @@ class _Columns:
         return count if len({row[:count] for row in seen}) == len(seen) else 1
 
     def _needed(self, chosen: Sequence[int], *, fold: bool = False) -> int:
-        """Return the least width of a table of some columns, with words of text columns broken or not."""
+        """Return the smallest width of a table of some columns; with `fold`, words of text columns may be broken."""
         least = [min(self._least[i], _LEAST_TEXT) if fold and self._text[i] else self._least[i] for i in chosen]
         return sum(least) + _beside(len(chosen))
 
     def _part(self, chosen: Sequence[int], width: int) -> rich.table.Table:
         room = width - _beside(len(chosen))
         widths = {i: self._natural[i] for i in chosen}
-        # The widest column gives way first; words are broken only where nothing else is left.
+        # The widest column is narrowed first; words are broken only if that is not sufficient.
         for least in (
             self._least,
             [min(n, _LEAST_TEXT) if t else n for n, t in zip(self._least, self._text, strict=True)],
@@ -172,7 +172,7 @@ class _Columns:
 
 
 def _beside(count: int) -> int:
-    """Return how many characters a table of some columns has besides their widths: edges, padding, separators."""
+    """Return the width of edges, padding and separators of a table."""
     return 3 * count - 1
 
 

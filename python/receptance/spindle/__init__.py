@@ -1,4 +1,4 @@
-"""Spindles: their receptances from tip responses of known blanks, as a table and as modes."""
+"""Receptances of spindles, identified from tip responses of known blanks, as a table or as modes."""
 
 from receptance.spindle.crossed import CrossedSpindle, identify_crossed_spindle
 from receptance.spindle.differences import rotations

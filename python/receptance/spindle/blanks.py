@@ -1,4 +1,4 @@
-"""Blanks as they were measured: checked, and what they are without the spindle."""
+"""Checks of measured blanks, and receptances of the free blanks."""
 
 from __future__ import annotations
 
@@ -7,68 +7,66 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.coordinates import Coordinate
-from receptance.identification.line_solutions import TERMS, Equations
-from receptance.joints import GroundSpring
-from receptance.terminals import Terminal
+from receptance.identification.pointwise_joint import TERMS, Equations
+from receptance.model.coordinates import Coordinate
+from receptance.model.joints import GroundSpring
+from receptance.model.terminals import Terminal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
     from receptance.identification.observations import MeasuredFRF
+    from receptance.model.assembly import Assembly
 
 __all__ = ["Blanks", "check_bands", "check_blanks", "plane_of"]
 
 
 def plane_of(assembly: Assembly) -> tuple[Coordinate, Coordinate]:
-    """Return y and theta at the plane where the spindle joins: the far end of the last part."""
+    """Return the coordinates y and theta at the connection plane, the far end of the last part."""
     last = list(assembly.elements)[-1]
     return Coordinate(last, "end", "y"), Coordinate(last, "end", "theta")
 
 
 def check_blanks(observed: tuple[MeasuredFRF, ...]) -> None:
-    """Refuse assemblies that are more than a free blank."""
+    """Raise `ValueError` if an assembly is not a free blank in bending."""
     for index, one in enumerate(observed):
         assembly, owner = one.assembly, one.label or f"observations[{index}]"
         if isinstance(list(assembly.elements.values())[-1], Terminal):
             raise ValueError(
-                f"{owner}: its assembly ends with a spindle, expected the blank alone, which is to be removed"
+                f"{owner}: its assembly ends with a spindle, expected the blank alone, whose receptance is subtracted"
             )
         if assembly.motion != "bending":
             raise ValueError(f"{owner}: its assembly is in {assembly.motion} motion, expected bending")
-        held = [name for name, point in assembly.attachments.items() if isinstance(point, GroundSpring)]
-        if held:
-            raise ValueError(
-                f"{owner}: its assembly is held by {held[0]!r}, expected the blank alone: what holds it is the spindle"
-            )
+        grounded = [name for name, point in assembly.attachments.items() if isinstance(point, GroundSpring)]
+        if grounded:
+            raise ValueError(f"{owner}: its assembly has the ground spring {grounded[0]!r}, expected a free blank")
 
 
 def check_bands(observed: tuple[MeasuredFRF, ...]) -> None:
-    """Refuse bands that have nothing in common."""
+    """Raise `ValueError` if the bands of the observations have no common part."""
     bands = [(one.frequency_hz[0].real, one.frequency_hz[-1].real) for one in observed]
     first, last = int(np.argmin([high for _, high in bands])), int(np.argmax([low for low, _ in bands]))
     if bands[last][0] > bands[first][1]:
         raise ValueError(
-            f"the bands do not overlap: {observed[first]!r} and {observed[last]!r}; the equations of a line belong "
-            "together, so every blank is to be measured in the same band"
+            f"the bands do not overlap: {observed[first]!r} and {observed[last]!r}; each line needs "
+            "all observations, so measure every blank in the same band"
         )
 
 
 @dataclass(frozen=True)
 class Blanks:
-    """Free blanks between their coordinates and the plane.
+    """Receptances of free blanks between their coordinates and the connection plane.
 
     Attributes
     ----------
     lines : ndarray
-        `(n,)` in Hz.
+        `(n,)` frequency lines in Hz.
     free : ndarray
-        `(n, p)` receptance between the coordinates of each observation.
+        `(n, p)` receptance between the coordinates of each observation, SI units.
     response, excitation : ndarray
-        `(n, p, 2)` from the plane to either coordinate.
+        `(n, p, 2)` receptance between y and theta at the plane and either coordinate.
     plane : ndarray
-        `(n, p, 2, 2)` at the plane.
+        `(n, p, 2, 2)` receptance at the plane over (y, theta).
     """
 
     lines: NDArray[Any]
@@ -79,7 +77,7 @@ class Blanks:
 
     @classmethod
     def of(cls, observed: tuple[MeasuredFRF, ...], lines: NDArray[Any], threads: int | None) -> Blanks:
-        """Evaluate each blank once, at all its coordinates."""
+        """Evaluate each distinct blank once, at all its coordinates."""
         count = len(observed)
         free = np.empty((lines.size, count), dtype=np.complex128)
         sides = np.empty((2, lines.size, count, 2), dtype=np.complex128)
@@ -102,7 +100,7 @@ class Blanks:
         return cls(lines, free, sides[0], sides[1], plane)
 
     def equations(self, observed: tuple[MeasuredFRF, ...], rows: list[NDArray[np.intp]]) -> Equations:
-        """Return the equations in the spindle's receptance: those of a joint have the same form, with other letters."""
+        """Return the equations for the receptance of the spindle, which have the form of those of a joint."""
         pairs = list(zip(observed, rows, strict=True))
         return Equations(
             rigid=self.free,

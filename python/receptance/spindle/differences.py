@@ -1,4 +1,4 @@
-"""Rotations of a blank's tip from translations at two or three places: finite differences, and what they are off by."""
+"""Rotational receptances of a tip by finite differences of translations, with their truncation errors."""
 
 from __future__ import annotations
 
@@ -9,54 +9,54 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.identification.inversion_input import check_observations, common_lines
-from receptance.identification.line_solutions import linear_solution
+from receptance.identification.common_lines import check_observations, common_lines
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.pointwise_joint import linear_solution
 from receptance.spindle.blanks import Blanks, check_blanks, plane_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.coordinates import Coordinate
+    from receptance.model.coordinates import Coordinate
 
 __all__ = ["rotations"]
 
 _NAMES = ("y/F", "theta/F", "theta/M")
 _EVEN = 1e-6
-"""Relative difference of two distances that are taken to be the same."""
+"""Largest relative difference of two equal distances."""
 
 
 def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -> tuple[MeasuredFRF, ...]:
-    """Make a blank's receptances y/F, theta/F and theta/M at its tip of translations at two or three places.
+    """Return y/F, theta/F and theta/M at the tip of a blank by finite differences of translations.
 
-    The slope at the tip is (y_2 - y_1)/s with two places, of first order, and (-3 y_1 + 4 y_2 - y_3)/(2 s) with three,
-    of second order (Sattinger 1980; Duarte and Ewins 2000); a moment is the same combination of forces. Noise grows
-    with 1/s and 1/s^2. What the differences are off by is known from the model of the blank in the spindle that these
-    responses give, and it does not always fall with s: theta/M only with its first power, whatever the order, as the
-    response to a force bends at the force; and the slope of y has the shear of the blank in it, which the rotation of
-    its section has not, so that in a short thick blank the error of theta/M grows with 1/s in the end. Both kinds of
-    error are in the standard deviations that are returned.
+    The slope at the tip is (y_2 - y_1)/s with two points (first order) and (-3 y_1 + 4 y_2 - y_3)/(2 s) with three
+    (second order; Sattinger 1980; Duarte and Ewins 2000). A moment is the same combination of forces. Noise grows with
+    1/s and 1/s^2. The truncation error is calculated from the model of the blank in the spindle that these responses
+    give. It does not vanish as fast as the order suggests: that of theta/M falls with the first power of s only,
+    because the response to a force has a kink in its slope at the force. The slope of y also contains the shear of the
+    blank, which the rotation of the section does not, so in a short thick blank the error of theta/M grows with 1/s for
+    small s. The returned standard deviations contain both kinds of error.
 
-    `identify_spindle` needs none of this: it takes the places as they are. Errors of the three receptances are not
-    independent, which it does not know: its variance is then approximate.
+    `identify_spindle` does not need rotations; it uses the translations directly. It takes the errors of the three
+    receptances as independent, which they are not, so its variance is approximate if it is given rotations.
 
     Parameters
     ----------
     observations : sequence of MeasuredFRF
-        All pairs of two or three evenly spaced places of one blank, of pairs that are the same by reciprocity one or
-        both, with standard deviations. The first place is nearest to the tip, and the rotations are those there.
+        Receptances between all pairs of two or three evenly spaced points of one blank, with standard deviations; of
+        two reciprocal pairs one is sufficient. The rotations are those at the point nearest to the tip.
     truncation : bool, optional
-        Whether the truncation error goes into the standard deviations.
+        Whether the standard deviations include the truncation error.
 
     Returns
     -------
     tuple of MeasuredFRF
-        y/F, theta/F and theta/M at the first place, with a note of the sizes of both errors.
+        y/F, theta/F and theta/M at the first point, with a note on the size of both errors.
 
     Raises
     ------
     TypeError, ValueError
-        Observations of several blanks, a pair that is missing, or places that are not evenly spaced.
+        Observations of several blanks, a missing pair, or points that are not evenly spaced.
 
     Examples
     --------
@@ -77,12 +77,12 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
     """
     observed = check_observations(tuple(observations))
     if any(one.assembly != observed[0].assembly for one in observed):
-        raise ValueError("rotations are made of one blank's responses, and these are of several")
+        raise ValueError("the observations have different assemblies, expected one blank")
     places = sorted({point for one in observed for point in (one.response, one.excitation)}, key=lambda p: p.position)
     weights = _weights(places)
     observed, lines, rows, _ = common_lines(observed)
     pairs = _pairs(observed, rows, places)
-    # How much of H_ij, i and j places, is in y/F, theta/F and theta/M.
+    # Weights of H_ij, for points i and j, in y/F, theta/F and theta/M.
     y = np.eye(len(places))[0]
     combinations = (np.outer(y, y), np.outer(weights, y), np.outer(weights, weights))
     tip = replace(places[0], direction="y"), replace(places[0], direction="theta")
@@ -93,7 +93,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
     for name, combination, off, (response, excitation) in zip(_NAMES, combinations, cut, sides, strict=True):
         value, variance = _combined(combination, pairs)
         noise, off = np.sqrt(variance) / np.abs(value), off / np.abs(value)
-        spread = np.hypot(noise, off)
+        deviation = np.hypot(noise, off)
         result.append(
             MeasuredFRF(
                 assembly=free,
@@ -101,7 +101,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
                 receptance=value,
                 response=response,
                 excitation=excitation,
-                standard_deviation=spread,
+                standard_deviation=deviation,
                 label=f"{name} by differences",
                 notes=(
                     f"{name} by differences: noise {100.0 * float(np.median(noise)):.2g} %, truncation "
@@ -119,9 +119,9 @@ def _truncation(
     places: Sequence[Coordinate],
     weights: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return how far the differences of y/F, theta/F and theta/M are off in the model, `(3, n)`.
+    """Return the truncation errors of y/F, theta/F and theta/M in the model, `(3, n)`, SI units.
 
-    H_ij = H_free,ij - r_i^T X r_j, X = (G + Y)^-1: both are known at the places and, exactly, for the rotation.
+    H_ij = H_free,ij - r_i^T X r_j with X = (G + Y)^-1 gives the translations and the exact rotations.
     """
     check_blanks(observed)
     equations = Blanks.of(observed, lines, None).equations(observed, rows)
@@ -131,22 +131,22 @@ def _truncation(
     h = observed[0].assembly.receptance(lines, response=points, excitation=points)
     coupled = h[:, 2:, 2:] - np.einsum("nip,npq,nqj->nij", h[:, 2:, :2], x, h[:, :2, 2:])
     slope, at = coupled[:, 0], coupled[:, 1:, 1:]
-    turned = np.einsum("i,nij->nj", weights, at)
-    off = [0.0 * slope[:, 0], turned[:, 0] - slope[:, 1], turned @ weights - slope[:, 0]]
+    differences = np.einsum("i,nij->nj", weights, at)
+    off = [0.0 * slope[:, 0], differences[:, 0] - slope[:, 1], differences @ weights - slope[:, 0]]
     result: NDArray[np.float64] = np.abs(np.array(off))
     return result
 
 
 def _weights(places: Sequence[Coordinate]) -> NDArray[np.float64]:
-    """Return what of each place's translation is in the slope at the first."""
+    """Return the weights of the translations in the slope at the first point, in 1/m."""
     if len({place.part for place in places}) > 1 or any(place.direction != "y" for place in places):
-        raise ValueError(f"the places are {', '.join(map(repr, places))}, expected translations along one part")
+        raise ValueError(f"the coordinates are {', '.join(map(repr, places))}, expected translations along one part")
     if len(places) not in (2, 3) or any(place.position == "end" for place in places):
-        raise ValueError(f"there are {len(places)} places, expected two or three, each with its distance from the tip")
+        raise ValueError(f"there are {len(places)} points, expected two or three, each with its distance from the tip")
     x = np.array([place.position for place in places], dtype=np.float64)
     spacing = np.diff(x)
     if abs(spacing[-1] - spacing[0]) > _EVEN * spacing[0]:
-        raise ValueError(f"the places are {spacing[0]:g} and {spacing[1]:g} m apart, expected evenly spaced ones")
+        raise ValueError(f"the points are {spacing[0]:g} and {spacing[1]:g} m apart, expected equal distances")
     slope = [-1.0, 1.0] if len(x) == 2 else [-1.5, 2.0, -0.5]
     return np.array(slope) / float(spacing[0])
 
@@ -157,7 +157,7 @@ Pair = tuple["NDArray[np.complex128]", "NDArray[np.float64]"]
 def _pairs(
     observed: tuple[MeasuredFRF, ...], rows: list[NDArray[np.intp]], places: Sequence[Coordinate]
 ) -> dict[tuple[int, int], Pair]:
-    """Return values and variances of the pairs i <= j, means where both of a pair were measured."""
+    """Return values and variances of the pairs i <= j; reciprocal pairs are averaged."""
     found: dict[tuple[int, int], list[Pair]] = {}
     for one, row in zip(observed, rows, strict=True):
         first, second = sorted((places.index(one.response), places.index(one.excitation)))
@@ -169,16 +169,16 @@ def _pairs(
         if i > j:
             continue
         if (i, j) not in found:
-            raise ValueError(f"nothing was measured between {places[i]!r} and {places[j]!r}, expected all pairs")
+            raise ValueError(f"there is no observation between {places[i]!r} and {places[j]!r}, expected all pairs")
         values, variances = zip(*found[i, j], strict=True)
         result[i, j] = sum(values) / len(values), sum(variances) / len(variances) ** 2
     return result
 
 
 def _combined(combination: NDArray[np.float64], pairs: dict[tuple[int, int], Pair]) -> Pair:
-    """Return a combination of the receptances and its variance."""
+    """Return a linear combination of receptances and its variance."""
     value, variance = np.asarray(0.0), np.asarray(0.0)
-    for (i, j), (own, spread) in pairs.items():
+    for (i, j), (own, own_variance) in pairs.items():
         share = combination[i, j] if i == j else combination[i, j] + combination[j, i]
-        value, variance = value + share * own, variance + share**2 * spread
+        value, variance = value + share * own, variance + share**2 * own_variance
     return value, variance

@@ -1,4 +1,4 @@
-"""A spindle's receptances line by line as a figure."""
+"""Figure of the receptances of a spindle, line by line."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.model.terminals import ENTRIES
 from receptance.report.figure import COLOURS, PALE, finished, set_up, surface, title_left
-from receptance.terminals import ENTRIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.modal_parts import ModalPart
+    from receptance.model.terminals import ModalPart
     from receptance.spindle.receptance import SpindleReceptance
 
 __all__ = ["draw_spindle"]
@@ -28,9 +28,9 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: A
     Parameters
     ----------
     found : SpindleReceptance
-        From `identify_spindle`. Lines that are not usable are pale.
+        Result of `identify_spindle`. Unusable lines are pale.
     modes : ModalPart, optional
-        Modes that were fitted, drawn over the lines.
+        Fitted modes, drawn over the lines.
     ax : Axes, optional
         As in `Result.plot`.
 
@@ -64,7 +64,7 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: A
             axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
         axes.set_xlim(lines[0], lines[-1])
     axes = figure.add_subplot(grid[1, 1])
-    set_up(axes, "Condition number: by how much a relative error grows", "frequency [Hz]", "")
+    set_up(axes, "Condition number: amplification of relative errors", "frequency [Hz]", "")
     axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
     axes.set_xlim(lines[0], lines[-1])
     return finished(figure)

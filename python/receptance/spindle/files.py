@@ -1,4 +1,4 @@
-"""Spindles in files: their tables with what is known of their errors."""
+"""Files of spindles: tables of receptances with their covariance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
 from receptance.io.npz import arrays_in
-from receptance.terminals import ENTRIES, MeasuredPart
+from receptance.model.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,19 +26,19 @@ _NEEDED = ("frequency_hz", "matrix", "decay_rate")
 
 
 def write_spindle(path: str | os.PathLike[str], spindle: MeasuredPart | SpindleReceptance) -> None:
-    """Write a spindle to a file of arrays (.npz), whole or not at all.
+    """Write a spindle to a file of arrays (.npz), completely or not at all.
 
     Parameters
     ----------
     path : path
-        Its ending is .npz.
+        Path with the suffix .npz.
     spindle : MeasuredPart or SpindleReceptance
-        Of the latter the usable lines. Residuals that were set are added to the table.
+        The spindle; of a `SpindleReceptance` the usable lines. Residuals are added to the table.
 
     Raises
     ------
     ValueError
-        Another ending, or no usable line.
+        Another suffix, or no usable line.
     OSError
         The file cannot be written.
 
@@ -58,7 +58,7 @@ def write_spindle(path: str | os.PathLike[str], spindle: MeasuredPart | SpindleR
     """
     target = Path(path)
     if target.suffix.lower() != ".npz":
-        raise ValueError(f"cannot write {target}: a spindle is kept as arrays, expected an ending .npz")
+        raise ValueError(f"cannot write {target}: a spindle is stored as arrays, expected the suffix .npz")
     part = spindle if isinstance(spindle, MeasuredPart) else spindle.part()
     y, theta, both = part.residual_y, part.residual_theta, part.residual_ytheta
     arrays: dict[str, Any] = {
@@ -75,13 +75,13 @@ def write_spindle(path: str | os.PathLike[str], spindle: MeasuredPart | SpindleR
 
 
 def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> MeasuredPart:
-    """Read a spindle: what `write_spindle` wrote, or an FRF matrix in any format that `receptance.io` knows.
+    """Read a spindle from a file of `write_spindle`, or from an FRF matrix in any format of `receptance.io`.
 
     Parameters
     ----------
     path : path
-        An FRF matrix has the responses y and theta and the excitations force and moment, in that order; the variance of
-        its logarithm is taken for each entry by itself.
+        File. An FRF matrix has the responses y and theta and the excitations force and moment, in that order; the
+        errors of its entries are taken as independent.
     name : str, optional
         First word of the addresses of its parameters.
 
@@ -90,11 +90,11 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
     OSError
         The file cannot be read.
     ValueError
-        It holds no spindle; the message names the file.
+        The file contains no spindle; the message names the file.
     """
     source = Path(path)
     try:
-        own = _own(source)
+        own = _spindle_arrays(source)
         if own is not None:
             missing = [array for array in _NEEDED if array not in own]
             if missing:
@@ -113,13 +113,13 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
         found = read(source)
         if not isinstance(found, FRF):
             raise ValueError(f"holds a {type(found).__name__}, expected an FRF matrix over y and theta")
-        return _of(found, name)
+        return _with_variance(found, name)
     except (ValueError, TypeError, KeyError) as error:
-        said = str(error)
-        raise ValueError(said if source.name in said else f"{source}: {said}") from error
+        message = str(error)
+        raise ValueError(message if source.name in message else f"{source}: {message}") from error
 
 
-def _own(source: Path) -> dict[str, NDArray[Any]] | None:
+def _spindle_arrays(source: Path) -> dict[str, NDArray[Any]] | None:
     """Return the arrays of a file that `write_spindle` wrote; None for any other file."""
     if source.suffix.lower() != ".npz":
         return None
@@ -127,7 +127,7 @@ def _own(source: Path) -> dict[str, NDArray[Any]] | None:
     return arrays if arrays.get("format") == _FORMAT else None
 
 
-def _of(frf: FRF, name: str) -> MeasuredPart:
+def _with_variance(frf: FRF, name: str) -> MeasuredPart:
     part = MeasuredPart.from_frf(frf, name=name)
     kept = frf.to("receptance").masked()
     if kept.log_variance is None:

@@ -1,4 +1,4 @@
-"""A spindle as modes: fitted to the blanks' own responses, with the spindle as a part of the one forward model."""
+"""Modes of a spindle, fitted to the responses of the blanks with the spindle as the end of each assembly."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.assembly import Assembly
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
-from receptance.identification.inversion_input import check_observations
-from receptance.modal_parts import ModalPart, Mode
+from receptance.identification.common_lines import check_observations
+from receptance.model.assembly import Assembly
+from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
-from receptance.terminals import RESIDUALS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,33 +22,35 @@ if TYPE_CHECKING:
 
 __all__ = ["SpindleModes", "fit_spindle", "start_from"]
 
+_LOWEST_START = 0.02
+"""Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
 _HIGHEST_DAMPING = 0.3
 _ABOVE = 1.5
-"""Where the mode above the band starts, over the end of the band."""
+"""Start frequency of the mode above the band, relative to the end of the band."""
 _BEYOND = 0.5
-"""Share of the residual that it takes at the start."""
+"""Share of the residual that the start of this mode accounts for."""
 _FARTHEST = 5.0
 _SPACING = 0.25
-"""Distance in the logarithm of frequency over which an error of the model may change."""
+"""Distance of the nodes of the model error in the logarithm of frequency."""
 _SHARES = (1e-6, 1.0)
-"""Least and largest relative error of the model that is considered."""
+"""Range of the relative model error."""
 _REACH = 0.25
-"""How far a natural frequency may move from its start, as a share."""
+"""Largest relative change of a natural frequency from its start."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SpindleModes:
-    """A spindle's modes as `fit_spindle` finds them.
+    """Modes of a spindle as identified by `fit_spindle`.
 
     Attributes
     ----------
     part : ModalPart
-        The spindle, to end an assembly with; its band is that of the responses.
+        The spindle as the end of an assembly; its band is that of the responses.
     identification : Identification
         The fit: values and their covariance by address, residuals, notes.
     discrepancy : float
-        Relative standard deviation of the model error of y/F, theta/M and y/M: what few modes with viscous damping
-        cannot represent. It is estimated from the residuals of the fit, and zero where they show noise only.
+        Relative standard deviation of the model error of y/F, theta/M and y/M, which a few modes with viscous damping
+        cannot represent. It is estimated from the residuals of the fit, and zero if these contain noise only.
     """
 
     part: ModalPart
@@ -65,7 +66,7 @@ class SpindleModes:
     def covariance(self) -> NDArray[np.float64]:
         """`(m, m)` covariance of the parameters at `addresses`, in SI units.
 
-        What the modes leave over beyond noise widens it: it is that of the fit times the square of its rms, if above 1.
+        It is the covariance of the fit, multiplied by the square of the rms of the fit if that is above 1.
         """
         fit = self.identification
         order = [list(fit.values).index(address) for address in self.addresses]
@@ -76,35 +77,36 @@ class SpindleModes:
         return result
 
     def standard_deviation(self, machine: Assembly, frequency_hz: Any, **places: Any) -> NDArray[np.float64]:
-        """Standard deviation of the magnitude of a receptance of an assembly that ends with `part`, relative, `(n,)`.
+        """Relative standard deviation `(n,)` of the magnitude of a receptance of an assembly that ends with `part`.
 
-        First order in the errors of the modes and in the model error; `places` as in `Assembly.receptance`.
+        First order in the errors of the modes and in the model error. `places` are `response` and `excitation` of
+        `Assembly.receptance`.
         """
-        h, modes, away = self._reactions(machine, frequency_hz, places)
+        h, modes, error = self._sensitivities(machine, frequency_hz, places)
         own = (modes / h[:, None]).real
         variance = np.einsum("ni,ij,nj->n", own, self.covariance, own)
-        variance += np.sum(np.abs(away / h[:, None]) ** 2, axis=1)
+        variance += np.sum(np.abs(error / h[:, None]) ** 2, axis=1)
         result: NDArray[np.float64] = np.sqrt(np.maximum(variance, 0.0))
         return result
 
     def draws(
         self, machine: Assembly, frequency_hz: Any, *, count: int = 100, seed: int = 0, **places: Any
     ) -> NDArray[np.complex128]:
-        """Draw receptances of an assembly that ends with `part`, `(count, n)`, for bands of what is made of them.
+        """Return random receptances `(count, n)` of an assembly that ends with `part`, for error bands.
 
-        First order in the logarithm; the model error is drawn once for all lines of a draw.
+        First order in the logarithm; all lines of a draw share one model error.
         """
-        h, modes, away = self._reactions(machine, frequency_hz, places)
+        h, modes, error = self._sensitivities(machine, frequency_hz, places)
         random = np.random.default_rng(seed)
         whole = random.multivariate_normal(np.zeros(len(self.addresses)), self.covariance, size=count, method="eigh")
         normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
-        result: NDArray[np.complex128] = h * np.exp((whole @ modes.T + normal @ away.T) / h)
+        result: NDArray[np.complex128] = h * np.exp((whole @ modes.T + normal @ error.T) / h)
         return result
 
-    def _reactions(
+    def _sensitivities(
         self, machine: Assembly, frequency_hz: Any, places: dict[str, Any]
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return a receptance `(n,)`, its derivatives by modes, and its changes by one model error of each entry."""
+        """Return a receptance `(n,)`, its derivatives, and its changes for one model error of each entry."""
         through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
         h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
         own = len(self.addresses)
@@ -123,21 +125,21 @@ def fit_spindle(
     name: str = "spindle",
     threads: int | None = None,
 ) -> SpindleModes:
-    """Fit modes and a residual to responses of blanks in a spindle, starting from the spindle line by line.
+    """Fit modes and a residual to responses of blanks in a spindle.
 
-    The line-by-line spindle gives the start: its modes by `receptance.modal.fit_modes`. What is fitted are the
-    responses themselves, by `identify`, with the spindle as the far end of each blank: noise is weighed where it is,
-    lines that no inversion can decide still count for what they say, and the result has the covariance of every
-    parameter. One mode more, above the band, stands for those there.
+    The start values are the modes of the line-by-line spindle from `receptance.modal.fit_modes`. The fit is that of
+    `identify` to the responses themselves, with the spindle as the far end of each blank: the noise is weighted
+    correctly, lines that the inversion cannot use still contribute, and the result has the covariance of all
+    parameters. One additional mode above the band represents the modes there.
 
     Parameters
     ----------
     observations : sequence of MeasuredFRF
         As for `identify_spindle`.
     found : SpindleReceptance
-        Its result.
+        Result of `identify_spindle`.
     modes : int or sequence of float, optional
-        How many modes, or near which frequencies in Hz; by default as many as the line-by-line spindle shows.
+        Number of modes, or their approximate frequencies in Hz; by default as many as `fit_modes` finds.
     name : str, optional
         First word of the addresses of the parameters.
     threads : int, optional
@@ -146,7 +148,7 @@ def fit_spindle(
     Raises
     ------
     TypeError, ValueError
-        As `identify_spindle`; lines with a window of another decay rate; no modes in the band.
+        As `identify_spindle`; lines with another decay rate of the window; no modes in the band.
     """
     observed = check_observations(tuple(observations))
     check_blanks(observed)
@@ -163,9 +165,9 @@ def fit_spindle(
 
 
 def _magnitudes(part: ModalPart, lines: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the root sum of squares of what modes and residual contribute to y/F, theta/M and y/M, `(n, 3)`.
+    """Return the root sum of squares of the contributions of modes and residual to y/F, theta/M and y/M, `(n, 3)`.
 
-    A model error is relative to this: at an antiresonance contributions cancel, their errors do not.
+    Model errors are relative to it, because at an antiresonance the contributions cancel and their errors do not.
     """
     terms = [np.abs(mode.entries(lines)[:, :2]) for mode in part.modes]
     terms.append(np.tile(np.abs([part.residual_y, part.residual_theta]), (lines.size, 1)))
@@ -175,13 +177,13 @@ def _magnitudes(part: ModalPart, lines: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
-    """Return the relative model error that makes the residuals of the fit most likely.
+    """Return the relative model error by restricted maximum likelihood of the residuals of the fit.
 
-    The errors of the three entries are Gaussian with a common relative standard deviation s, independent at
-    frequencies 0.25 apart in the logarithm and linear between. With J and K the derivatives of the residuals r by the
-    parameters of the modes and by these errors, and P the projector on the complement of J, K^T P r is normal with the
-    covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W the likelihood is a product; s maximises it
-    (restricted maximum likelihood).
+    The errors of the three entries are Gaussian with a common relative standard deviation s, independent at nodes that
+    are 0.25 apart in the logarithm of frequency, and linear between them. Let J and K be the derivatives of the
+    residuals r with respect to the parameters of the modes and to these errors, and P the projector on the complement
+    of J. Then K^T P r is normal with the covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W the likelihood,
+    which s maximises, is a product.
     """
     from scipy.optimize import minimize_scalar
 
@@ -195,7 +197,7 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
         h, slope = one.assembly.derivatives(lines, own, response=one.response, excitation=one.excitation)
         weighted = slope / (h * np.asarray(one.standard_deviation))[:, None]
         residual = np.log(one.receptance / h) / one.standard_deviation
-        # The residuals are the last parameters, and their derivatives those by the entries.
+        # The last parameters are the residuals; their derivatives are those with respect to the entries.
         reach = weighted[:, -len(RESIDUALS) :] * _magnitudes(part, lines)
         shares = np.stack([np.interp(np.log(lines.real), nodes, row) for row in np.eye(nodes.size)], axis=1)
         error = (reach[:, :, None] * shares[:, None, :]).reshape(lines.size, -1)
@@ -208,8 +210,9 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
     rest = rest - basis @ (basis.T @ rest)
     error, residual = rest[:, :-1], rest[:, -1]
     size, vectors = np.linalg.eigh(error.T @ error)
-    told = size > 1e-10 * size[-1]
-    size, squares = size[told], (vectors[:, told].T @ (error.T @ residual)) ** 2 / size[told]
+    determined = size > 1e-10 * size[-1]
+    size, vectors = size[determined], vectors[:, determined]
+    squares = (vectors.T @ (error.T @ residual)) ** 2 / size
 
     def deviance(logarithm: float) -> float:
         growth = 1.0 + np.exp(2.0 * logarithm) * size
@@ -226,27 +229,27 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
 def start_from(
     found: SpindleReceptance, modes: int | Sequence[float] | None = None, *, name: str = "spindle"
 ) -> ModalPart:
-    """Return modes, one of them above the band, and a residual that suit the usable lines of a spindle."""
+    """Return start values: modes of the usable lines of a spindle, one mode above the band, and a residual."""
     import warnings
 
     from receptance.modal import fit_modes
 
     with warnings.catch_warnings():
-        # What is said of its standard errors and of its number of modes does not matter for a start.
+        # Warnings on standard errors and on the number of modes do not matter for start values.
         warnings.simplefilter("ignore", ReceptanceWarning)
         fit = fit_modes(found.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
     size = np.sqrt(np.median(np.abs(np.einsum("nii->ni", found.matrix[found.usable])), axis=0))
     kept = []
     for frequency, damping, constant in zip(fit.frequency_hz, fit.damping_ratio, fit.modal_constant, strict=True):
         y, theta = _shape(constant, size)
-        damping = float(np.clip(damping, 1e-4, _HIGHEST_DAMPING))
+        damping = float(np.clip(damping, _LOWEST_START, _HIGHEST_DAMPING))
         shape = {"y": y.real, "theta": theta.real, "y_imaginary": y.imag, "theta_imaginary": theta.imag}
         kept.append(Mode(frequency_hz=float(frequency), damping_ratio=damping, **shape))
-    # Modes above the band, near it or not, are a constant at the first line.
+    # At the first line the modes above the band contribute a constant.
     first = fit.frf.complex_frequency_hz[:1]
     residual = (fit.receptance(first) - fit.receptance(first, background=False))[0].real
     high = float(np.asarray(found.frequency_hz).real[-1])
-    # Modes above the band are no constant at its end: one mode there takes the curvature.
+    # At the end of the band their contribution depends on frequency: one mode above the band represents that.
     w = 2.0 * np.pi * _ABOVE * high
     y, theta = _shape(_BEYOND * w * w * residual.astype(np.complex128), size)
     kept.append(Mode(frequency_hz=_ABOVE * high, damping_ratio=0.03, y=y.real, theta=theta.real))
@@ -261,8 +264,8 @@ def start_from(
 
 
 def _shape(constant: NDArray[np.complex128], size: NDArray[np.float64]) -> tuple[complex, complex]:
-    """Return the shape psi = (y, theta) whose psi psi^T comes nearest to a modal constant."""
-    # What is larger beside its typical size is taken from the diagonal, and the other from the coupling.
+    """Return a shape psi = (y, theta) with psi psi^T close to a modal constant."""
+    # The component that is larger relative to its typical size follows from the diagonal, the other from the coupling.
     first = int(abs(constant[1, 1]) / size[1] ** 2 > abs(constant[0, 0]) / size[0] ** 2)
     own = complex(np.sqrt(constant[first, first] + 0j))
     other = 0.5 * complex(constant[0, 1] + constant[1, 0]) / own if own else 0j
@@ -285,7 +288,7 @@ def _coupled(one: MeasuredFRF, part: ModalPart) -> MeasuredFRF:
 
 
 def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
-    """Return all parameters with bounds around the start."""
+    """Return the parameters as unknowns with bounds around the start."""
     result = []
     names = ("y", "theta", "y_imaginary", "theta_imaginary")
     shapes = np.array([[getattr(mode, name) for name in names] for mode in start.modes])
@@ -299,7 +302,7 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
         for which, quantity in enumerate(names):
             value = float(shapes[index, which])
             result.append(Unknown(address=f"{own}.{quantity}", lower=-reach[which], upper=reach[which], start=value))
-    # As large as what the modes add up to at the end of the band, tenfold.
+    # The bounds are ten times the sum of the modes at the end of the band.
     w = 2.0 * np.pi * high_hz
     y, theta = np.abs(shapes[:, :2]).max(axis=0) * np.sqrt(len(shapes)) / w
     for quantity, scale in (("residual_y", y * y), ("residual_theta", theta * theta), ("residual_ytheta", y * theta)):

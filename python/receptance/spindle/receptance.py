@@ -1,4 +1,4 @@
-"""A spindle's receptances line by line, and how far each line can be believed."""
+"""Receptances of a spindle line by line, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
+from receptance.model.terminals import ENTRIES, MeasuredPart
 from receptance.report import Column, Provenance, Result, Table
-from receptance.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,29 +21,30 @@ __all__ = ["SpindleReceptance"]
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SpindleReceptance(Result):
-    """The receptances of a spindle at its connection plane, as `identify_spindle` finds them.
+    """Receptances of a spindle at its connection plane, as identified by `identify_spindle`.
 
     Attributes
     ----------
     frequency_hz : ndarray
-        `(n,)` lines, complex where an exponential window was used.
+        `(n,)` lines in Hz, complex if the responses have an exponential window.
     matrix : ndarray
-        `(n, 2, 2)` over (y, theta): y/F, y/M, theta/F and theta/M.
+        `(n, 2, 2)` receptance over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
     covariance : ndarray
-        `(n, 3, 3)` Hermitian, of the errors of y/F, theta/M and y/M: that of their real parts, which the imaginary
-        parts have as well; first order in the noise of the responses.
+        `(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M, for the real and for the imaginary
+        parts; first order in the noise of the responses.
     condition : ndarray
-        `(n,)` by how much a relative error of the responses can grow on its way to the spindle.
+        `(n,)` condition number: largest amplification of a relative error of the responses.
     usable : ndarray
-        `(n,)` where the standard deviation of each term is below `limit` of its size and the line is not ambiguous.
+        `(n,)` lines on which the relative standard deviation of each term is below `limit` and which are not
+        ambiguous.
     limit : float
-        That share.
+        Largest relative standard deviation of usable lines.
     ambiguous : ndarray
-        `(n,)` where two spindles explain the responses and the other lines do not decide between them.
+        `(n,)` lines on which two spindles explain the responses and the other lines do not decide between them.
     rms : float
-        Root mean square of what several blanks disagree by, in standard deviations; not a number with three responses.
+        Root mean square of the residuals of several blanks, in standard deviations; NaN for three responses.
     labels : tuple of str
-        What was measured.
+        Labels of the measurements.
     notes : tuple of str
         Notes for the user.
     provenance : Provenance
@@ -66,7 +67,7 @@ class SpindleReceptance(Result):
 
     @property
     def standard_deviation(self) -> NDArray[np.float64]:
-        """`(n, 2, 2)` of the real and of the imaginary part, each."""
+        """Standard deviation `(n, 2, 2)` of the real and of the imaginary part, each."""
         deviation = np.sqrt(np.einsum("nii->ni", self.covariance).real)
         result = np.empty(self.matrix.shape)
         for column, (i, j) in enumerate(ENTRIES):
@@ -75,7 +76,7 @@ class SpindleReceptance(Result):
 
     @property
     def decay_rate(self) -> float:
-        """Decay in 1/s of the window that the responses had."""
+        """Decay rate in 1/s of the window of the responses."""
         return float(-2.0 * np.pi * np.asarray(self.frequency_hz).imag[0]) + 0.0
 
     def part(self, *, name: str = "spindle") -> MeasuredPart:
@@ -86,7 +87,7 @@ class SpindleReceptance(Result):
         ValueError
             No line is usable.
         """
-        rows = self._usable()
+        rows = self._usable_rows()
         return MeasuredPart(
             frequency_hz=np.asarray(self.frequency_hz).real[rows],
             matrix=self.matrix[rows],
@@ -96,8 +97,8 @@ class SpindleReceptance(Result):
         )
 
     def as_frf(self, *, label: str = "spindle") -> FRF:
-        """Return the usable lines as an FRF over (y, theta) with the variance of its logarithm, to be kept in files."""
-        rows = self._usable()
+        """Return the usable lines as an FRF over (y, theta) with the variance of its logarithm, for files."""
+        rows = self._usable_rows()
         spread = self.standard_deviation[rows] / np.abs(self.matrix[rows])
         return FRF(
             frequency_hz=np.asarray(self.frequency_hz).real[rows],
@@ -112,20 +113,20 @@ class SpindleReceptance(Result):
         )
 
     def with_note(self, note: str) -> SpindleReceptance:
-        """Return the same with one note more."""
+        """Return the result with an additional note."""
         return replace(self, notes=(*self.notes, note))
 
-    def _usable(self) -> NDArray[np.intp]:
+    def _usable_rows(self) -> NDArray[np.intp]:
         rows = np.flatnonzero(self.usable)
         if not rows.size:
             raise ValueError(
-                f"no line is usable: nowhere are the standard deviations of all terms below {100.0 * self.limit:g} % "
-                "of them; measure with less noise, with a longer or stiffer blank, or raise limit"
+                f"no line is usable: the relative standard deviation of a term is above {100.0 * self.limit:g} % on "
+                "every line; reduce the noise, use a longer or stiffer blank, or increase limit"
             )
         return rows
 
     def tables(self) -> list[Table]:
-        """Return for each term its size and its standard deviation on the usable lines."""
+        """Return magnitude and standard deviation of each term on the usable lines."""
         columns = (
             "term",
             Column("usable lines", form="d"),
@@ -146,7 +147,7 @@ class SpindleReceptance(Result):
         return [Table("Receptances at the connection plane, SI units", columns, rows)]
 
     def sentences(self) -> list[str]:
-        """Return how many lines are usable."""
+        """Return the number of usable lines."""
         return [f"{int(self.usable.sum())} of {self.usable.size} lines are usable, measured: {', '.join(self.labels)}."]
 
     def data(self) -> dict[str, Any]:

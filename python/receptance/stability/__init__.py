@@ -2,10 +2,8 @@
 
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.lobes import Lobes, Stability, StableCut, stability_lobes
-from receptance.stability.modal_lobes import semi_discretised_lobes
-from receptance.stability.modal_model import TipModes
-from receptance.stability.receptances import receptance_draws, receptance_matrix
-from receptance.stability.semi_discretisation import floquet_multiplier, semi_discretised_limit
+from receptance.stability.semi_discretisation import floquet_multiplier, semi_discretised_limit, semi_discretised_lobes
+from receptance.stability.tip import TipModes, receptance_draws, receptance_matrix
 from receptance.stability.zeroth_order import critical_depths
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The cut: what the tool does to the workpiece, and which part of it a direction feels."""
+"""Milling and turning cuts: cutting coefficients, engagement and directional coefficients."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 import numpy as np
 
 from receptance import _checks, units
-from receptance.fields import Choice, Count, Element, Number
+from receptance.model.fields import Choice, Count, Element, Number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,10 +20,11 @@ Feed = Literal["down", "up"]
 
 @dataclass(frozen=True, kw_only=True)
 class Milling(Element):
-    """A milling cut with straight teeth at equal distances.
+    """A milling cut with straight, evenly spaced teeth.
 
-    x is the direction of feed, y is across it; angles of a tooth count from y to x, the way the spindle turns. The
-    tangential force on a tooth is k_t times depth times chip thickness, the normal (radial) force k_n times the same.
+    x is the feed direction and y the direction normal to it; the angle of a tooth is measured from y to x, in the
+    direction of rotation. The tangential force on a tooth is k_t times depth times chip thickness, the normal (radial)
+    force k_n times depth times chip thickness.
 
     Parameters
     ----------
@@ -71,21 +72,21 @@ class Milling(Element):
         return float(np.arccos(2.0 * self.immersion - 1.0)) if self.immersion < 1.0 else 0.0, np.pi
 
     def drawn(self, draws: int, *, k_t: float = 0.0, k_n: float = 0.0, seed: int = 0) -> tuple[Milling, ...]:
-        """Return cuts whose coefficients may be the true ones.
+        """Return random cuts within the uncertainty of the coefficients.
 
         Parameters
         ----------
         draws : int
-            How many.
+            Number of cuts.
         k_t, k_n : float, optional
-            Standard deviations of the logarithms of the coefficients, so 0.1 for 10 %; independent of each other.
+            Independent standard deviations of the logarithms of the coefficients, such as 0.1 for 10 %.
         seed : int, optional
-            Of what is drawn.
+            Seed of the random numbers.
 
         Raises
         ------
         ValueError
-            A negative spread, or no draws.
+            A negative standard deviation, or a number of draws below one.
 
         Examples
         --------
@@ -97,7 +98,7 @@ class Milling(Element):
         return tuple(replace(self, k_t=self.k_t * a, k_n=self.k_n * b) for a, b in zip(t, n, strict=True))
 
     def directional(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Force over depth and displacement between two passes of a tooth, for one tooth at an angle in the cut.
+        """Return the directional coefficients of one tooth: force over depth and displacement between two passes.
 
         Parameters
         ----------
@@ -118,7 +119,7 @@ class Milling(Element):
         return np.asarray(along[..., :, None] * across[..., None, :])
 
     def directional_mean(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean of `directional` of all teeth while the first turns from one angle to another, in closed form.
+        """Return the mean of the sum of `directional` over all teeth between two angles of the first, in closed form.
 
         Parameters
         ----------
@@ -136,7 +137,7 @@ class Milling(Element):
         return np.asarray(total.sum(axis=1) / (end - start)[:, None, None])
 
     def _integral(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Integral of `directional` from zero to an angle, over any number of turns."""
+        """Return the integral of `directional` from zero to an angle, over any number of revolutions."""
         first, last = self.engagement
         turns = np.floor(angle / (2.0 * np.pi))
         within = np.clip(angle - 2.0 * np.pi * turns, first, last)
@@ -158,7 +159,7 @@ class Milling(Element):
 
 @dataclass(frozen=True, kw_only=True)
 class Turning(Element):
-    """A turning cut: one tooth, always in the cut.
+    """A turning cut: one tooth in continuous engagement.
 
     Parameters
     ----------
@@ -195,20 +196,22 @@ class Turning(Element):
             raise ValueError(f"Turning: angle_deg is {self.angle_deg:g}, expected between -90 and 90 degrees")
 
     def drawn(self, draws: int, *, k: float = 0.0, seed: int = 0) -> tuple[Turning, ...]:
-        """Return cuts whose coefficient may be the true one; as `Milling.drawn`."""
+        """Return random cuts within the uncertainty of the coefficient; see `Milling.drawn`."""
         (factors,) = _factors("Turning", draws, {"k": k}, seed)
         return tuple(replace(self, k=self.k * factor) for factor in factors)
 
     @property
     def share(self) -> float:
-        """Share of the force that acts along the thickness of the chip."""
+        """Cosine of `angle_deg`: the share of the force in the direction of the chip thickness."""
         return float(np.cos(np.deg2rad(self.angle_deg)))
 
 
-def _factors(owner: str, draws: int, spreads: dict[str, float], seed: int) -> list[list[float]]:
-    """Draws of what coefficients are to be multiplied with, for each spread."""
+def _factors(owner: str, draws: int, deviations: dict[str, float], seed: int) -> list[list[float]]:
+    """Return random factors of the coefficients for each standard deviation."""
     if isinstance(draws, bool) or not isinstance(draws, (int, np.integer)) or draws < 1:
         raise ValueError(f"{owner}: draws is {draws!r}, expected a whole number of at least 1")
-    shares = [_checks.not_negative(owner, f"the spread of {name}", value) for name, value in spreads.items()]
-    random = np.random.default_rng(seed).standard_normal((len(shares), draws))
-    return [np.exp(share * row).tolist() for share, row in zip(shares, random, strict=True)]
+    scales = [
+        _checks.not_negative(owner, f"the standard deviation of {name}", value) for name, value in deviations.items()
+    ]
+    random = np.random.default_rng(seed).standard_normal((len(scales), draws))
+    return [np.exp(scale * row).tolist() for scale, row in zip(scales, random, strict=True)]

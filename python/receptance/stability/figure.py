@@ -1,4 +1,4 @@
-"""Stability lobes as a figure."""
+"""Figures of stability lobes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface
+from receptance.report.figure import COLOURS, INK, PALE, finished, label_point, set_up, surface
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,11 +21,11 @@ __all__ = ["draw_lobes", "draw_lobes_on", "draw_several_lobes"]
 
 _MOST = 8
 _LEVEL = 0.95
-"""Probability of the depths that are drawn of lobes with draws that state none."""
+"""Probability of the drawn stable depths if the lobes have draws but no probability."""
 
 _LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
 _HIGHEST = 15.0
-"""Times the lowest limit: a few high lobes at high speed would press all others onto the axis."""
+"""Upper end of the depth axis over the lowest limit, so that high lobes do not compress the others."""
 
 
 def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) -> Figure:
@@ -38,7 +38,7 @@ def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) ->
     ax : Axes, optional
         As in `Result.plot`.
     recommended : int, optional
-        How many recommended speeds are marked.
+        Number of marked recommended speeds.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) ->
 
 
 def draw_several_lobes(several: Stability, ax: Axes | None = None, *, recommended: int = 3) -> Figure:
-    """Draw several lobes below each other, the first eight at most; one alone as `draw_lobes`."""
+    """Draw up to eight lobe diagrams below each other; a single one like `draw_lobes`."""
     shown = list(several.values())[:_MOST]
     if len(shown) == 1:
         return draw_lobes(shown[0], ax, recommended=recommended)
@@ -74,7 +74,7 @@ def draw_several_lobes(several: Stability, ax: Axes | None = None, *, recommende
 
 
 def draw_lobes_on(axes: Axes, lobes: Lobes, *, recommended: int = 3) -> None:
-    """Draw limit, band, the depth that is stable with a probability, and recommended speeds, into axes."""
+    """Draw limit, band, stable depth at a probability, and recommended speeds into axes."""
     probability = lobes.probability or _LEVEL
     order = np.argsort(lobes.speeds_rpm, kind="stable")
     speed = 1e-3 * lobes.speeds_rpm[order]
@@ -92,12 +92,12 @@ def draw_lobes_on(axes: Axes, lobes: Lobes, *, recommended: int = 3) -> None:
     if known:
         stable = _shown(lobes.stable_depth(probability)[order], top)
         axes.plot(speed, stable, color=_STABLE, lw=1.3, ls="--", label=f"stable with {100 * probability:g} %")
-    _mark(axes, marked, 1e-3 * float(np.ptp(lobes.speeds_rpm)), top)
+    _mark_speeds(axes, marked, 1e-3 * float(np.ptp(lobes.speeds_rpm)), top)
     axes.set_ylim(0.0, top)
 
 
-def _mark(axes: Axes, marked: Sequence[StableCut], range_: float, top: float) -> None:
-    """Mark recommended speeds with their numbers, each number where no other one stands."""
+def _mark_speeds(axes: Axes, marked: Sequence[StableCut], range_: float, top: float) -> None:
+    """Mark recommended speeds with labels that do not overlap."""
     taken: list[tuple[float, float]] = []
     for cut in marked:
         x, y = 1e-3 * cut.speed_rpm, 1e3 * cut.depth
@@ -107,18 +107,8 @@ def _mark(axes: Axes, marked: Sequence[StableCut], range_: float, top: float) ->
         while any(abs(x - other) < 0.2 * range_ and abs(height - at) < 0.06 * top for other, at in taken):
             height -= 0.065 * top
         taken.append((x, height))
-        text = f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm"
-        right = x > np.mean(axes.get_xlim())
-        axes.annotate(
-            text,
-            (x, height),
-            xytext=(-7 if right else 7, 0),
-            textcoords="offset points",
-            ha="right" if right else "left",
-            fontsize=8.5,
-            color=INK,
-            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
-        )
+        left = bool(x > np.mean(axes.get_xlim()))
+        label_point(axes, f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm", (x, height), left=left)
 
 
 def _top(lobes: Lobes, depth: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""The stability lobe diagram: the limit of depth over spindle speed, with bands where the receptance is uncertain."""
+"""Stability lobe diagrams: limit of the depth of cut over spindle speed, with bands for uncertain receptances."""
 
 from __future__ import annotations
 
@@ -26,14 +26,12 @@ _Tip = TypeVar("_Tip")
 
 _FEWEST_DRAWS = 20
 _LEVEL = 0.95
-
-
 _RECOMMENDED = 5
-"""Recommended speeds of each cut in results."""
+"""Number of recommended speeds of each cut in results."""
 _SHOULDER = 0.9
-"""Share of a recommended depth that speeds around it must allow as well."""
+"""Share of the recommended depth that must be stable at the neighbouring speeds of its range."""
 _PROMINENCE = 0.2
-"""Logarithm of the depth by which a lobe must stand out to be one of its own."""
+"""Smallest prominence of a lobe in the logarithm of the depth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,15 +41,15 @@ class StableCut:
     Attributes
     ----------
     speed_rpm : float
-        The speed.
+        Spindle speed in rpm.
     depth : float
-        Depth in m that is stable there, with the probability.
+        Depth of cut in m that is stable at this speed.
     probability : float or None
-        With which it is stable; None where nothing is known of the receptance's errors.
+        Probability that the depth is stable; None for an exact receptance.
     lowest_rpm, highest_rpm : float
-        Speeds around it at which nine tenths of the depth are stable with that probability too.
+        Range of speeds in rpm in which 90 % of the depth are stable with the same probability.
     chatter_hz : float
-        Frequency of the vibration that would begin above the limit there.
+        Chatter frequency in Hz above the limit at this speed.
     """
 
     speed_rpm: float
@@ -64,34 +62,34 @@ class StableCut:
 
 @dataclass(frozen=True, kw_only=True)
 class Lobes(Result):
-    """Limit of depth over spindle speed.
+    """Limit of the depth of cut over spindle speed.
 
     Attributes
     ----------
     speeds_rpm : ndarray
-        Spindle speeds `(n,)`.
+        Spindle speeds `(n,)` in rpm.
     depth : ndarray
-        Largest depth in m below which cutting is stable `(n,)`; infinite where no line of the receptance can chatter.
+        Limit of the stable depth in m `(n,)`; infinite where no line of the receptance can chatter.
     chatter_hz : ndarray
-        Frequency of the vibration at the limit `(n,)`; NaN where the limit is infinite.
+        Chatter frequency in Hz at the limit `(n,)`; NaN where the limit is infinite.
     lower, upper : ndarray or None
-        95 % band of the limit `(n,)`, where draws of the receptance were given.
+        95 % band of the limit in m `(n,)`, if draws of receptance or cut are given.
     draws : ndarray or None
-        Limits of each draw `(m, n)`.
+        Limits of each draw in m `(m, n)`.
     cut : Milling or Turning
         The cut.
     name : str
         Name of the cut.
     tips : dict of str to str
-        By direction, "x" and "y", the source of the receptance of the tip; None where the tip is rigid.
+        Source of the receptance of the tip by direction, "x" and "y"; None for a rigid direction.
     spread : dict of str to float
         Standard deviations of the logarithms of the cutting coefficients.
     probability : float or None
-        With which recommended depths are stable; None where they are the limits.
+        Probability of the recommended depths; None if they are the limits.
     notes : tuple of str
         Notes for the user.
     provenance : Provenance
-        Campaign and versions of the software.
+        Campaign, and versions of the software.
     """
 
     speeds_rpm: NDArray[np.float64]
@@ -112,23 +110,23 @@ class Lobes(Result):
 
     @property
     def certain_depth(self) -> NDArray[np.float64]:
-        """Depths `(n,)` in m that are stable with `probability`, or the limits where it is None."""
+        """Depths `(n,)` in m that are stable with `probability`, or the limits if it is None."""
         return self.depth if self.probability is None else self.stable_depth(self.probability)
 
     @property
     def best_cuts(self) -> tuple[StableCut, ...]:
-        """Speeds that allow the deepest cuts with `probability`, the deepest first; none where no speed has a limit."""
+        """Recommended speeds for `probability`, deepest cut first; empty if no speed has a finite limit."""
         if not np.isfinite(self.certain_depth).any():
             return ()
         return self.recommended(probability=self.probability, count=_RECOMMENDED)
 
     def stable_depth(self, probability: float = 0.95) -> NDArray[np.float64]:
-        """Depth that is stable with a probability, at each speed `(n,)` in m.
+        """Return the depths `(n,)` in m that are stable with a probability.
 
         Raises
         ------
         ValueError
-            Without draws of the receptance, or with fewer than that probability asks for.
+            No draws, or too few draws for the probability.
         """
         share = _checks.number("Lobes", "probability", probability)
         if not 0.0 < share < 1.0:
@@ -137,27 +135,27 @@ class Lobes(Result):
         least = int(np.ceil(1.0 / min(share, 1.0 - share)))
         if len(draws) < least:
             raise ValueError(
-                f"Lobes: {len(draws)} draws cannot show a probability of {share:g}, expected {least} or more"
+                f"Lobes: there are {len(draws)} draws, expected at least {least} for a probability of {share:g}"
             )
         return np.quantile(draws, 1.0 - share, axis=0, method="lower")
 
     def stable_probability(self, depth: ArrayLike) -> NDArray[np.float64]:
-        """Probability that a depth is stable, at each speed.
+        """Return the probability that a depth is stable, at each speed.
 
         Parameters
         ----------
         depth : array_like
-            Depths in m, one number, one for each speed `(n,)`, or `(k, 1)` for all of them at each speed.
+            Depths in m: one number, one per speed `(n,)`, or several for all speeds `(k, 1)`.
 
         Returns
         -------
         ndarray
-            `(n,)` or `(k, n)`, share of the draws whose limit is higher.
+            `(n,)` or `(k, n)` share of the draws with a higher limit.
 
         Raises
         ------
         ValueError
-            Without draws of the receptance, or with depths that do not fit the speeds.
+            No draws, or depths whose shape does not match the speeds.
         """
         draws = self._known_draws()
         depths = _checks.unmasked("Lobes", "depth", depth, np.float64)
@@ -168,26 +166,26 @@ class Lobes(Result):
         return np.asarray(np.mean(draws.reshape(len(draws), *(1,) * (depths.ndim == 2), -1) > depths, axis=0))
 
     def best(self, *, probability: float | None = None) -> tuple[float, float]:
-        """Speed in rpm and depth in m of the deepest stable cut, with a probability if one is given.
+        """Return speed in rpm and depth in m of the deepest stable cut, optionally with a probability.
 
         Raises
         ------
         ValueError
-            Where no speed has a finite limit, or as `stable_depth`.
+            No speed has a finite limit, or as `stable_depth`.
         """
         depth, finite = self._finite(probability)
         index = int(np.argmax(np.where(finite, depth, -np.inf)))
         return float(self.speeds_rpm[index]), float(depth[index])
 
     def recommended(self, *, probability: float | None = 0.95, count: int = 5) -> tuple[StableCut, ...]:
-        """Spindle speeds that allow the deepest cuts, one for each lobe, the deepest first.
+        """Return the speeds with the deepest stable cuts, one per lobe, deepest first.
 
         Parameters
         ----------
         probability : float or None, optional
-            With which the depth is to be stable; None takes the receptance as exact.
+            Probability that the depth is stable; None for an exact receptance.
         count : int, optional
-            At most so many.
+            Largest number of speeds.
 
         Raises
         ------
@@ -202,7 +200,7 @@ class Lobes(Result):
         speeds, chatter = self.speeds_rpm[order], self.chatter_hz[order]
         height = np.log(np.maximum(depth, np.finfo(np.float64).tiny))
         low = [height.min() - 2.0 * _PROMINENCE]
-        # Lobes that end with the range of speeds count as well.
+        # The padding makes maxima at the ends of the range count as peaks.
         peaks = find_peaks(np.concatenate([low, height, low]), prominence=_PROMINENCE)[0] - 1
         found = []
         for top in sorted(peaks.tolist(), key=lambda i: -depth[i])[:count]:
@@ -227,8 +225,8 @@ class Lobes(Result):
             Column("speed", "rpm", ".0f"),
             Column(sure, "mm", ".3g"),
             Column("limit", "mm", ".3g"),
-            Column("nine tenths of it", "rpm", ".0f"),
-            Column("would chatter", "Hz", ".0f"),
+            Column("90 % of depth", "rpm", ".0f"),
+            Column("chatter frequency", "Hz", ".0f"),
         )
         rows = [
             (
@@ -244,18 +242,18 @@ class Lobes(Result):
         return [Table("Recommended speeds", columns, rows).without_empty()] if rows else []
 
     def sentences(self) -> list[str]:
-        """Return the cut, and the depth that is stable at every speed."""
+        """Return a description of the cut, and the depth that is stable at every speed."""
         low, high = self.speeds_rpm.min(), self.speeds_rpm.max()
         sure = "" if self.probability is None else f" with {100.0 * self.probability:g} %"
         if np.isfinite(self.certain_depth).any():
             least = 1e3 * self.certain_depth.min()
             found = f"stable{sure} at every speed from {low:.0f} to {high:.0f} rpm: {least:.3g} mm"
         else:
-            found = f"no calculated depth is unstable from {low:.0f} to {high:.0f} rpm"
+            found = f"stable at any depth of cut from {low:.0f} to {high:.0f} rpm"
         return [self.title_of_cut(), f"  {found}"]
 
     def title_of_cut(self) -> str:
-        """Return name, kind and tips of the cut in words."""
+        """Return a description of the cut: name, type and tips."""
         across = self.tips.get("y") or "rigid"
         tips = f"; x: {self.tips['x']}, y: {across}" if self.tips else ""
         if isinstance(self.cut, Milling):
@@ -293,7 +291,7 @@ class Lobes(Result):
 
     def _known_draws(self) -> NDArray[np.float64]:
         if self.draws is None:
-            raise ValueError("Lobes: no draws of the receptance were given, so nothing is known of probabilities")
+            raise ValueError("Lobes: there are no draws, from which probabilities follow; give draws or cuts")
         return self.draws
 
     def _finite(self, probability: float | None) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -312,7 +310,7 @@ class Stability(Results[Lobes]):
     items : mapping of str to Lobes
         The cuts.
     identified : Result, optional
-        Fit that the predicted tips rest on.
+        Fit from which the tips were predicted.
     provenance, notes : optional
         As in `Results`.
     """
@@ -332,7 +330,7 @@ class Stability(Results[Lobes]):
         self.identified = identified
 
     def data(self) -> dict[str, Any]:
-        """Return the cuts, and the fit that predicted tips rest on."""
+        """Return the cuts, and the fit from which the tips were predicted."""
         return {
             "cuts": [{**one.data(), "notes": one.notes} for one in self.values()],
             "identified": None if self.identified is None else self.identified.to_dict(),
@@ -346,7 +344,7 @@ class Stability(Results[Lobes]):
 
 
 def _around(true: NDArray[np.bool_], index: int) -> tuple[int, int]:
-    """First and last index of the run of true values around one of them."""
+    """Return the first and the last index of the run of true values around an index."""
     wrong = np.flatnonzero(~true)
     place = int(np.searchsorted(wrong, index))
     first = int(wrong[place - 1]) + 1 if place else 0
@@ -362,35 +360,37 @@ def stability_lobes(
     draws: ArrayLike | None = None,
     cuts: Sequence[Milling | Turning] | None = None,
 ) -> Lobes:
-    """Return the limit of depth over spindle speed from the receptance of the tool tip.
+    """Return the limit of the depth of cut over spindle speed from the receptance of the tool tip.
 
-    Milling by the force's mean over a tooth pitch (zeroth order), which leaves out what interrupted cutting does at a
-    small immersion; `semi_discretised_limit` shows that.
+    Milling uses the mean of the cutting force over a tooth pitch (zeroth order), which neglects effects of interrupted
+    cutting at small immersion; `semi_discretised_limit` includes them.
 
     Parameters
     ----------
     cut : Milling or Turning
         The cut.
     frequency_hz : array_like
-        Ascending lines `(n,)`, dense enough to follow the resonances: the limit is linear between them.
+        Ascending lines `(n,)` in Hz, several within the half-power bandwidth of each resonance; the limit is
+        interpolated between them.
     receptance : array_like
-        `(n, 2, 2)` in x and y for milling (see `receptance_matrix`), `(n,)` for one direction, or for turning along the
-        chip's thickness; in m/N.
+        Receptance in m/N: `(n, 2, 2)` in x and y for milling (see `receptance_matrix`), or `(n,)` for one flexible
+        direction, for turning that of the chip thickness.
     speeds_rpm : array_like
         Spindle speeds `(k,)`.
     draws : array_like, optional
-        Receptances that may be the true one, `(m,)` more than `receptance`; at least 20.
+        Random receptances within the uncertainty, `(m, ...)` with the shape of `receptance`; at least 20.
     cuts : sequence of Milling or Turning, optional
-        Cuts that may be the true one (`Milling.drawn`), as many as draws of the receptance; without such, at least 20.
+        Random cuts within the uncertainty (`Milling.drawn`), as many as draws, or at least 20 without draws.
 
     Returns
     -------
     Lobes
+        Limits, chatter frequencies, and bands if draws or cuts are given.
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, values that are not finite, too few draws.
+        Shapes that do not match, values that are not finite, too few draws.
 
     References
     ----------
@@ -446,21 +446,23 @@ def with_draws(lobes: Lobes, draws: NDArray[np.float64] | None) -> Lobes:
 def ensemble(
     owner: str, cut: _Cut, tip: _Tip, draws: Sequence[_Tip] | None, cuts: Sequence[_Cut] | None
 ) -> list[tuple[_Cut, _Tip]]:
-    """Return cuts and tips that may be the true ones, together; what there are no draws of is as it stands.
+    """Return pairs of random cuts and tips; without draws the nominal cut or tip is used in all pairs.
 
     Raises
     ------
     ValueError
-        Too few, not as many of the one as of the other, or cuts of another kind.
+        Too few draws, different numbers of cuts and draws, or cuts of another type.
     """
     count = len((cuts if draws is None else draws) or ())
     if count < _FEWEST_DRAWS:
-        raise ValueError(f"{owner}: {count} draws, expected at least {_FEWEST_DRAWS}")
+        raise ValueError(f"{owner}: there are {count} draws, expected at least {_FEWEST_DRAWS}")
     if cuts is not None and len(cuts) != count:
-        raise ValueError(f"{owner}: {len(cuts)} cuts for {count} draws of the receptance, expected as many")
+        raise ValueError(
+            f"{owner}: there are {len(cuts)} cuts and {count} draws of the receptance, expected equal numbers"
+        )
     for i, own in enumerate(cuts or ()):
         if type(own) is not type(cut) or getattr(own, "teeth", 1) != getattr(cut, "teeth", 1):
-            raise ValueError(f"{owner}: cuts[{i}] is {own!r}, expected a cut of the kind and the teeth of {cut!r}")
+            raise ValueError(f"{owner}: cuts[{i}] is {own!r}, expected the type and the number of teeth of {cut!r}")
     return [(cut if cuts is None else cuts[i], tip if draws is None else draws[i]) for i in range(count)]
 
 
@@ -480,16 +482,16 @@ def _shaped(owner: str, name: str, values: ArrayLike, lines: int, cut: Milling |
 
 
 def _on_ends(lines: NDArray[np.float64], chatter: NDArray[np.float64]) -> tuple[str, ...]:
-    """Say so where the limit comes from the ends of the lines: it may be lower outside them."""
+    """Return notes if the limit is determined by the ends of the lines, outside which it may be lower."""
     step = np.median(np.diff(lines))
     at_end = np.isfinite(chatter) & ((chatter < lines[0] + step) | (chatter > lines[-1] - step))
     missing = ~np.isfinite(chatter)
     notes = []
     if at_end.any():
         notes.append(
-            f"at {at_end.sum()} of {chatter.size} speeds the limit lies at an end of the lines, {lines[0]:g} or "
-            f"{lines[-1]:g} Hz: beyond them it may be lower"
+            f"at {at_end.sum()} of {chatter.size} speeds the chatter frequency is at an end of the lines, {lines[0]:g} "
+            f"or {lines[-1]:g} Hz: the limit may be lower; extend the lines"
         )
     if missing.any():
-        notes.append(f"at {missing.sum()} of {chatter.size} speeds no line can chatter: the lines end too early")
+        notes.append(f"at {missing.sum()} of {chatter.size} speeds no line has a stability limit; extend the lines")
     return tuple(notes)

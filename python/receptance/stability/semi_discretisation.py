@@ -1,14 +1,14 @@
-"""Stability of milling with the periodic force as it is: first-order semi-discretisation.
+"""Stability of milling with the periodic cutting force: first-order semi-discretisation.
 
 Within a step of the tooth period the force coefficient is its exact mean over the step, and the delayed displacement
-goes linearly from one step to the next; the state then follows exactly, by matrix exponentials. The largest eigenvalue
-of the map over one tooth passing decides. Both approximations are second order in the step. Steps begin and end where a
-tooth enters or leaves the cut, so that halving them takes away three quarters of the error, and the values for two
-steps give one of fourth order (Richardson).
+is linear; the state then follows from matrix exponentials. The largest eigenvalue of the map over one tooth period
+determines stability. Both approximations are of second order in the step. Steps begin and end where a tooth enters or
+leaves the cut, so halving them reduces the error by the factor 4, and Richardson extrapolation gives fourth order.
 """
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,28 +16,32 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from receptance import _checks
+from receptance.stability.cutting import Milling
+from receptance.stability.lobes import Lobes, ensemble, with_draws
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.stability.cutting import Milling
-    from receptance.stability.modal_model import TipModes
+    from receptance.stability.tip import TipModes
 
-__all__ = ["floquet_multiplier", "semi_discretised_limit"]
+__all__ = ["floquet_multiplier", "semi_discretised_limit", "semi_discretised_lobes"]
+
 
 _STEPS_PER_WAVE = 20
-"""Steps in a period of the highest mode: multipliers are then good to some 1e-5."""
+"""Steps per period of the highest mode, for errors of the multipliers of about 1e-5."""
 _FEWEST = 24
 _FEWEST_IN_CUT = 12
 _MOST = 2000
 _EVALUATIONS = 60
+"""Largest number of evaluations for one limit."""
 _NEAR = 1.15
-"""Factor by which a crossing near a depth is sought."""
+"""Factor between the depths of the search for a crossing near a depth."""
 _CLOSE = 1e-3
-"""Relative accuracy of the limits of draws, whose spread is far larger."""
+"""Relative accuracy of the limits of draws, which scatter far more."""
 _LEAST = 1e-4
-"""Share of the largest depth below which nothing is sought."""
-"""Most to refine one limit by."""
+"""Smallest depth of the search, as a share of the largest depth."""
 
 
 def floquet_multiplier(
@@ -49,7 +53,7 @@ def floquet_multiplier(
     steps: int | None = None,
     extrapolate: bool = True,
 ) -> NDArray[np.float64]:
-    """Return the largest Floquet multiplier, by magnitude, over one tooth passing: under one is stable.
+    """Return the largest magnitude of the Floquet multipliers over one tooth period; below one the cut is stable.
 
     Parameters
     ----------
@@ -62,20 +66,19 @@ def floquet_multiplier(
     depth : array_like
         Axial depths of cut `(n,)` in m, zero or more.
     steps : int, optional
-        Steps of the tooth period; by default 20 per period of the highest mode, at least 24.
-
+        Steps per tooth period; by default 20 per period of the highest mode, at least 24.
     extrapolate : bool, optional
-        Whether the values for `steps` and twice as many give one of fourth order.
+        Whether to extrapolate from `steps` and twice as many steps to fourth order.
 
     Returns
     -------
     ndarray
-        `(n,)`.
+        `(n,)` magnitudes.
 
     Raises
     ------
     ValueError
-        Values out of range, or a speed so low that a tooth period takes over 2000 steps.
+        Values out of range, or a speed at which a tooth period needs more than 2000 steps.
 
     References
     ----------
@@ -107,25 +110,25 @@ def semi_discretised_limit(
     resolution: float = 0.02,
     tolerance: float = 1e-4,
 ) -> NDArray[np.float64]:
-    """Return the smallest depth at which milling becomes unstable, at each spindle speed.
+    """Return the smallest unstable depth of cut at each spindle speed.
 
     Parameters
     ----------
     cut, tip, steps
         As for `floquet_multiplier`.
     speeds_rpm : array_like
-        Spindle speeds `(n,)`.
+        Spindle speeds `(n,)` in rpm.
     most : float
-        Largest depth in m to look at.
+        Largest depth in m.
     resolution : float, optional
-        Share of `most` by which depths are first tried, so that an unstable depth below a stable one is seen.
+        Distance of the depths of the first search as a share of `most`; it finds unstable depths below stable ones.
     tolerance : float, optional
         Relative accuracy of the limit.
 
     Returns
     -------
     ndarray
-        `(n,)` in m; infinite where all depths up to `most` are stable.
+        `(n,)` limits in m; infinite if all depths up to `most` are stable.
 
     Raises
     ------
@@ -146,9 +149,9 @@ def semi_discretised_limit(
 
 
 def limit_near(cut: Milling, tip: TipModes, speed_rpm: float, depth: float, most: float) -> float:
-    """Return the crossing into instability nearest to a depth, for draws around what it is the limit of.
+    """Return the limit of a draw: the crossing into instability nearest to the nominal limit `depth`.
 
-    Where a draw is still stable at `most` it is infinite.
+    It is infinite if the draw is stable at `most`.
     """
     map_ = _PassingMap(cut, tip, speed_rpm, _nodes(cut, _steps(cut, tip, speed_rpm, None)))
 
@@ -175,14 +178,14 @@ def _steps(cut: Milling, tip: TipModes, speed: float, steps: int | None) -> int:
         steps = max(_FEWEST, int(np.ceil(_STEPS_PER_WAVE * period * tip.frequency_hz.max())))
     if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 4 <= steps <= _MOST:
         raise ValueError(
-            f"semi-discretisation at {speed:g} rpm: steps is {steps!r}, expected a whole number from 4 to {_MOST}; at "
-            "speeds this low the zeroth-order solution serves"
+            f"semi-discretisation at {speed:g} rpm: steps is {steps!r}, expected a whole number from 4 to {_MOST}; use "
+            "stability_lobes at such low speeds"
         )
     return int(steps)
 
 
 def _first_crossing(pair: _Pair, tried: NDArray[np.float64], close: float) -> float:
-    """The smallest depth with a multiplier of one, sought with coarse steps and refined with both."""
+    """Return the smallest depth with a multiplier of one, bracketed with coarse steps and refined by extrapolation."""
     stable = 0.0
     for depth in tried:
         if pair.coarse.largest(float(depth)) > 1.0:
@@ -195,21 +198,21 @@ def _first_crossing(pair: _Pair, tried: NDArray[np.float64], close: float) -> fl
     def excess(depth: float) -> float:
         return pair.extrapolated(depth) - 1.0
 
-    # What coarse steps saw may lie on the other side of a bracket's end.
+    # The extrapolated multiplier may shift the crossing beyond an end of the bracket.
     while excess(unstable) <= 0.0:
         stable, unstable = unstable, unstable + tried[0]
         if unstable > 2.0 * tried[-1]:
             return float("inf")
     while stable > 0.0 and excess(stable) > 0.0:
         unstable, stable = stable, max(stable - float(tried[0]), 0.0)
-    # Without a cut the structure's own damping is all there is: just under one.
+    # At zero depth the multiplier is below one only by the structural damping.
     if stable == 0.0:
         stable = 1e-9 * unstable
     return float(brentq(excess, stable, unstable, xtol=close * unstable, maxiter=_EVALUATIONS))
 
 
 class _Pair:
-    """The map with some steps and with twice as many."""
+    """Maps of a tooth period with a number of steps and with twice as many."""
 
     def __init__(self, cut: Milling, tip: TipModes, speed: float, steps: int) -> None:
         nodes = _nodes(cut, steps)
@@ -217,15 +220,15 @@ class _Pair:
         self.coarse, self.fine = _PassingMap(cut, tip, speed, nodes), _PassingMap(cut, tip, speed, between)
 
     def extrapolated(self, depth: float) -> float:
-        """The largest multiplier without the error that goes with the square of the step."""
+        """Return the largest multiplier after Richardson extrapolation."""
         return (4.0 * self.fine.largest(depth) - self.coarse.largest(depth)) / 3.0
 
 
 def _nodes(cut: Milling, steps: int) -> NDArray[np.float64]:
-    """Angles of the first tooth between which the steps lie, over one tooth pitch, even between entry and exit."""
+    """Return the angles of the first tooth at the ends of the steps, over one tooth pitch."""
     pitch = 2.0 * np.pi / cut.teeth
     ends = np.unique([0.0, *np.mod(cut.engagement, pitch), pitch])
-    # A whole number of pitches in the cut leaves ends that differ by rounding.
+    # If the cut spans a whole number of pitches, ends coincide up to rounding.
     ends = ends[np.concatenate([[True], np.diff(ends) > 1e-9 * pitch])]
     ends[-1] = pitch
     pieces = [ends[:1]]
@@ -239,13 +242,13 @@ def _nodes(cut: Milling, steps: int) -> NDArray[np.float64]:
 
 
 class _PassingMap:
-    """The map of state and past displacements over one tooth passing, for any depth."""
+    """The map of state and past displacements over one tooth period, for any depth."""
 
     def __init__(self, cut: Milling, tip: TipModes, speed: float, angles: NDArray[np.float64]) -> None:
         self.step = np.diff(angles) * 60.0 / (2.0 * np.pi * speed)
         coefficient = cut.directional_mean(angles[:-1], angles[1:])
         self.shapes = tip.shapes
-        # Directions in which nothing moves have no past.
+        # Rigid directions need no past displacements.
         self.used = np.flatnonzero(np.any(tip.shapes != 0.0, axis=0))
         self.force = np.einsum("ki,nij->nkj", tip.shapes, coefficient)  # modal force over displacement and depth
         w = 2.0 * np.pi * tip.frequency_hz
@@ -256,12 +259,12 @@ class _PassingMap:
         self.free[k:, k:] = -np.diag(2.0 * tip.damping_ratio * w)
 
     def largest(self, depth: float) -> float:
-        """Magnitude of the largest eigenvalue."""
+        """Return the largest magnitude of the eigenvalues."""
         state, from_past, from_change = self._pieces(depth)
         k2, p, m = state.shape[1], self.used.size, self.step.size
         shape = np.zeros((p, k2))
         shape[:, : k2 // 2] = self.shapes[:, self.used].T
-        # Rows: the state now, and the displacements at the beginning of each step one tooth ago.
+        # Rows: the current state, and the displacements at the beginning of each step one tooth period before.
         size = k2 + m * p
         now = np.eye(size)[:k2]
         past = np.eye(size)[k2:].reshape(m, p, size)
@@ -274,7 +277,7 @@ class _PassingMap:
         return float(np.abs(np.linalg.eigvals(after)).max())
 
     def _pieces(self, depth: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Exact propagation over each step: of the state, of a constant past, of one that rises from zero."""
+        """Return the propagators of each step: of the state, of a constant and of a rising past displacement."""
         k2, p = self.free.shape[0], self.used.size
         k = k2 // 2
         generator = np.zeros((self.step.size, k2 + 2 * p, k2 + 2 * p))
@@ -286,3 +289,87 @@ class _PassingMap:
         generator[:, k2 : k2 + p, k2 + p :] = np.eye(p)
         whole = expm(generator)
         return whole[:, :k2, :k2], whole[:, :k2, k2 : k2 + p], whole[:, :k2, k2 + p :]
+
+
+def semi_discretised_lobes(
+    cut: Milling,
+    tip: TipModes,
+    *,
+    speeds_rpm: ArrayLike,
+    most: float,
+    draws: Sequence[TipModes] | None = None,
+    cuts: Sequence[Milling] | None = None,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Lobes:
+    """Return the limit of the depth of cut over spindle speed with the periodic cutting force.
+
+    The limit of each draw is the crossing nearest to that of `tip`; an additional unstable island of the draw below it
+    is missed. Each draw takes 10 to 100 ms per speed, longer at low speeds.
+
+    Parameters
+    ----------
+    cut, tip, speeds_rpm, most
+        As for `semi_discretised_limit`.
+    draws : sequence of TipModes, optional
+        Random modes within the uncertainty (`TipModes.drawn_from_estimates`), at least 20.
+    cuts : sequence of Milling, optional
+        Random cuts within the uncertainty (`Milling.drawn`), as many as draws, or at least 20 without draws.
+    threads : int, optional
+        Threads over draws; by default RECEPTANCE_THREADS or all that this process may use.
+    progress : callable, optional
+        Called with a progress message for each speed.
+
+    Returns
+    -------
+    Lobes
+        Limits, infinite above `most`; chatter frequencies are NaN.
+
+    Raises
+    ------
+    ValueError
+        As `semi_discretised_limit`, or too few draws.
+
+    Examples
+    --------
+    >>> from receptance.stability import Milling, TipModes, semi_discretised_lobes
+    >>> tip = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
+    >>> cut = Milling(teeth=2, k_t=6e8, k_n=2e8, immersion=0.05)
+    >>> lobes = semi_discretised_lobes(cut, tip, speeds_rpm=[25e3], most=5e-3, cuts=cut.drawn(20, k_t=0.1))
+    >>> f"{1e3 * lobes.depth[0]:.2f} mm, stable with 90 %: {1e3 * lobes.stable_depth(0.9)[0]:.2f} mm"
+    '2.91 mm, stable with 90 %: 2.60 mm'
+    """
+    owner = "semi_discretised_lobes"
+    if not isinstance(cut, Milling):
+        raise TypeError(f"{owner}: cut is {type(cut).__name__}, expected Milling; use stability_lobes for turning")
+    speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
+    several = None if draws is None and cuts is None else ensemble(owner, cut, tip, draws, cuts)
+    depths, limits = [], []
+    with ThreadPoolExecutor(_checks.worker_count(threads)) as pool:
+        for number, speed in enumerate(speeds):
+            if progress is not None:
+                progress(f"semi-discretisation at {speed:g} rpm, {number + 1} of {speeds.size}")
+            depth = float(semi_discretised_limit(cut, tip, speeds_rpm=speed, most=most)[0])
+            depths.append(depth)
+            if several is not None:
+                rows = [(own, one, float(speed), depth, most) for own, one in several]
+                limits.append(list(pool.map(lambda row: limit_near(*row), rows)))
+    return _lobes(cut, speeds, np.array(depths), np.array(limits).T if several is not None else None, most)
+
+
+def _lobes(
+    cut: Milling,
+    speeds: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    draws: NDArray[np.float64] | None,
+    most: float,
+) -> Lobes:
+    unlimited = int(np.count_nonzero(~np.isfinite(depth)))
+    notes = (
+        ()
+        if not unlimited
+        else (f"at {unlimited} of {speeds.size} speeds all depths up to {1e3 * most:g} mm are stable",)
+    )
+    return with_draws(
+        Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=np.full(speeds.size, np.nan), cut=cut, notes=notes), draws
+    )

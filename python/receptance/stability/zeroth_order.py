@@ -1,4 +1,4 @@
-"""Stability lobes from receptances: the cutting force's mean over a tooth passing (zeroth order), and turning."""
+"""Stability limits from receptances: turning, and milling by the mean cutting force (zeroth order)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 __all__ = ["critical_depths", "limit_over_speed"]
 
 _SHARES = (0.5, 0.2, 0.05)
-"""Of the largest 1/depth: what is above comes first."""
+"""Thresholds as shares of the largest 1/depth: segments above them are processed first."""
 
 
 def critical_depths(
     cut: Milling | Turning, frequency_hz: NDArray[np.float64], receptance: NDArray[np.complex128]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depth of cut at which a vibration of each frequency neither grows nor decays, and its phase between two teeth.
+    """Return the critical depth of cut at each frequency, and the phase between two teeth.
 
     Parameters
     ----------
@@ -29,13 +29,13 @@ def critical_depths(
     frequency_hz : ndarray
         Chatter frequencies `(n,)`.
     receptance : ndarray
-        `(n, 2, 2)` in x and y for milling, `(n, 1, 1)` along the thickness of the chip for turning, in m/N.
+        `(n, 2, 2)` in x and y for milling, `(n, 1, 1)` in the direction of the chip thickness for turning, in m/N.
 
     Returns
     -------
     depth, phase : ndarray
-        `(n, k)` in m and rad, k of the eigenvalues; infinite where that frequency cannot chatter. The time between two
-        teeth is then (phase + 2 pi j) / w_c with any whole number j from zero.
+        `(n, k)` in m and rad for each of the k eigenvalues; infinite if the frequency cannot chatter. The tooth periods
+        are (phase + 2 pi j) / w_c with any integer j >= 0.
 
     References
     ----------
@@ -46,7 +46,7 @@ def critical_depths(
     else:
         turn = np.array([0.0]), np.array([2.0 * np.pi])
         mean = cut.directional_mean(*turn)[0]
-        # One product of all rows is faster than one for each line.
+        # One product for all lines is faster than one per line.
         eigenvalues = _eigenvalues((receptance.reshape(-1, 2) @ mean).reshape(receptance.shape))
     # 1 = a (1 - e^{-i w T}) mu, with the eigenvalue mu of G A: 1/a is real where Re(1/mu) = (1 - cos wT) a.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -59,18 +59,18 @@ def critical_depths(
 
 
 def _eigenvalues(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Both eigenvalues of 2 x 2 matrices, the smaller without cancellation."""
+    """Return both eigenvalues of 2 x 2 matrices, the smaller one without cancellation."""
     half = 0.5 * (matrices[:, 0, 0] + matrices[:, 1, 1])
     determinant = matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
     root = np.sqrt(half**2 - determinant)
     root = np.where((half.conj() * root).real < 0.0, -root, root)
     larger = half + root
     smaller = np.divide(determinant, larger, out=np.zeros_like(larger), where=larger != 0.0)
-    return _followed(np.stack([larger, smaller], axis=1))
+    return _continuous(np.stack([larger, smaller], axis=1))
 
 
-def _followed(pairs: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Pairs in such an order that each column goes on from line to line: magnitudes that are equal have no order."""
+def _continuous(pairs: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the pairs in the order in which each column is continuous over the lines."""
     before, after = pairs[:-1], pairs[1:]
     straight = np.abs(after - before).sum(axis=1)
     crossed = np.abs(after[:, ::-1] - before).sum(axis=1)
@@ -85,23 +85,23 @@ def limit_over_speed(
     depth: NDArray[np.float64],
     phase: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest critical depth at each spindle speed, and its chatter frequency.
+    """Return the lowest critical depth at each spindle speed, and its chatter frequency.
 
-    Lobe j is where the time between two teeth holds j whole waves and the phase. Between two lines both the number of
-    waves and 1/depth go linearly with frequency.
+    In lobe j a tooth period contains j whole waves and the phase. Between two lines the number of waves and 1/depth are
+    linear in frequency.
 
     Returns
     -------
     limit, chatter_hz : ndarray
-        `(n_speeds,)`; infinite and NaN where nothing chatters at that speed.
+        `(n_speeds,)` in m and Hz; infinite and NaN at speeds without chatter.
     """
-    # Ascending times between teeth; the order of the speeds is the caller's.
+    # The search needs ascending tooth periods.
     order = np.argsort(-speeds_rpm, kind="stable")
     period = 60.0 / (teeth * speeds_rpm[order])
     inverse_limit, chatter = np.zeros(period.size), np.full(period.size, np.nan)
-    pieces = _pieces(frequency_hz, depth, phase)
-    if len(pieces):
-        _take_pieces(inverse_limit, chatter, period, pieces)
+    segments = _segments(frequency_hz, depth, phase)
+    if len(segments):
+        _apply_segments(inverse_limit, chatter, period, segments)
     limit = np.full(period.size, np.inf)
     np.divide(1.0, inverse_limit, out=limit, where=inverse_limit > 0.0)
     back = np.empty_like(order)
@@ -109,55 +109,58 @@ def limit_over_speed(
     return limit[back], chatter[back]
 
 
-def _pieces(
+def _segments(
     frequency_hz: NDArray[np.float64], depth: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Pieces between two lines that can chatter, `(n, 6)`: frequency, waves and 1/depth at both ends."""
+    """Return segments `(n, 6)` between neighbouring lines that can chatter: frequency, waves, 1/depth at both ends."""
     found = []
     for column in range(depth.shape[1]):
         chatters = np.isfinite(depth[:, column])
         first = np.flatnonzero(chatters[:-1] & chatters[1:])
         share = phase[:, column] / (2.0 * np.pi)
-        # The phase goes on continuously along a branch; its step is less than half a turn.
+        # The phase is continuous along a branch; its step is less than half a turn.
         step = np.mod(share[first + 1] - share[first] + 0.5, 1.0) - 0.5
         ends = frequency_hz[first], frequency_hz[first + 1], share[first], share[first] + step
         found.append(np.stack([*ends, 1.0 / depth[first, column], 1.0 / depth[first + 1, column]], axis=1))
     return np.concatenate(found)
 
 
-def _take_pieces(
+def _apply_segments(
     inverse_limit: NDArray[np.float64],
     chatter: NDArray[np.float64],
     period: NDArray[np.float64],
-    pieces: NDArray[np.float64],
+    segments: NDArray[np.float64],
 ) -> None:
-    """Raise 1/limit to that of all pieces: low ones first, the others only at times that no lower one passes."""
-    highest = pieces[:, 4:].max(axis=1)
+    """Raise 1/limit to the maximum over all segments.
+
+    Segments with large 1/depth are applied first; the others matter only at periods where these are absent.
+    """
+    highest = segments[:, 4:].max(axis=1)
     largest, rest = highest.max(), np.arange(period.size)
     for share in (*_SHARES, 0.0):
         bound = share * largest
-        own = pieces[highest >= bound]
+        own = segments[highest >= bound]
         if len(own):
             times = period[rest]
             lobes = np.arange(-1.0, np.ceil(own[:, 1].max() * times[-1]) + 1.0)
             values = inverse_limit[rest], chatter[rest]
-            _take_lobes(*values, times, lobes, own)
+            _apply_lobes(*values, times, lobes, own)
             inverse_limit[rest], chatter[rest] = values
-        pieces, highest = pieces[highest < bound], highest[highest < bound]
+        segments, highest = segments[highest < bound], highest[highest < bound]
         rest = rest[inverse_limit[rest] < bound]
-        if not rest.size or not len(pieces):
+        if not rest.size or not len(segments):
             return
 
 
-def _take_lobes(
+def _apply_lobes(
     inverse_limit: NDArray[np.float64],
     chatter: NDArray[np.float64],
     period: NDArray[np.float64],
     lobes: NDArray[np.float64],
-    pieces: NDArray[np.float64],
+    segments: NDArray[np.float64],
 ) -> None:
-    """Raise 1/limit to that of all lobes at the times between teeth that their pieces pass."""
-    times = (lobes[:, None, None] + pieces[:, 2:4]) / pieces[:, :2]
+    """Raise 1/limit to the maximum over all lobes at the tooth periods that their segments cover."""
+    times = (lobes[:, None, None] + segments[:, 2:4]) / segments[:, :2]
     low, high = times.min(axis=2), times.max(axis=2)
     begin, end = np.searchsorted(period, low, "left"), np.searchsorted(period, high, "right")
     count = np.where(high > 0.0, end - begin, 0).ravel()
@@ -165,12 +168,12 @@ def _take_lobes(
     if not passing.size:
         return
     index = np.arange(passing.size) - np.repeat(np.cumsum(count) - count, count) + begin.ravel()[passing]
-    lobe, piece = lobes[passing // len(pieces)], pieces[passing % len(pieces)]
-    # f T - share - lobe is zero: linear along the piece.
+    lobe, piece = lobes[passing // len(segments)], segments[passing % len(segments)]
+    # The zero of f T - share - lobe, which is linear along the segment.
     rest = [piece[:, i] * period[index] - piece[:, 2 + i] - lobe for i in (0, 1)]
     at = np.divide(rest[0], rest[0] - rest[1], out=np.zeros(index.size), where=rest[0] != rest[1]).clip(0.0, 1.0)
     value = piece[:, 4] + at * (piece[:, 5] - piece[:, 4])
-    # The last of several pieces at one time is the largest.
+    # In ascending order, so that the last assignment at a period is the largest value.
     rising = np.argsort(value, kind="stable")
     index, value = index[rising], value[rising]
     better = value > inverse_limit[index]

@@ -1,1 +1,1 @@
-"""Published studies with their data, done again from the numbers that were printed."""
+"""Published studies, reproduced from their printed data."""

@@ -2,10 +2,8 @@
 
 from receptance.sweep.candidates import Candidates, Grid, Listed, Sampled
 from receptance.sweep.disk import SweepError
-from receptance.sweep.misfit import Misfit
-from receptance.sweep.outputs import FrequencyResponse, NaturalFrequencies, Output, StableDepth, Variable
-from receptance.sweep.progress import SweepProgress
-from receptance.sweep.run import sweep
+from receptance.sweep.outputs import FrequencyResponse, Misfit, NaturalFrequencies, Output, StableDepth, Variable
+from receptance.sweep.run import SweepProgress, sweep
 from receptance.sweep.store import as_grid, open_sweep
 
 __all__ = [

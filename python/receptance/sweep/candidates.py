@@ -1,4 +1,4 @@
-"""Candidates of a sweep: which values of which parameters, each one found from its number alone."""
+"""Candidates of a sweep: values of parameters, each candidate determined by its number."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ Method = Literal["random", "sobol", "latin hypercube"]
 
 _MOST_BYTES = 2 * 2**30
 _PER_STEP = 4
-"""Numbers that one step of the Philox counter gives."""
+"""Random numbers per step of the Philox counter."""
 
 
 class Distribution(Protocol):
-    """What `Sampled` asks of a distribution; those of `scipy.stats` have it when they are frozen."""
+    """A distribution with quantiles, such as a frozen distribution of `scipy.stats`."""
 
     def ppf(self, q: Any, /) -> Any:
-        """Return the quantiles of shares q."""
+        """Return the quantiles for probabilities q."""
 
 
 class Candidates(ABC):
-    """Values of named parameters, numbered from zero: any run of numbers gives the same ones, on any machine."""
+    """Values of named parameters, numbered from zero; a number gives the same candidate on any machine."""
 
     addresses: tuple[str, ...]
     """Addresses of the parameters, the columns of `values`."""
@@ -42,7 +42,7 @@ class Candidates(ABC):
     @property
     @abstractmethod
     def count(self) -> int:
-        """How many there are."""
+        """Number of candidates."""
 
     @abstractmethod
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
@@ -50,7 +50,7 @@ class Candidates(ABC):
 
     @abstractmethod
     def describe(self) -> dict[str, Any]:
-        """Return what defines them, for comparison and for the record."""
+        """Return the values that define the candidates, for comparison and for the metadata of a store."""
 
     def __len__(self) -> int:
         return self.count
@@ -58,17 +58,17 @@ class Candidates(ABC):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Grid(Candidates):
-    """All combinations of values, the last parameter changes fastest.
+    """All combinations of values; the last parameter changes fastest.
 
     Parameters
     ----------
     values : mapping of str to array_like
-        For each address its values `(n_i,)` in SI units.
+        Values `(n_i,)` in SI units by address.
 
     Raises
     ------
     TypeError, ValueError
-        Nothing given, or values that are not finite numbers in one dimension.
+        An empty mapping, or values that are not finite numbers in one dimension.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Grid(Candidates):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of candidates."""
         return math.prod(axis.size for axis in self.axes)
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
@@ -99,24 +99,24 @@ class Grid(Candidates):
         return np.column_stack([axis[place] for axis, place in zip(self.axes, places, strict=True)])
 
     def describe(self) -> dict[str, Any]:
-        """Return what defines them."""
+        """Return the values that define the candidates."""
         axes = {name: axis.tolist() for name, axis in zip(self.addresses, self.axes, strict=True)}
         return {"kind": "grid", "values": axes}
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Listed(Candidates):
-    """Given candidates, one a row.
+    """A list of candidates.
 
     Parameters
     ----------
     values : mapping of str to array_like
-        For each address its values `(n,)` in SI units, equally many for all.
+        Values `(n,)` in SI units by address, of equal length.
 
     Raises
     ------
     TypeError, ValueError
-        Nothing given, different lengths, or values that are not finite numbers in one dimension.
+        An empty mapping, different lengths, or values that are not finite numbers in one dimension.
 
     Examples
     --------
@@ -139,7 +139,7 @@ class Listed(Candidates):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of candidates."""
         return len(self.table)
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
@@ -147,34 +147,34 @@ class Listed(Candidates):
         return self.table[start:stop].copy()
 
     def describe(self) -> dict[str, Any]:
-        """Return what defines them."""
+        """Return the values that define the candidates."""
         return {"kind": "list", "addresses": list(self.addresses), "values": self.table.tolist()}
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Sampled(Candidates):
-    """Candidates drawn from distributions, independent of one another.
+    """Candidates drawn from independent distributions.
 
-    Candidate i follows from the seed and i alone (in a Latin hypercube from the count as well), so that it is the same
-    in whichever block, process or machine it is drawn.
+    Candidate i depends on the seed and i only (in a Latin hypercube on the count as well), so it is the same in every
+    block, process and machine.
 
     Parameters
     ----------
     distributions : mapping of str to distribution
-        For each address a distribution in SI units, of `scipy.stats` or with a method `ppf`.
+        Distributions in SI units by address, of `scipy.stats` or with a method `ppf`.
     count : int
-        How many.
+        Number of candidates.
     seed : int
-        Of the draws.
+        Seed of the random numbers.
     method : {"random", "sobol", "latin hypercube"}, optional
-        Independent draws, a scrambled Sobol sequence, which fills the ranges evenly and is best with a power of two, or
-        a Latin hypercube: each of `count` equally likely intervals of every parameter holds exactly one candidate. A
-        Latin hypercube is drawn as a whole and takes 8 bytes of memory for each candidate and parameter.
+        Independent draws; a scrambled Sobol sequence, which fills the ranges evenly, preferably with a power of two as
+        count; or a Latin hypercube, in which each of `count` equally likely intervals of every parameter contains
+        exactly one candidate. A Latin hypercube needs 8 bytes of memory per candidate and parameter.
 
     Raises
     ------
     TypeError, ValueError
-        Nothing given, what is no distribution, a count below one, a Latin hypercube of more than 2 GiB.
+        An empty mapping, an object without quantiles, a count below one, a Latin hypercube of more than 2 GiB.
 
     Examples
     --------
@@ -223,7 +223,7 @@ class Sampled(Candidates):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of candidates."""
         return self.number
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
@@ -232,7 +232,7 @@ class Sampled(Candidates):
             shares = _latin_hypercube(len(self.addresses), self.number, self.seed)[start:stop]
         else:
             shares = self._even(start, stop) if self.method == "sobol" else self._independent(start, stop)
-        # The ends of a range may be infinite.
+        # The quantiles of 0 and 1 may be infinite.
         shares = np.clip(shares, 2.0**-54, 1.0 - 2.0**-53)
         drawn = [
             np.asarray(one.ppf(share), np.float64) for one, share in zip(self.distributions, shares.T, strict=True)
@@ -240,9 +240,9 @@ class Sampled(Candidates):
         return np.column_stack(drawn)
 
     def describe(self) -> dict[str, Any]:
-        """Return what defines them."""
-        # Quantiles tell distributions of any kind apart, and stay the same where their names change; rounded, since
-        # processors may differ in the last bits.
+        """Return the values that define the candidates."""
+        # Quantiles identify distributions of any class. They are rounded because processors may differ in the last
+        # bits.
         shares = np.linspace(0.01, 0.99, 9)
         quantiles = {
             name: [float(f"{value:.12g}") for value in np.asarray(one.ppf(shares), np.float64)]
@@ -257,7 +257,7 @@ class Sampled(Candidates):
         }
 
     def _independent(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return shares from whole steps of a counter for each candidate."""
+        """Return probabilities; each candidate uses a whole number of steps of the counter."""
         steps = -(-len(self.addresses) // _PER_STEP)
         counter = np.random.Philox(key=self.seed)
         counter.advance(start * steps)
@@ -271,7 +271,7 @@ class Sampled(Candidates):
         if start:
             sequence.fast_forward(start)
         with warnings.catch_warnings():
-            # That a part of a sequence is not balanced is meant.
+            # SciPy warns that a part of a sequence is not balanced.
             warnings.simplefilter("ignore", UserWarning)
             shares: NDArray[np.float64] = sequence.random(stop - start)
         return shares
@@ -279,7 +279,7 @@ class Sampled(Candidates):
 
 @functools.lru_cache(maxsize=1)
 def _latin_hypercube(parameters: int, count: int, seed: int) -> NDArray[np.float64]:
-    """Return shares `(count, parameters)`; kept, as all blocks of a sweep take theirs from one draw."""
+    """Return probabilities `(count, parameters)`, cached because all blocks of a sweep share them."""
     from scipy.stats import qmc
 
     shares: NDArray[np.float64] = qmc.LatinHypercube(parameters, rng=np.random.default_rng(seed)).random(count)
@@ -289,7 +289,7 @@ def _latin_hypercube(parameters: int, count: int, seed: int) -> NDArray[np.float
 
 def _named(owner: str, given: Any) -> dict[str, Any]:
     if not isinstance(given, Mapping) or not given:
-        raise TypeError(f"{owner}: {given!r} was given, expected values by address, {{'joint.k_y': ...}}")
+        raise TypeError(f"{owner}: the argument is {given!r}, expected values by address, {{'joint.k_y': ...}}")
     return {str(name): value for name, value in given.items()}
 
 

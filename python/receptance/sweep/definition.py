@@ -1,4 +1,4 @@
-"""A sweep as it is defined: models, candidates, outputs; and how a block of it is evaluated, on any machine."""
+"""Definition of a sweep (models, candidates, outputs) and the evaluation of its blocks."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.assembly import Assembly
 from receptance.identification.unknowns import covered
+from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
 from receptance.sweep.disk import SweepError
 from receptance.sweep.fingerprints import digest
@@ -26,30 +26,30 @@ __all__ = ["CANDIDATE", "VALID", "Block", "Definition"]
 
 CANDIDATE = "candidate"
 VALID = "valid"
-"""Name of the variable that says which candidates have a model."""
+"""Name of the variable that marks feasible candidates."""
 _ASSEMBLY = "assembly"
 _BLOCK_BYTES = 4e6
 _BLOCK_S = 0.25
 _LEAST, _MOST = 16, 16384
-"""Candidates of a block: few enough that one is soon done, so many that the way there and back costs little."""
+"""Bounds of the number of candidates in a block: progress needs small blocks, low overhead large ones."""
 
 Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
 
 
 @dataclass(frozen=True, eq=False)
 class Definition:
-    """What a sweep does.
+    """Models, candidates and outputs of a sweep.
 
     Attributes
     ----------
     assemblies : dict of str to Assembly
-        By name.
+        Assemblies by name.
     named : bool
         Whether results have a dimension `assembly`.
     candidates : Candidates
-        What is varied.
+        Values of the parameters.
     outputs : tuple of Output
-        What is kept.
+        Quantities that are kept.
     """
 
     assemblies: dict[str, Assembly]
@@ -64,7 +64,7 @@ class Definition:
         candidates: Candidates,
         outputs: Output | Sequence[Output],
     ) -> Definition:
-        """Check what was given."""
+        """Return the definition from checked arguments of `sweep`."""
         assemblies, named = _assemblies(model)
         if not isinstance(candidates, Candidates):
             raise TypeError(f"sweep: candidates is {candidates!r}, expected Grid, Listed or Sampled")
@@ -73,7 +73,7 @@ class Definition:
             if not isinstance(one, Output):
                 raise TypeError(f"sweep: outputs[{index}] is {one!r}, expected an Output such as Misfit(...)")
         if not several:
-            raise ValueError("sweep: outputs is empty, expected what to keep of each candidate")
+            raise ValueError("sweep: outputs is empty, expected at least one Output")
         found = cls(assemblies, named, candidates, several)
         found._check_addresses()
         found._check_names()
@@ -86,17 +86,17 @@ class Definition:
         for address in self.candidates.addresses:
             if not any(covered(address, assembly) for assembly in every):
                 known = ", ".join(sorted({name for assembly in every for name in assembly.parameters}))
-                raise ValueError(f"sweep: no assembly has the parameter {address!r}; there are {known}")
+                raise ValueError(f"sweep: no assembly has the parameter {address!r}, expected one of {known}")
 
     def _check_names(self) -> None:
         names = [variable.name for output in self.outputs for variable in output.variables()]
         names += [*self.candidates.addresses, VALID, CANDIDATE, _ASSEMBLY]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"sweep: {', '.join(twice)} is there twice; give outputs different names")
+            raise ValueError(f"sweep: {', '.join(twice)} occurs twice; give outputs different names")
 
     def variables(self) -> list[Variable]:
-        """Return all that is kept, with the dimension of the assemblies where there is one."""
+        """Return the variables of the results, with the dimension `assembly` if there is one."""
         taken: dict[str, NDArray[Any]] = {}
         found = []
         for output in self.outputs:
@@ -105,7 +105,7 @@ class Definition:
                 if self.named and output.per_assembly:
                     own[_ASSEMBLY] = np.array(list(self.assemblies))
                 for name, values in variable.dimensions.items():
-                    # Lines of another output: a name of its own.
+                    # Another output has this dimension with other values.
                     same = name not in taken or np.array_equal(taken[name], values)
                     own[name if same else f"{variable.name}_{name}"] = values
                 taken |= own
@@ -113,13 +113,13 @@ class Definition:
         return found
 
     def block_size(self) -> int:
-        """Return how many candidates make a block, unless someone says otherwise."""
+        """Return the default number of candidates in a block."""
         bytes_each = max(np.dtype(v.dtype).itemsize * max(int(np.prod(v.shape)), 1) for v in self.variables())
         seconds_each = sum(o.candidate_s * (len(self.assemblies) if o.per_assembly else 1) for o in self.outputs)
         return int(min(max(min(_BLOCK_BYTES / bytes_each, _BLOCK_S / max(seconds_each, 1e-9)), _LEAST), _MOST))
 
     def prepare(self, threads: int | None) -> Block:
-        """Return the function from numbers of candidates to what is kept; what they share is evaluated here."""
+        """Return the function from a range of candidates to their results; shared terms are evaluated here."""
         addresses = self.candidates.addresses
         runs = []
         for output in self.outputs:
@@ -142,21 +142,21 @@ class Definition:
         return block
 
     def fingerprints(self) -> dict[str, str]:
-        """Return what tells this sweep from others: a digest each of models, candidates and outputs.
+        """Return digests of models, candidates and outputs, which identify the sweep.
 
         Raises
         ------
         SweepError
-            A function or an output of the user's own holds something whose content cannot be compared, such as a lock.
+            A function or an output of the user contains an object without comparable content, such as a lock.
         """
-        models = [[name, *_told(assembly)] for name, assembly in self.assemblies.items()]
+        models = [[name, *_content(assembly)] for name, assembly in self.assemblies.items()]
         kept: dict[str, Any] = {
             "model": models,
-            # A kind of the user's own is its code as well.
+            # The code of a user's class is part of its content.
             "candidates": [type(self.candidates), self.candidates.describe()],
         }
         for output in self.outputs:
-            own = [type(output), output.describe(), [_told(one) for one in output.assemblies()]]
+            own = [type(output), output.describe(), [_content(one) for one in output.assemblies()]]
             kept |= {f"output {variable.name}": [*own, variable.unit] for variable in output.variables()}
         found = {}
         for name, content in kept.items():
@@ -164,8 +164,8 @@ class Definition:
                 found[name] = digest(content)
             except TypeError as error:
                 raise SweepError(
-                    f"sweep: {name}: {error}, so that a store cannot tell whether a later run is the same; use "
-                    "functions that refer to numbers, text, arrays and other functions only, or sweep without a store"
+                    f"sweep: {name}: {error}, so a store cannot be compared with a later run; use functions that refer "
+                    "to numbers, text, arrays and other functions only, or sweep without a store"
                 ) from error
         return found
 
@@ -179,8 +179,8 @@ def _assemblies(model: Any) -> tuple[dict[str, Assembly], bool]:
     return {str(name): one for name, one in found.items()}, True
 
 
-def _told(assembly: Assembly) -> list[Any]:
-    """Return all numbers of an assembly, and its kind."""
+def _content(assembly: Assembly) -> list[Any]:
+    """Return the values and types of an assembly."""
     elements = {**assembly.elements, **assembly.attachments}
     values = [[address, assembly.get(address)] for address in assembly.parameters]
     flat = assembly._flatten(())

@@ -1,22 +1,31 @@
-"""What a store needs of the file system: data that a power cut leaves, and one writer."""
+"""Files of a sweep store: chunks with checksums, flushing to the disk, and a lock for one writer."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Lock", "SweepError", "flush", "renamed"]
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Chunks", "Lock", "SweepError", "fault", "flush", "renamed"]
 
 
 class SweepError(ValueError):
-    """A store that cannot take this sweep, or results too large for memory."""
+    """An unsuitable or damaged store, or results that do not fit into memory."""
 
 
 def flush(files: Iterable[Path], root: Path) -> None:
-    """Have the disk take files below `root`, and the names of all of them and in `root`."""
+    """Flush files below `root` and their folders to the disk."""
     folders: dict[Path, None] = {root: None}
     for file in files:
         _flush(file, os.O_RDWR)
@@ -25,7 +34,7 @@ def flush(files: Iterable[Path], root: Path) -> None:
             folders[folder] = None
             folder = folder.parent
     for one in folders:
-        # Folders cannot be opened everywhere.
+        # Some systems cannot open folders.
         with contextlib.suppress(OSError):
             _flush(one, os.O_RDONLY)
 
@@ -40,10 +49,10 @@ def _flush(path: Path, flags: int) -> None:
 
 @contextlib.contextmanager
 def renamed(path: Path) -> Iterator[Path]:
-    """Give another name, for a file or a folder that gets its own name when it is complete, else is removed.
+    """Yield a temporary path; on success it is renamed to `path`, otherwise it is removed.
 
-    The name is always the same, so that what a killed process left is removed by the next one. Errors of the system
-    name the file, which those of a full disk do not.
+    The temporary path depends on `path` only, so the next run removes the remains of a process that was killed. System
+    errors without a file name, such as that of a full disk, get the name of `path`.
     """
     temporary = path.with_name(f".{path.name}.part")
     try:
@@ -66,12 +75,12 @@ def _remove(path: Path) -> None:
 
 
 class Lock:
-    """A lock on a store, which the system takes back from a process that ends in any way.
+    """An exclusive lock on a store, which the system releases when the process ends.
 
     Parameters
     ----------
     path : Path
-        The store, without symbolic links: all names of a store have one lock.
+        The store, with symbolic links resolved, so that all paths to a store share one lock.
     """
 
     def __init__(self, path: Path) -> None:
@@ -95,15 +104,15 @@ class Lock:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 os.close(handle)
-                raise SweepError(f"sweep: another run writes to {path} now") from None
-            # The run that held it may have removed the file since it was opened here.
-            if _is(handle, self._path):
+                raise SweepError(f"sweep: another run is writing to {path}; give another store") from None
+            # The previous owner may have removed the file after it was opened here.
+            if _same_file(handle, self._path):
                 self._handle = handle
             else:
                 os.close(handle)
 
     def close(self) -> None:
-        """Let others write."""
+        """Release the lock."""
         if self._handle is not None:
             with contextlib.suppress(OSError):
                 self._path.unlink()
@@ -111,9 +120,124 @@ class Lock:
             self._handle = None
 
 
-def _is(handle: int, path: Path) -> bool:
-    """Whether a path is that of an open file."""
+def _same_file(handle: int, path: Path) -> bool:
+    """Return whether a path refers to an open file."""
     try:
         return os.path.samestat(os.fstat(handle), path.stat())
     except FileNotFoundError:
         return False
+
+
+_FLUSH_INTERVAL_S = 1.0
+"""Interval in s between flushes to the disk, which limits the loss at a power failure."""
+_CHECKSUM = 4
+"""Size of a checksum in bytes."""
+_MOST_WAITING = 4
+"""Largest number of blocks that wait for the disk; the sweep pauses beyond it, so that memory is bounded."""
+
+
+class Chunks:
+    """Chunks of a Zarr store, written by a thread of their own and checked by checksums.
+
+    A chunk is one file: the values of one block, little-endian, in C order, followed by their checksum (CRC-32C, Zarr's
+    codec `crc32c`). Writing through Zarr needed more processor time than the rest of the sweep besides the evaluation.
+    The chunk of `valid` is written last: a block with this chunk is finished, unless a checksum is wrong.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the Zarr group.
+    layout : mapping of str to (dtype, shape)
+        Data type and shape of one candidate for each array; the last array is `valid`.
+    rows : int
+        Number of candidates in a chunk.
+    """
+
+    def __init__(self, path: Path, layout: Mapping[str, tuple[str, tuple[int, ...]]], rows: int) -> None:
+        self._path, self._layout, self._rows = path, dict(layout), rows
+        self._thread = ThreadPoolExecutor(1, "receptance-store")
+        self._pending: deque[Future[None]] = deque()
+        self._unflushed: list[int] = []
+        self._flushed = time.monotonic()
+
+    def check(self, number: int) -> list[str] | None:
+        """Return the faults of the chunks of a block, or None if the block was not finished."""
+        files = [self._file(name, number) for name in self._layout]
+        if not files[-1].exists():
+            return None
+        found = []
+        for file in files:
+            wrong = fault(_content(file))
+            if wrong:
+                found.append(f"{file.relative_to(self._path).as_posix()} {wrong}")
+        return found
+
+    def read(self, name: str, number: int) -> NDArray[Any]:
+        """Return the values of a chunk, with the padding of the last chunk."""
+        content = self._file(name, number).read_bytes()[:-_CHECKSUM]
+        return np.frombuffer(content, np.dtype(self._layout[name][0]).newbyteorder("<"))
+
+    def write(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Queue a block for writing; errors of earlier blocks are raised here or in `close`."""
+        self._pending.append(self._thread.submit(self._write_block, number, arrays))
+        while len(self._pending) > _MOST_WAITING or (self._pending and self._pending[0].done()):
+            self._pending.popleft().result()
+
+    def close(self) -> None:
+        """Write and flush all queued blocks."""
+        try:
+            while self._pending:
+                self._pending.popleft().result()
+            if self._unflushed:
+                self._thread.submit(self._flush).result()
+        finally:
+            self._thread.shutdown()
+
+    def _write_block(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        for name, (dtype, _) in self._layout.items():
+            self._write_chunk(self._file(name, number), np.dtype(dtype), arrays[name])
+        self._unflushed.append(number)
+        if time.monotonic() - self._flushed > _FLUSH_INTERVAL_S:
+            self._flush()
+
+    def _write_chunk(self, path: Path, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
+        """Write a chunk completely or not at all; the last chunk is padded with zeros."""
+        content = np.ascontiguousarray(values, dtype.newbyteorder("<"))
+        missing = (self._rows - len(content)) * (content.nbytes // len(content))
+        whole = content.tobytes() + bytes(missing)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with renamed(path) as temporary, temporary.open("wb", buffering=0) as file:
+            for part in (memoryview(whole), memoryview(_checksum(whole))):
+                while len(part) > 0:
+                    part = part[file.write(part) :]
+
+    def _flush(self) -> None:
+        """Flush the written blocks to the disk."""
+        flush([self._file(name, number) for number in self._unflushed for name in self._layout], self._path)
+        self._unflushed = []
+        self._flushed = time.monotonic()
+
+    def _file(self, name: str, number: int) -> Path:
+        return self._path.joinpath(name, "c", *map(str, (number, *(0 for _ in self._layout[name][1]))))
+
+
+def fault(content: bytes | None) -> str:
+    """Return the fault of the content of a chunk, empty for a sound one; a content of None means a missing file."""
+    if content is None:
+        return "is missing"
+    if len(content) < _CHECKSUM or _checksum(content[:-_CHECKSUM]) != content[-_CHECKSUM:]:
+        return "is damaged: its checksum does not agree with its content"
+    return ""
+
+
+def _content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+
+
+def _checksum(content: bytes) -> bytes:
+    import google_crc32c  # used by Zarr as well
+
+    return int(google_crc32c.value(content)).to_bytes(_CHECKSUM, "little")

@@ -19,32 +19,32 @@ if TYPE_CHECKING:
 __all__ = ["draw_misfit"]
 
 _BINS = 30
-"""Of a parameter that has more than twice as many values."""
+"""Number of bins for a parameter with more than twice as many values."""
 _WIDE = 10.0
-"""A range over more than this factor is drawn on a logarithmic axis."""
+"""Ratio of the ends of a range from which the axis is logarithmic."""
 _MOST = 4
-"""Parameters that one figure can show."""
+"""Largest number of parameters in a figure."""
 
 
 def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
-    """Draw the least misfit over each parameter and each pair, whatever the others are.
+    """Draw the smallest misfit over each parameter and each pair, minimised over the others.
 
     Parameters
     ----------
     results : xarray.Dataset
         From `receptance.sweep.sweep`, with at most four parameters.
     variable : str, optional
-        The misfit's name.
+        Name of the misfit.
 
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window; save it with `savefig`.
+        The figure; save it with `savefig`.
 
     Raises
     ------
     ValueError
-        More parameters than a figure can show, or no candidate with a model.
+        More than four parameters, or no feasible candidate.
 
     Examples
     --------
@@ -65,13 +65,15 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
     if len(names) > _MOST:
         raise ValueError(f"draw_misfit: {len(names)} parameters were varied, a figure shows at most {_MOST}")
     if not good.any():
-        raise ValueError("draw_misfit: no candidate has a model")
+        raise ValueError("draw_misfit: no candidate is feasible")
     columns = [results[name].values[good] for name in names]
     misfit = results[variable].values[good]
     count = len(names)
     figure = new_figure(max(3.4 * count, 6.4), max(2.9 * count, 4.2))
     keep_clear(figure, 0.93)
-    figure.suptitle(f"Least {variable} whatever the others are", x=0.02, ha="left", fontsize=13, fontweight="bold")
+    figure.suptitle(
+        f"Smallest {variable}, minimised over the other parameters", x=0.02, ha="left", fontsize=13, fontweight="bold"
+    )
     grid = figure.subplots(count, count, squeeze=False)
     best = int(np.argmin(misfit))
     image = None
@@ -87,7 +89,7 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
                 image = _over_two(axes, names, columns, (j, i), np.log10(np.maximum(misfit, floor)), best)
     if image is not None:
         bar = figure.colorbar(image, ax=grid[:, -1].tolist(), shrink=0.7)
-        bar.set_label(f"log10 of the least {variable}", color=INK)
+        bar.set_label(f"log10 of the smallest {variable}", color=INK)
     return figure
 
 
@@ -97,7 +99,7 @@ def _over_one(axes: Axes, name: str, column: NDArray[np.float64], misfit: NDArra
     np.fmin.at(least, index, misfit)
     middle = np.sqrt(edges[1:] * edges[:-1]) if _is_wide(column) else 0.5 * (edges[1:] + edges[:-1])
     shown = np.isfinite(least)
-    set_up(axes, name, name, "least misfit")
+    set_up(axes, name, name, "smallest misfit")
     axes.plot(middle[shown], least[shown], color=COLOURS[0], marker="o", markersize=3, linewidth=1.2)
     axes.plot(column[best], misfit[best], marker="*", color=COLOURS[1], markersize=12)
     if misfit.min() > 0.0:
@@ -132,7 +134,7 @@ def _is_wide(column: NDArray[np.float64]) -> bool:
 
 
 def _binned(column: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return edges of bins and the bin of each value: one around each value of a grid, else equally wide ones."""
+    """Return the edges of bins and the bin of each value: one bin per value of a grid, otherwise equal widths."""
     wide = _is_wide(column)
     own = np.log(column) if wide else column
     values = np.unique(own)

@@ -1,7 +1,7 @@
-"""Digests that tell sweeps apart: of numbers, arrays, objects, and of the code of functions and classes.
+"""Digests of numbers, arrays, objects, and of the code of functions and classes, to compare sweeps.
 
-A function is its bytecode, its constants and default values, the values it closes over, and the globals it uses, so
-that a changed function has another digest even if its name is the same. Two runs of one script have the same digest.
+The digest of a function covers its bytecode, constants, default values, closure and the globals that it uses, so a
+changed function has another digest under the same name. Two runs of one script have the same digest.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import numpy as np
 __all__ = ["digest"]
 
 _FIXED = frozenset({"numpy", "receptance", "scipy", *sys.stdlib_module_names})
-"""Packages whose functions are told apart by name alone."""
+"""Packages whose functions are identified by their names."""
 _INSTALLED = ("/site-packages/", "/dist-packages/")
 _NO_CODE = frozenset(
     {"__annotations__", "__dict__", "__doc__", "__firstlineno__", "__module__", "__qualname__", "__slots__",
      "__static_attributes__", "__weakref__", "_abc_impl", "__abstractmethods__", "__annotate_func__",
      "__annotations_cache__", "__dataclass_fields__", "__dataclass_params__", "__match_args__", "__parameters__"}
 )  # fmt: skip
-"""What a class has besides its code and its values."""
+"""Attributes of a class that are neither code nor values."""
 _BY_NAME = (
     types.BuiltinFunctionType, types.MethodDescriptorType, types.WrapperDescriptorType, types.MethodWrapperType,
     types.GetSetDescriptorType, types.MemberDescriptorType, types.ClassMethodDescriptorType, np.ufunc,
@@ -40,13 +40,13 @@ def digest(what: Any) -> str:
     Raises
     ------
     TypeError
-        Something has no content that could be written down, such as an open file or a lock.
+        An object without comparable content, such as an open file or a lock.
     """
     found = _Digest()
     try:
-        found.take(what)
+        found.add(what)
     except RecursionError:
-        raise TypeError("its values are nested too deeply to be compared with those of another run") from None
+        raise TypeError("its values are nested too deeply to be compared with another run") from None
     return found.sha.hexdigest()[:16]
 
 
@@ -54,121 +54,126 @@ class _Digest:
     def __init__(self) -> None:
         self.sha = hashlib.sha256()
         self._code: dict[int, Any] = {}
-        """Functions, classes and modules that were taken: each is taken once."""
+        """Functions, classes and modules that were included; each is included once."""
         self._open: list[int] = []
-        """Objects that are being taken: one that contains itself ends here."""
+        """Objects that are being included, to end recursion of an object that contains itself."""
 
-    def _say(self, text: str) -> None:
+    def _add_text(self, text: str) -> None:
         self.sha.update(f"{len(text)}:{text};".encode("utf-8", "surrogatepass"))
 
-    def take(self, what: Any) -> None:
+    def add(self, what: Any) -> None:
         kind = type(what)
         if kind in _PLAIN:
-            self._say(f"{kind.__name__}:{what!r}")
+            self._add_text(f"{kind.__name__}:{what!r}")
         elif isinstance(what, (types.FunctionType, type, types.ModuleType)):
-            self._take_once(what)
+            self._add_once(what)
         elif id(what) in self._open:
-            self._say(f"again {len(self._open) - self._open.index(id(what))}")
+            self._add_text(f"again {len(self._open) - self._open.index(id(what))}")
         else:
             self._open.append(id(what))
-            self._take_parts(what)
+            self._add_parts(what)
             self._open.pop()
 
-    def _take_once(self, what: Any) -> None:
+    def _add_once(self, what: Any) -> None:
         if id(what) in self._code:
-            self._say(f"again {list(self._code).index(id(what))}")
+            self._add_text(f"again {list(self._code).index(id(what))}")
             return
         self._code[id(what)] = what
         module = what.__name__ if isinstance(what, types.ModuleType) else what.__module__
         version = _fixed(module)
         if version is not None or isinstance(what, types.ModuleType):
-            # What a function uses of a module of the user's own is taken with the function.
-            self._say(f"{module}.{getattr(what, '__qualname__', '')} {version}")
+            # The members of a user's module that a function uses are included with the function.
+            self._add_text(f"{module}.{getattr(what, '__qualname__', '')} {version}")
         elif isinstance(what, type):
-            self._say("class")
+            self._add_text("class")
             members = {name: value for name, value in vars(what).items() if name not in _NO_CODE}
-            self.take([what.__bases__, members])
+            self.add([what.__bases__, members])
         else:
-            self._say("function")
-            self.take([what.__code__, what.__defaults__, what.__kwdefaults__])
+            self._add_text("function")
+            self.add([what.__code__, what.__defaults__, what.__kwdefaults__])
             for cell in what.__closure__ or ():
-                self._take_cell(cell)
+                self._add_cell(cell)
             for name, value in _globals_used(what):
-                self.take([name, value])
+                self.add([name, value])
 
-    def _take_cell(self, cell: Any) -> None:
+    def _add_cell(self, cell: Any) -> None:
         try:
-            self.take(cell.cell_contents)
+            self.add(cell.cell_contents)
         except ValueError:
-            self._say("empty cell")
+            self._add_text("empty cell")
 
-    def _take_parts(self, what: Any) -> None:
+    def _add_parts(self, what: Any) -> None:
         if type(what) is np.ndarray and not what.dtype.hasobject:
-            self._say(f"{what.dtype.str}{what.shape}")
+            self._add_text(f"{what.dtype.str}{what.shape}")
             self.sha.update(np.ascontiguousarray(what).tobytes())
         elif isinstance(what, np.generic):
-            self.take(what.item() if not isinstance(what, (np.longdouble, np.clongdouble)) else repr(what))
+            self.add(what.item() if not isinstance(what, (np.longdouble, np.clongdouble)) else repr(what))
         elif type(what) in (dict, types.MappingProxyType):
-            self._say(f"mapping {len(what)}")
+            self._add_text(f"mapping {len(what)}")
             for key, value in what.items():
-                self.take(key)
-                self.take(value)
+                self.add(key)
+                self.add(value)
         elif type(what) in (list, tuple):
-            self._say(f"list {len(what)}")
+            self._add_text(f"list {len(what)}")
             for one in what:
-                self.take(one)
+                self.add(one)
         elif type(what) in (set, frozenset):
-            self._say(f"set {sorted(map(digest, what))}")
+            self._add_text(f"set {sorted(map(digest, what))}")
         elif isinstance(what, types.CodeType):
-            self._say(f"code {what.co_argcount} {what.co_posonlyargcount} {what.co_kwonlyargcount} {what.co_flags}")
-            self.take([what.co_code, what.co_consts, what.co_names, what.co_exceptiontable])
+            self._add_text(
+                f"code {what.co_argcount} {what.co_posonlyargcount} {what.co_kwonlyargcount} {what.co_flags}"
+            )
+            self.add([what.co_code, what.co_consts, what.co_names, what.co_exceptiontable])
         elif isinstance(what, types.MethodType):
-            self.take([what.__func__, what.__self__])
+            self.add([what.__func__, what.__self__])
         elif isinstance(what, types.BuiltinMethodType) and not isinstance(
             what.__self__, (types.ModuleType, type(None))
         ):
-            self.take([what.__name__, what.__self__])
+            self.add([what.__name__, what.__self__])
         elif isinstance(what, _BY_NAME):
-            self._say(f"{getattr(what, '__module__', '')}.{getattr(what, '__qualname__', what.__name__)}")
+            self._add_text(f"{getattr(what, '__module__', '')}.{getattr(what, '__qualname__', what.__name__)}")
         elif isinstance(what, property):
-            self.take([what.fget, what.fset, what.fdel])
+            self.add([what.fget, what.fset, what.fdel])
         elif isinstance(what, functools.cached_property):
-            self.take(what.func)
+            self.add(what.func)
         elif isinstance(what, (staticmethod, classmethod)):
-            self.take(what.__func__)
+            self.add(what.__func__)
         elif callable(inner := getattr(what, "__wrapped__", None) or getattr(what, "py_func", None)):
-            # Around a function: a cache, or what a compiler makes of it.
-            self.take([type(what).__qualname__, inner])
+            # A wrapper of a function: a cache, or a compiled function.
+            self.add([type(what).__qualname__, inner])
         else:
-            self._take_reduced(what)
+            self._add_reduced(what)
 
-    def _take_reduced(self, what: Any) -> None:
-        """Take an object as what it is pickled from."""
+    def _add_reduced(self, what: Any) -> None:
+        """Include an object by the values from which it is pickled."""
         try:
             reduced = what.__reduce_ex__(4)
         except Exception as error:
-            raise TypeError(f"{what!r} has no content that could be compared with that of another run") from error
+            raise TypeError(f"{what!r} has no content that can be compared with another run") from error
         if isinstance(reduced, str):
-            self._say(f"{getattr(what, '__module__', '')}.{reduced}")
+            self._add_text(f"{getattr(what, '__module__', '')}.{reduced}")
             return
-        self.take(list(reduced[:3]))
+        self.add(list(reduced[:3]))
         for items in reduced[3:5]:
-            self.take(None if items is None else list(items))
+            self.add(None if items is None else list(items))
 
 
 def _fixed(module: str | None) -> str | None:
-    """Return the version of an installed package, empty for the program and its libraries; None for the user's code."""
+    """Return the version of an installed package, "" for this program and its libraries, None for code of the user."""
     root = str(module).partition(".")[0]
     if root in _FIXED:
         return ""
     found = sys.modules.get(root)
-    if any(place in (getattr(found, "__file__", None) or "").replace("\\", "/") for place in _INSTALLED):
+    # A script is the user's code, also one that an installed program such as pytest runs.
+    if root != "__main__" and any(
+        place in (getattr(found, "__file__", None) or "").replace("\\", "/") for place in _INSTALLED
+    ):
         return str(getattr(found, "__version__", "installed"))
     return None
 
 
 def _globals_used(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
-    """Give names and values of all globals that a function refers to, those of the user's modules included."""
+    """Yield names and values of the globals that a function uses, including members of the user's modules."""
     names = set(_names(function.__code__))
     known = function.__globals__
     for name in sorted(names & known.keys()):
@@ -188,7 +193,7 @@ def _of_module(path: str, value: Any, names: set[str]) -> Iterator[tuple[str, An
 
 
 def _names(code: types.CodeType) -> Iterator[str]:
-    """Give the names that the code looks up, globals and attributes alike, and those of functions inside it."""
+    """Yield the names of globals and attributes that the code and its inner functions look up."""
     yield from code.co_names
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):

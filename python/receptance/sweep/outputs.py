@@ -1,4 +1,4 @@
-"""What a sweep keeps of each candidate."""
+"""Quantities that a sweep keeps of each candidate."""
 
 from __future__ import annotations
 
@@ -10,22 +10,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance._candidates import candidates_of
-from receptance.coordinates import Coordinate
 from receptance.errors import ReceptanceError
+from receptance.identification import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.mapping import Placed
+from receptance.identification.problem import Observed
+from receptance.identification.residuals import Unit, residuals_at
 from receptance.identification.unknowns import covered
+from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
 from receptance.stability.zeroth_order import limit_over_speed
+from receptance.sweep.candidate_model import candidate_model
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.assembly import Assembly
+    from receptance.model.assembly import Assembly
 
 __all__ = [
     "Evaluated",
     "Evaluation",
     "FrequencyResponse",
+    "Misfit",
     "NaturalFrequencies",
     "Output",
     "StableDepth",
@@ -34,32 +39,33 @@ __all__ = [
     "shared_candidates",
 ]
 
-LINE_S, MODES_S = 5e-9, 2e-4
-"""About what a line of a joint takes, and the natural frequencies of a model."""
+
+_LINE_S, _MODES_S = 5e-9, 2e-4
+"""Approximate time in s for one line of a joint, and for the natural frequencies of a model."""
 _DEPTH_S, _SPEED_S = 6e-4, 3e-5
-"""About what a stable depth takes, and one more spindle speed."""
+"""Approximate time in s for a stable depth, and for each further spindle speed."""
 
 Evaluated = tuple[dict[str, "NDArray[Any]"], "NDArray[np.bool_]"]
-"""Arrays by variable, each with one row a candidate, and which candidates have a model."""
+"""Arrays by variable, with one row per candidate, and a mask of the feasible candidates."""
 Evaluation = Callable[["NDArray[np.float64]"], Evaluated]
 
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A quantity that a sweep keeps, without its dimension `candidate`.
+    """A quantity that a sweep keeps for each candidate.
 
     Attributes
     ----------
     name : str
         Its name in the results.
     dtype : str
-        Of its numbers.
+        Data type of its values.
     unit : str
-        SI.
+        SI unit.
     dimensions : mapping of str to ndarray
-        Names and coordinates of its own dimensions.
+        Names and coordinates of its dimensions besides `candidate`.
     meaning : str
-        For people.
+        Long name.
     """
 
     name: str
@@ -70,58 +76,63 @@ class Variable:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of one candidate."""
+        """Shape of the values of one candidate."""
         return tuple(len(values) for values in self.dimensions.values())
 
 
 class Output(ABC):
-    """What is kept of each candidate. An output of your own has these four methods, and pickles if workers run it."""
+    """Base of the quantities that a sweep keeps.
+
+    Subclasses implement the four abstract methods, and can be pickled if workers evaluate them.
+    """
 
     per_assembly = True
-    """Whether it is evaluated on each assembly of the sweep; else on assemblies of its own, once."""
+    """Whether it is evaluated for each assembly of the sweep, or once for assemblies of its own."""
 
     @property
     def candidate_s(self) -> float:
-        """About what a candidate takes on one thread, so that blocks are soon done; zero if next to nothing."""
+        """Approximate time in s per candidate on one thread, which limits the size of blocks; zero if negligible."""
         return 0.0
 
     @abstractmethod
     def variables(self) -> tuple[Variable, ...]:
-        """Return what it keeps."""
+        """Return the variables of the results."""
 
     @abstractmethod
     def assemblies(self) -> tuple[Assembly, ...]:
-        """Return its own assemblies, whose parameters a sweep may vary."""
+        """Return the output's own assemblies, whose parameters a sweep may vary as well."""
 
     @abstractmethod
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates `(m, p)` to what is kept; what they share is evaluated here, once."""
+        """Return the function from candidates `(m, p)` to results; terms that candidates share are evaluated here."""
 
     @abstractmethod
     def describe(self) -> list[Any]:
-        """Return what defines its results: numbers, text, arrays, functions; its own code is compared as well."""
+        """Return everything that defines the results: numbers, text, arrays and functions.
+
+        A store compares these values and the code of the class.
+        """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse(Output):
-    """The receptance of each candidate, or what a function makes of it.
+    """The receptance of each candidate, or a function of it.
 
     Parameters
     ----------
     frequency_hz : array_like
         `(n,)` lines in Hz.
     response, excitation : Coordinate, optional
-        Where motion is seen and the load acts; by default y at the tip.
+        Coordinates of the motion and of the load; by default y at the tip.
     magnitude : bool, optional
-        Keep the magnitude alone, half the memory.
+        Keep the magnitude only, which halves the memory.
     reduce : callable, optional
-        From receptances (or magnitudes) `(m, n)` to one number each `(m,)`: the largest say, so that the receptances
-        need not be kept. A function of a module, where other processes are to run it. A store compares its code and the
-        values that it refers to.
+        Function from receptances (or magnitudes) `(m, n)` to one number each `(m,)`, such as the maximum; only these
+        numbers are kept. Workers need a function of a module. A store compares its code and the values that it uses.
     name : str, optional
-        In the results.
+        Name in the results.
     unit : str, optional
-        Of what `reduce` returns; by default that of the receptance.
+        Unit of the result of `reduce`; by default that of the receptance.
 
     Examples
     --------
@@ -144,24 +155,24 @@ class FrequencyResponse(Output):
 
     @property
     def candidate_s(self) -> float:
-        """About what a candidate takes; see `Output`."""
-        return LINE_S * self.frequency_hz.size
+        """Approximate time per candidate; see `Output`."""
+        return _LINE_S * self.frequency_hz.size
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return what it keeps."""
+        """Return the variables of the results."""
         if self.reduce is not None:
-            return (Variable(self.name, "float64", self.unit, {}, "of the receptance"),)
+            return (Variable(self.name, "float64", self.unit, {}, "function of the receptance"),)
         dtype = "float64" if self.magnitude else "complex128"
         lines = {"frequency_hz": self.frequency_hz.real}
         meaning = "magnitude of the receptance" if self.magnitude else "receptance"
         return (Variable(self.name, dtype, self.unit, lines, meaning),)
 
     def assemblies(self) -> tuple[Assembly, ...]:
-        """Return its own assemblies: none."""
+        """Return an empty tuple: it has no assemblies of its own."""
         return ()
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to what is kept."""
+        """Return the function from candidates to results."""
         found, columns = shared_candidates(
             assembly, addresses, self.frequency_hz, self.response, self.excitation, threads
         )
@@ -174,28 +185,28 @@ class FrequencyResponse(Output):
                 return {self.name: h}, good
             kept = np.full(len(h), np.nan)
             if good.any():
-                kept[good] = _one_each(self, np.asarray(self.reduce(h[good])), int(good.sum()))
+                kept[good] = _checked_reduction(self, np.asarray(self.reduce(h[good])), int(good.sum()))
             return {self.name: kept}, good
 
         return run
 
     def describe(self) -> list[Any]:
-        """Return what defines it."""
+        """Return the values that define the results."""
         return [self.name, self.frequency_hz, repr(self.response), repr(self.excitation), self.magnitude, self.reduce]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NaturalFrequencies(Output):
-    """The lowest natural frequencies of each candidate, in Hz; NaN where there are fewer below the limit.
+    """The lowest natural frequencies of each candidate in Hz; NaN if there are fewer below the limit.
 
     Parameters
     ----------
     upper_hz : float
-        Limit in Hz.
+        Upper limit in Hz.
     modes : int, optional
-        How many are kept.
+        Number of frequencies to keep.
     name : str, optional
-        In the results.
+        Name in the results.
     """
 
     upper_hz: float
@@ -209,19 +220,19 @@ class NaturalFrequencies(Output):
 
     @property
     def candidate_s(self) -> float:
-        """About what a candidate takes; see `Output`."""
-        return MODES_S
+        """Approximate time per candidate; see `Output`."""
+        return _MODES_S
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return what it keeps."""
+        """Return the variables of the results."""
         return (Variable(self.name, "float64", "Hz", {"mode": np.arange(1, self.modes + 1)}, "natural frequencies"),)
 
     def assemblies(self) -> tuple[Assembly, ...]:
-        """Return its own assemblies: none."""
+        """Return an empty tuple: it has no assemblies of its own."""
         return ()
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to what is kept."""
+        """Return the function from candidates to results."""
         assert assembly is not None
         columns, own = own_parameters(assembly, addresses)
 
@@ -240,26 +251,26 @@ class NaturalFrequencies(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return what defines it."""
+        """Return the values that define the results."""
         return [self.name, self.upper_hz, self.modes]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StableDepth(Output):
-    """Depth of cut in m up to which each candidate is stable, with the same receptance in x and y.
+    """Limit of the stable depth of cut of each candidate in m, with the same receptance in x and y.
 
     Parameters
     ----------
     cut : Milling or Turning
         The cut.
     frequency_hz : array_like
-        `(n,)` real lines in Hz, dense enough to follow the resonances.
+        `(n,)` real lines in Hz, several within the half-power bandwidth of each resonance.
     speeds_rpm : array_like, optional
-        Spindle speeds `(k,)`; without them the depth that is stable at any speed.
+        Spindle speeds `(k,)`; by default the depth that is stable at all speeds.
     directions : {"x", "y", "both"}, optional
-        In which directions the tip yields.
+        Directions in which the tip is flexible.
     name : str, optional
-        In the results.
+        Name in the results.
     """
 
     cut: Milling | Turning
@@ -285,20 +296,20 @@ class StableDepth(Output):
 
     @property
     def candidate_s(self) -> float:
-        """About what a candidate takes; see `Output`."""
+        """Approximate time per candidate; see `Output`."""
         return _DEPTH_S + (0.0 if self.speeds_rpm is None else _SPEED_S * self.speeds_rpm.size)
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return what it keeps."""
+        """Return the variables of the results."""
         speeds = {} if self.speeds_rpm is None else {"spindle_speed_rpm": self.speeds_rpm}
-        return (Variable(self.name, "float64", "m", speeds, "depth of cut that is stable"),)
+        return (Variable(self.name, "float64", "m", speeds, "stable depth of cut"),)
 
     def assemblies(self) -> tuple[Assembly, ...]:
-        """Return its own assemblies: none."""
+        """Return an empty tuple: it has no assemblies of its own."""
         return ()
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to what is kept."""
+        """Return the function from candidates to results."""
         found, columns = shared_candidates(assembly, addresses, self.frequency_hz, None, None, threads)
 
         def run(values: NDArray[np.float64]) -> Evaluated:
@@ -325,12 +336,12 @@ class StableDepth(Output):
         return limit_over_speed(teeth, self.speeds_rpm, self.frequency_hz, depth, phase)[0]
 
     def describe(self) -> list[Any]:
-        """Return what defines it."""
+        """Return the values that define the results."""
         return [self.name, repr(self.cut), self.frequency_hz, self.speeds_rpm, self.directions]
 
 
 def own_parameters(assembly: Assembly, addresses: Sequence[str]) -> tuple[list[int], list[str]]:
-    """Return the columns and addresses of the parameters that an assembly has."""
+    """Return columns and addresses of the parameters of an assembly."""
     columns = [i for i, address in enumerate(addresses) if covered(address, assembly)]
     return columns, [addresses[i] for i in columns]
 
@@ -339,17 +350,119 @@ def shared_candidates(
     assembly: Assembly | None, addresses: Sequence[str], lines: ArrayLike, response: Coordinate | None,
     excitation: Coordinate | None, threads: int | None,
 ) -> tuple[Any, list[int]]:  # fmt: skip
-    """Return what candidates of an assembly share, and the columns of those of the parameters that it has."""
+    """Return the model of the candidates of an assembly, and the columns of the assembly's parameters."""
     assert assembly is not None
     columns, own = own_parameters(assembly, addresses)
-    found = candidates_of(assembly, tuple(own), lines, response=response, excitation=excitation, threads=threads)
+    found = candidate_model(assembly, tuple(own), lines, response=response, excitation=excitation, threads=threads)
     return found, columns
 
 
-def _one_each(output: FrequencyResponse, reduced: NDArray[Any], count: int) -> NDArray[np.float64]:
+def _checked_reduction(output: FrequencyResponse, reduced: NDArray[Any], count: int) -> NDArray[np.float64]:
     if reduced.shape != (count,) or reduced.dtype.kind not in "iufb":
         raise ValueError(
             f"{output.name}: reduce returned {reduced.dtype} of shape {reduced.shape}, expected one real number for "
             f"each of {count} candidates"
         )
     return reduced.astype(np.float64)
+
+
+class Misfit(Output):
+    """Sum of squared residuals of each candidate, as `identify` minimises it.
+
+    The residual of a receptance is ln(measured / model) / standard deviation on each line, that of a natural frequency
+    (model - measured) / standard deviation, so the sum is chi-square. Without standard deviations the residuals are
+    the logarithm and the relative difference.
+
+    Parameters
+    ----------
+    observations : MeasuredFRF or MeasuredFrequencies, or a sequence of them
+        Measurements, each with its own assembly.
+    name : str, optional
+        Name in the results.
+    """
+
+    per_assembly = False
+
+    def __init__(
+        self, observations: MeasuredFRF | MeasuredFrequencies | Sequence[MeasuredFRF | MeasuredFrequencies],
+        *, name: str = "misfit",
+    ) -> None:  # fmt: skip
+        several = tuple(observations) if isinstance(observations, Sequence) else (observations,)
+        if not several:
+            raise ValueError("Misfit: observations is empty, expected at least one")
+        for one in several:
+            if not hasattr(one, "assembly") or not hasattr(one, "frequency_hz"):
+                raise TypeError(f"Misfit: observations contains {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
+        self.observations = several
+        self.name = name
+
+    @property
+    def candidate_s(self) -> float:
+        """Approximate time per candidate; see `Output`."""
+        return sum(
+            _LINE_S * one.frequency_hz.size if isinstance(one, MeasuredFRF) else _MODES_S for one in self.observations
+        )
+
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the variables of the results."""
+        return (Variable(self.name, "float64", "", {}, "sum of squared residuals, of all observations"),)
+
+    def assemblies(self) -> tuple[Assembly, ...]:
+        """Return the assemblies of the observations."""
+        return tuple(one.assembly for one in self.observations)
+
+    def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
+        """Return the function from candidates to results."""
+        parts = [
+            _frf_misfit(one, addresses, threads) if isinstance(one, MeasuredFRF) else _frequency_misfit(one, addresses)
+            for one in self.observations
+        ]
+
+        def run(values: NDArray[np.float64]) -> Evaluated:
+            kept = np.zeros(len(values))
+            for part in parts:
+                kept += part(values)
+            return {self.name: kept}, np.isfinite(kept)
+
+        return run
+
+    def describe(self) -> list[Any]:
+        """Return the values that define the results."""
+        found: list[Any] = [self.name]
+        for one in self.observations:
+            found += [one.frequency_hz]
+            if isinstance(one, MeasuredFRF):
+                found += [one.receptance, one.standard_deviation, repr(one.response), repr(one.excitation), one.force]
+            else:
+                found += [list(one.modes), one.standard_deviation_hz]
+        return found
+
+
+def _frf_misfit(
+    frf: MeasuredFRF, addresses: Sequence[str], threads: int | None
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    found, columns = shared_candidates(
+        frf.assembly, addresses, frf.frequency_hz, frf.response, frf.excitation, threads
+    )  # fmt: skip
+    weights = None if frf.standard_deviation is None else 1.0 / frf.standard_deviation
+    if frf.force is not None:
+        raise ValueError(f"{frf!r} has a stepped force, which sweeps do not support; give the level of the joint")
+
+    def run(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        result: NDArray[np.float64] = found.misfit(np.ascontiguousarray(values[:, columns]), frf.receptance, weights)
+        return result
+
+    return run
+
+
+def _frequency_misfit(
+    measured: MeasuredFrequencies, addresses: Sequence[str]
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    unit: Unit = "relative" if measured.standard_deviation_hz is None else "standard deviations"
+    one = Observed(measured, Placed.plain(measured.assembly, addresses), unit)
+
+    def run(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        found: NDArray[np.float64] = np.sum(residuals_at(one, values) ** 2, axis=1)
+        return found
+
+    return run

@@ -1,4 +1,4 @@
-"""A Zarr store whose chunks are checked as they are read, so that errors name the store and the chunk."""
+"""A Zarr store that checks each chunk when it is read, so that errors name the store and the chunk."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from zarr.storage import LocalStore
 
-from receptance.sweep.chunks import fault
-from receptance.sweep.disk import SweepError
+from receptance.sweep.disk import SweepError, fault
 
 if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest
@@ -18,16 +17,16 @@ __all__ = ["CheckedStore"]
 
 
 class CheckedStore(LocalStore):
-    """The folder of a sweep, to be read.
+    """The folder of a sweep, opened for reading.
 
     Parameters
     ----------
     root : path
         The store.
     read_only : bool, optional
-        Nothing is written through it.
+        As in `zarr.storage.LocalStore`.
     last : str, optional
-        Name of the array whose chunk is the last of a block: without it the block is not finished.
+        Name of the array whose chunk is written last in each block: without it the block is not finished.
     blocked : sequence of str, optional
         Names of the arrays that are written block by block.
     """
@@ -58,7 +57,7 @@ class CheckedStore(LocalStore):
             return None
         wrong = fault(None if found is None else found.to_bytes())
         if wrong:
-            remedy = "run the same sweep again with this store, which evaluates the block again"
+            remedy = "run the same sweep with this store again to evaluate the block"
             if name not in self._blocked:
                 remedy = "remove the store and run the sweep again"
             raise SweepError(f"{self.root}: the chunk {key} {wrong}; {remedy}")

@@ -1,16 +1,19 @@
-"""The sweep itself."""
+"""Running a sweep in this process or on the workers of a dask cluster, and its progress."""
 
 from __future__ import annotations
 
+import functools
+import pickle
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.sweep.definition import Definition
+from receptance.sweep.definition import Block, Definition
 from receptance.sweep.disk import SweepError
-from receptance.sweep.progress import SweepProgress
 from receptance.sweep.store import target
 
 if TYPE_CHECKING:
@@ -19,12 +22,12 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from receptance.assembly import Assembly
     from receptance.campaign import Campaign
+    from receptance.model.assembly import Assembly
     from receptance.sweep.candidates import Candidates
     from receptance.sweep.outputs import Output
 
-__all__ = ["sweep"]
+__all__ = ["SweepProgress", "Waiting", "sweep"]
 
 
 def sweep(
@@ -38,47 +41,48 @@ def sweep(
     client: Any = None,
     progress: Callable[[SweepProgress], None] | None = None,
 ) -> xr.Dataset:
-    """Evaluate many candidates of a model and keep what was asked for of each.
+    """Evaluate outputs for many candidates of a model.
 
-    A candidate that is no model (a negative diameter, a singular interface) has NaN and is not `valid`; it does not end
-    the sweep. Results do not depend on threads, blocks, workers or interruptions, to the last bit on one kind of
-    processor.
+    An infeasible candidate (a negative diameter, a singular interface) has NaN in all outputs and is not `valid`; the
+    sweep continues. Results are bit-identical for any number of threads, blocks, workers and interruptions on one type
+    of processor.
 
     Parameters
     ----------
     model : Assembly, mapping of str to Assembly, or Campaign
-        What is varied; several assemblies, or those of a campaign, are a dimension `assembly` of the results.
-        A parameter that an assembly does not have leaves it as it is.
+        Model whose parameters vary. Several assemblies, or those of a campaign, become the dimension `assembly` of the
+        results. An assembly ignores parameters that it does not have.
     candidates : Grid, Listed or Sampled
         Values of parameters, by address.
     outputs : Output or sequence of Output
-        What is kept of each: `FrequencyResponse`, `NaturalFrequencies`, `Misfit`, `StableDepth`, or your own.
+        Quantities to keep: `FrequencyResponse`, `NaturalFrequencies`, `Misfit`, `StableDepth`, or a subclass of
+        `Output`.
     store : path, optional
-        Folder of a Zarr store that the results are written to as they come, so that memory stays bounded. If it exists
-        and holds the same sweep, its chunks are checked and only what is missing or damaged is evaluated, the latter
-        with a `ReceptanceWarning`: an interrupted run loses at most its last seconds.
+        Folder of a Zarr store to which the results are written block by block, so that memory is bounded. If it holds
+        the same sweep already, its chunks are checked and only missing or damaged blocks are evaluated; damaged ones
+        cause a `ReceptanceWarning`. An interrupted run loses at most a few seconds of work.
     block : int, optional
-        Candidates that are evaluated and written together; by default some megabytes.
+        Number of candidates that are evaluated and written together; by default a few megabytes of results.
     threads : int, optional
         As in `Assembly.receptance`; with a client each thread of a worker runs a block on one thread.
     client : dask.distributed.Client, optional
-        Runs the blocks on its workers. Results come back to this process, which alone writes.
+        Client of a cluster whose workers evaluate the blocks; this process alone writes the results.
     progress : callable, optional
         Called with a `SweepProgress` after each block.
 
     Returns
     -------
     xarray.Dataset
-        With the dimension `candidate`, the parameters as coordinates along it, and the variable `valid`. Results of a
-        store are read when they are asked for. `as_grid` gives a `Grid` one dimension a parameter.
+        Outputs over the dimension `candidate`, with the parameters as coordinates and the variable `valid`. Results in
+        a store are loaded lazily. `as_grid` converts the results of a `Grid` to one dimension per parameter.
 
     Raises
     ------
     TypeError, ValueError
-        No such parameter, two outputs of one name, or an input of another kind.
+        An unknown parameter, two outputs of one name, or an input of the wrong type.
     SweepError
-        The store holds another sweep (other models, candidates, outputs, code of functions, or another version of the
-        program), it is damaged beyond its chunks, another run writes to it, or the results are too large for memory.
+        The store holds a different sweep (models, candidates, outputs, code of functions or version of the program
+        differ), its metadata are damaged, another run writes to it, or the results do not fit into memory.
 
     Examples
     --------
@@ -103,29 +107,160 @@ def sweep(
         missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~kept.finished).tolist()]
         done = resumed = count - sum(stop - start for _, start, stop in missing)
         begun = time.perf_counter()
-        results = _here(definition, missing, threads) if client is None else _there(client, definition, missing)
-        for number, arrays in results:
+        run = _in_process(definition, missing, threads) if client is None else _on_workers(client, definition, missing)
+        for number, arrays in run:
             kept.write(number, arrays)
             done += len(next(iter(arrays.values())))
             if progress is not None:
                 progress(SweepProgress(done=done, count=count, resumed=resumed, seconds=time.perf_counter() - begun))
         if done < count:
-            raise SweepError(f"sweep: {count - done} candidates did not come back from the workers; run it again")
+            raise SweepError(f"sweep: {count - done} candidates were not returned by the workers; run the sweep again")
     return kept.dataset()
 
 
-def _here(
-    definition: Definition, missing: list[tuple[int, int, int]], threads: int | None
-) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+def _in_process(
+    definition: Definition, missing: Sequence[BlockRange], threads: int | None
+) -> Iterator[tuple[int, Arrays]]:
     if missing:
         run = definition.prepare(threads)
         for number, start, stop in missing:
             yield number, run(start, stop)
 
 
-def _there(
-    client: Any, definition: Definition, missing: list[tuple[int, int, int]]
-) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
-    from receptance.sweep.workers import on_workers
+@dataclass(frozen=True, kw_only=True)
+class SweepProgress:
+    """Progress of a sweep.
 
-    return on_workers(client, definition, missing)
+    Attributes
+    ----------
+    done, count : int
+        Number of finished candidates, and of all candidates.
+    resumed : int
+        Number of candidates that an earlier run had finished.
+    seconds : float
+        Duration of this run in s.
+
+    Examples
+    --------
+    >>> from receptance.sweep import SweepProgress
+    >>> print(SweepProgress(done=3000, count=9000, resumed=1000, seconds=2.0))
+    3,000 of 9,000 candidates, 1,000 a second, 6 s left
+    """
+
+    done: int
+    count: int
+    resumed: int
+    seconds: float
+
+    @property
+    def rate(self) -> float:
+        """Candidates per second in this run; zero before the first block."""
+        return (self.done - self.resumed) / self.seconds if self.seconds > 0.0 else 0.0
+
+    @property
+    def remaining_seconds(self) -> float:
+        """Remaining time in s at this rate; infinite before the first block."""
+        return (self.count - self.done) / self.rate if self.rate > 0.0 else float("inf")
+
+    def __str__(self) -> str:
+        text = f"{self.done:,} of {self.count:,} candidates"
+        if self.rate > 0.0:
+            text += f", {self.rate:,.{0 if self.rate >= 10.0 else 2}f} a second, {self.remaining_seconds:,.0f} s left"
+        return text
+
+
+_AHEAD = 3
+"""Submitted tasks per thread of the workers: enough to keep all threads busy, few enough to bound the memory."""
+_TASK_S, _TASK_BYTES = 0.5, 16e6
+"""Largest duration and result size of a task. Several blocks share a task because the scheduler and this process
+need some milliseconds per task."""
+_TRIES = 5
+"""Number of attempts for a task whose worker died."""
+
+BlockRange = tuple[int, int, int]
+"""Number of a block, its first candidate, and its last one plus 1."""
+Arrays = dict[str, "NDArray[Any]"]
+
+
+def _on_workers(client: Any, definition: Definition, blocks: Sequence[BlockRange]) -> Iterator[tuple[int, Arrays]]:
+    """Evaluate blocks on the workers of a `dask.distributed.Client` and yield them in the order of completion.
+
+    Blocks of a worker that died are submitted again. Each thread of a worker runs one task on one thread of the core.
+    """
+    from distributed import KilledWorker, as_completed
+
+    # A task is recomputed when its worker dies; data sent with `scatter` would be lost.
+    shared = client.submit(_identity, pickle.dumps(definition), pure=False)
+    threads = sum(client.nthreads().values()) or 1
+    waiting = Waiting(blocks, _AHEAD * threads)
+    running: dict[Any, tuple[list[BlockRange], int]] = {}
+
+    def submit(own: list[BlockRange], tries: int = 0) -> Any:
+        future = client.submit(_run, shared, [block[1:] for block in own], pure=False)
+        running[future] = own, tries
+        return future
+
+    # The default loop may belong to another client.
+    done = as_completed((submit(own) for own in waiting.first()), loop=client.loop)
+    try:
+        for future in done:
+            own, tries = running.pop(future)
+            try:
+                seconds, results = future.result()
+            except KilledWorker:
+                if tries + 1 >= _TRIES:
+                    raise
+                done.add(submit(own, tries + 1))
+                continue
+            waiting.learn(seconds, results)
+            yield from zip((block[0] for block in own), results, strict=True)
+            following = waiting.take()
+            if following:
+                done.add(submit(following))
+    finally:
+        client.cancel([*running, shared])
+
+
+class Waiting:
+    """Blocks that are not submitted yet.
+
+    Tasks have one block until the duration of a block is known, and again when few blocks are left.
+    """
+
+    def __init__(self, blocks: Sequence[BlockRange], under_way: int) -> None:
+        self._blocks = deque(blocks)
+        self._under_way = under_way
+        self._most = 1
+
+    def first(self) -> Iterator[list[BlockRange]]:
+        """Yield the blocks of the first tasks."""
+        for _ in range(min(self._under_way, len(self._blocks))):
+            yield self.take()
+
+    def take(self) -> list[BlockRange]:
+        """Return the blocks of the next task; empty if none is left."""
+        count = min(self._most, -(-len(self._blocks) // self._under_way))
+        return [self._blocks.popleft() for _ in range(count)]
+
+    def learn(self, seconds: float, results: list[Arrays]) -> None:
+        """Adapt the number of blocks of a task to the duration and result size of a finished one."""
+        size = sum(values.nbytes for arrays in results for values in arrays.values())
+        self._most = max(int(len(results) * min(_TASK_S / max(seconds, 1e-6), _TASK_BYTES / max(size, 1))), 1)
+
+
+def _identity(definition: bytes) -> bytes:
+    return definition
+
+
+@functools.lru_cache(maxsize=2)
+def _prepared(definition: bytes) -> Block:
+    """Return the prepared definition, which the threads of a process share."""
+    found: Definition = pickle.loads(definition)
+    return found.prepare(threads=1)
+
+
+def _run(definition: bytes, ranges: list[tuple[int, int]]) -> tuple[float, list[Arrays]]:
+    begun = time.perf_counter()
+    block = _prepared(definition)
+    results = [block(start, stop) for start, stop in ranges]
+    return time.perf_counter() - begun, results

@@ -1,4 +1,4 @@
-"""Where the results of a sweep go: into memory, or block by block into a Zarr store that outlives the run."""
+"""Results of a sweep: in memory, or in a Zarr store that is written block by block."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
-from receptance.sweep.chunks import Chunks
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
-from receptance.sweep.disk import Lock, SweepError, flush, renamed
+from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,27 +29,27 @@ __all__ = ["Memory", "Store", "Target", "as_grid", "open_sweep"]
 _RECORD = "receptance_sweep"
 _FORMAT = 2
 _SAME = 1e-9
-"""Relative difference up to which candidates are the same: processors may differ in the last bits."""
+"""Relative difference up to which candidates are equal; processors may differ in the last bits."""
 _MOST_BYTES = 2 * 2**30
-_EXPECTED = "expected a store that a sweep has written, or a name that is not taken yet"
+_EXPECTED = "expected a store written by a sweep, or a new name"
 
 
 class Target(Protocol):
-    """Where blocks go."""
+    """Destination of blocks."""
 
     block: int
-    """Candidates of a block."""
+    """Number of candidates in a block."""
     finished: NDArray[np.bool_]
-    """Which blocks are there already."""
+    """Mask of finished blocks."""
 
     def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Take the results of a block."""
+        """Store the results of a block."""
 
     def close(self) -> None:
-        """Make sure that all that was taken is kept."""
+        """Complete all writes."""
 
     def dataset(self) -> xr.Dataset:
-        """Return what is kept."""
+        """Return the results."""
 
 
 class Memory:
@@ -63,25 +62,25 @@ class Memory:
         size = sum(np.dtype(dtype).itemsize * count * int(np.prod(shape)) for dtype, shape in self._layout.values())
         if size > _MOST_BYTES:
             raise SweepError(
-                f"sweep: the results of {count:,} candidates take {size / 1e9:.1f} GB; give store= for a folder that "
-                "they are written to, or keep less of each"
+                f"sweep: the results of {count:,} candidates need {size / 1e9:.1f} GB of memory; give store= with a "
+                "folder for the results, or keep fewer values per candidate"
             )
         self.block = block or definition.block_size()
         self.finished = np.zeros(-(-count // self.block), dtype=np.bool_)
         self._arrays = {name: np.empty((count, *shape), dtype) for name, (dtype, shape) in self._layout.items()}
 
     def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Take the results of a block."""
+        """Store the results of a block."""
         first = number * self.block
         for name, values in arrays.items():
             self._arrays[name][first : first + len(values)] = values
         self.finished[number] = True
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """No operation for results in memory."""
 
     def dataset(self) -> xr.Dataset:
-        """Return what is kept."""
+        """Return the results."""
         import xarray as xr
 
         variables = {v.name: v for v in self._definition.variables()}
@@ -95,12 +94,12 @@ class Memory:
 
 
 class Store:
-    """Results in a Zarr store, made if it is not there, else gone on with."""
+    """Results in a Zarr store, which is created or, if it holds the same sweep, completed."""
 
     def __init__(self, path: str | os.PathLike[str], definition: Definition, block: int | None) -> None:
         self._definition = definition
         self._named = Path(path)
-        # The lock and the files are those of the folder, whatever links lead to it.
+        # Links to the folder share its lock and its files.
         self._path = Path(os.path.realpath(path))
         self._lock = Lock(self._path)
         try:
@@ -118,13 +117,13 @@ class Store:
             raise
 
     def _sound_blocks(self) -> NDArray[np.bool_]:
-        """Return which blocks are finished; those with a chunk that is damaged or missing are evaluated again."""
+        """Return the mask of finished blocks; blocks with a damaged or missing chunk do not count."""
         blocks = -(-self._definition.candidates.count // self.block)
         checked = [self._chunks.check(number) for number in range(blocks)]
         damaged = [wrong for found in checked for wrong in found or ()]
         if damaged:
             more = f", and {len(damaged) - 1:,} more" if len(damaged) > 1 else ""
-            again = _candidates_of(
+            again = _count_in(
                 np.array([i for i, found in enumerate(checked) if found]), self.block, self._definition.candidates.count
             )
             warnings.warn(
@@ -138,38 +137,38 @@ class Store:
         return finished
 
     def _check_candidates(self, number: int) -> None:
-        """Refuse a store whose candidates are others, although what they are described by is the same."""
+        """Raise if the store has other candidates although their description is the same."""
         first = number * self.block
         own = self._definition.candidates.values(first, min(first + self.block, self._definition.candidates.count))
         for address, expected in zip(self._definition.candidates.addresses, own.T, strict=True):
-            there = self._chunks.read(address, number)[: len(expected)]
-            other = np.flatnonzero(~np.isclose(there, expected, rtol=_SAME, atol=0.0, equal_nan=True))
+            stored = self._chunks.read(address, number)[: len(expected)]
+            other = np.flatnonzero(~np.isclose(stored, expected, rtol=_SAME, atol=0.0, equal_nan=True))
             if other.size:
                 i = int(other[0])
                 raise SweepError(
-                    f"{self._named} holds another sweep: its candidate {first + i} has {address} = {there[i]:.12g}, "
-                    f"not {expected[i]:.12g} (another distribution, or another version of SciPy); give another store "
-                    "or remove it"
+                    f"{self._named} holds a different sweep: its candidate {first + i} has {address} = "
+                    f"{stored[i]:.12g}, not {expected[i]:.12g} (another distribution, or another version of SciPy); "
+                    "give another store or remove it"
                 )
 
     def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Take the results of a block; every second the disk is made to take them."""
+        """Store the results of a block; they are flushed to the disk every second."""
         self._chunks.write(number, arrays)
 
     def close(self) -> None:
-        """Make sure that all that was taken is kept, and let others write."""
+        """Complete all writes and release the lock."""
         try:
             self._chunks.close()
         finally:
             self._lock.close()
 
     def dataset(self) -> xr.Dataset:
-        """Return what is kept, read when it is asked for."""
+        """Return the results, loaded lazily."""
         return open_sweep(self._named)
 
 
 def layout(definition: Definition) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Return dtype and shape of one candidate for everything that is kept."""
+    """Return data type and shape of one candidate for all variables of the store."""
     found: dict[str, tuple[str, tuple[int, ...]]] = dict.fromkeys(definition.candidates.addresses, ("float64", ()))
     found |= {v.name: (v.dtype, v.shape) for v in definition.variables()}
     found[VALID] = ("bool", ())
@@ -177,7 +176,7 @@ def layout(definition: Definition) -> dict[str, tuple[str, tuple[int, ...]]]:
 
 
 def record(definition: Definition, block: int) -> dict[str, Any]:
-    """Return what is written down of a sweep."""
+    """Return the metadata of a store."""
     described = definition.candidates.describe()
     grid = {name: len(values) for name, values in described["values"].items()} if described["kind"] == "grid" else None
     return {
@@ -189,7 +188,7 @@ def record(definition: Definition, block: int) -> dict[str, Any]:
         "addresses": list(definition.candidates.addresses),
         "candidates": {k: v for k, v in described.items() if k != "values"},
         "grid": grid,
-        # Text is no array of Zarr's yet.
+        # The Zarr format has no specification of text arrays yet.
         "labels": {
             name: values.tolist()
             for variable in definition.variables()
@@ -200,7 +199,7 @@ def record(definition: Definition, block: int) -> dict[str, Any]:
 
 
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Return the results of a sweep that were written to a store; they are read when they are asked for.
+    """Return the results of a sweep in a store, loaded lazily.
 
     Parameters
     ----------
@@ -210,51 +209,51 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        As `sweep` returns it. Of a run that has not come to its end, candidates that are missing are NaN and not
-        `valid`, and a `ReceptanceWarning` says how many.
+        As `sweep` returns it. Missing candidates of an unfinished run are NaN and not `valid`, and a
+        `ReceptanceWarning` states their number.
 
     Raises
     ------
     SweepError
-        There is no sweep. A chunk that is damaged or missing raises it when it is read, with the names of the store
-        and the chunk.
+        The path holds no sweep. A damaged or missing chunk raises the error when it is read; the message names the
+        store and the chunk.
     """
     import xarray as xr
 
     if not Path(path).is_dir():
         raise SweepError(f"there is no sweep at {path}")
-    said = _said(Path(path))
-    count, size = said["count"], said["block"]
-    there = {file.name for file in Path(path, VALID, "c").glob("*")}
-    unfinished = np.array([i for i in range(-(-count // size)) if str(i) not in there], dtype=np.int64)
+    metadata = _metadata(Path(path))
+    count, size = metadata["count"], metadata["block"]
+    finished = {file.name for file in Path(path, VALID, "c").glob("*")}
+    unfinished = np.array([i for i in range(-(-count // size)) if str(i) not in finished], dtype=np.int64)
     with _reading(path):
-        found = xr.open_zarr(_checked_store(Path(path), said), consolidated=True, chunks=None)
+        found = xr.open_zarr(_checked_store(Path(path), metadata), consolidated=True, chunks=None)
     if unfinished.size:
-        missing = _candidates_of(unfinished, size, count)
+        missing = _count_in(unfinished, size, count)
         warnings.warn(
-            f"{path}: {missing:,} of {count:,} candidates are missing: the sweep did not come to its end; "
-            "run it again with the same store to go on",
+            f"{path}: {missing:,} of {count:,} candidates are missing: the sweep was not finished; run it "
+            "again with the same store to complete it",
             ReceptanceWarning,
             stacklevel=2,
         )
-    return _labelled(found, said)
+    return _labelled(found, metadata)
 
 
 def as_grid(results: xr.Dataset) -> xr.Dataset:
-    """Return the results of a `Grid` with one dimension for each parameter, in the place of `candidate`.
+    """Return the results of a `Grid` with one dimension per parameter instead of `candidate`.
 
     Raises
     ------
     SweepError
-        The candidates are no grid.
+        The candidates are not a grid.
     """
     import xarray as xr
 
     sizes = json.loads(results.attrs.get("grid", "null"))
     if not sizes:
-        raise SweepError("as_grid: these candidates are no grid")
+        raise SweepError("as_grid: the candidates are not a grid; sweep over a Grid")
     shape, names = tuple(sizes.values()), tuple(sizes)
-    # A parameter goes through its values while those before it stay.
+    # Along the axis of a parameter the others are constant.
     axes = {}
     for i, name in enumerate(names):
         axes[name] = np.moveaxis(results[name].values.reshape(shape), i, -1).reshape(-1, shape[i])[0]
@@ -266,13 +265,13 @@ def as_grid(results: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(kept, coords={**axes, **others}, attrs=results.attrs)
 
 
-def _labelled(found: xr.Dataset, said: dict[str, Any]) -> xr.Dataset:
-    found = found.set_coords(said["addresses"]).assign_coords(said["labels"])
+def _labelled(found: xr.Dataset, metadata: dict[str, Any]) -> xr.Dataset:
+    found = found.set_coords(metadata["addresses"]).assign_coords(metadata["labels"])
     attributes = {
-        "receptance": said["receptance"],
-        "addresses": json.dumps(said["addresses"]),
-        "candidates": json.dumps(said["candidates"]),
-        "grid": json.dumps(said["grid"]),
+        "receptance": metadata["receptance"],
+        "addresses": json.dumps(metadata["addresses"]),
+        "candidates": json.dumps(metadata["candidates"]),
+        "grid": json.dumps(metadata["grid"]),
     }
     return (
         found.assign_attrs(attributes)
@@ -285,12 +284,12 @@ def _attributes(variable: Variable | None) -> dict[str, Any]:
     return {} if variable is None else {"units": variable.unit, "long_name": variable.meaning}
 
 
-def _candidates_of(blocks: NDArray[np.int64], block: int, count: int) -> int:
+def _count_in(blocks: NDArray[np.int64], block: int, count: int) -> int:
     return int(sum(min(block, count - number * block) for number in blocks))
 
 
 def _create(path: Path, definition: Definition, block: int) -> None:
-    """Make the empty store under another name, then rename it: there is never half of one."""
+    """Create the empty store under a temporary name and rename it, so that it is complete or absent."""
     import zarr
     from zarr.codecs import Crc32cCodec
 
@@ -306,7 +305,7 @@ def _create(path: Path, definition: Definition, block: int) -> None:
                 shape=(count, *shape),
                 chunks=(min(block, count), *shape),
                 dtype=dtype,
-                # What was never written is no number.
+                # Values that were not written are NaN.
                 fill_value={"float64": np.nan, "complex128": complex(np.nan, np.nan), "bool": False}[dtype],
                 compressors=Crc32cCodec(),
                 dimension_names=(CANDIDATE, *(own.dimensions if own else ())),
@@ -321,13 +320,13 @@ def _create(path: Path, definition: Definition, block: int) -> None:
                         chunks=values.shape,
                         dimension_names=(name,),
                         compressors=Crc32cCodec(),
-                        # A missing chunk is then damage, and not one of zeros.
+                        # Otherwise a missing chunk would mean zeros.
                         config={"write_empty_chunks": True},
                     )
         blocked = list(layout(definition))
         group.attrs[_RECORD] = {**record(definition, block), "blocked": blocked, "fingerprints": fingerprints}
         with warnings.catch_warnings():
-            # The third format has no specification of it yet; readers that do not know it ignore it.
+            # Zarr warns that consolidated metadata are not in the specification; other readers ignore them.
             warnings.simplefilter("ignore")
             zarr.consolidate_metadata(temporary)
         flush([file for file in temporary.rglob("*") if file.is_file()], temporary)
@@ -336,7 +335,7 @@ def _create(path: Path, definition: Definition, block: int) -> None:
 
 @contextlib.contextmanager
 def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say of what cannot be read as a sweep which store it is."""
+    """Add the path of the store to errors of reading it."""
     from zarr.errors import GroupNotFoundError
 
     try:
@@ -352,61 +351,63 @@ def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
         ) from error
 
 
-def _checked_store(path: Path, said: dict[str, Any]) -> Any:
+def _checked_store(path: Path, metadata: dict[str, Any]) -> Any:
     from receptance.sweep.reading import CheckedStore
 
-    return CheckedStore(path, last=VALID, blocked=tuple(said["blocked"]))
+    return CheckedStore(path, last=VALID, blocked=tuple(metadata["blocked"]))
 
 
-def _said(path: Path) -> dict[str, Any]:
-    """Return what is written down of a sweep."""
+def _metadata(path: Path) -> dict[str, Any]:
+    """Return the metadata of a store."""
     import zarr
 
     with _reading(path):
-        said = dict(zarr.open_group(path, mode="r").attrs).get(_RECORD)
-    if not isinstance(said, dict):
+        metadata = dict(zarr.open_group(path, mode="r").attrs).get(_RECORD)
+    if not isinstance(metadata, dict):
         raise SweepError(f"{path} holds no sweep; {_EXPECTED}")
-    if said.get("format") != _FORMAT:
+    if metadata.get("format") != _FORMAT:
         raise SweepError(
-            f"{path} holds no sweep of this version of the program: it has format {said.get('format')}, expected "
+            f"{path} has an unsupported format of sweeps: it has format {metadata.get('format')}, expected "
             f"{_FORMAT}; give another store or remove it"
         )
-    return said
+    return metadata
 
 
 def _checked(path: Path, definition: Definition, block: int | None) -> int:
-    """Return the size of a block of a store that holds this very sweep."""
+    """Return the block size of a store after checking that it holds this sweep."""
     import zarr
 
-    said, own = _said(path), definition.fingerprints()
-    if said["receptance"] != version("receptance"):
+    metadata, own = _metadata(path), definition.fingerprints()
+    if metadata["receptance"] != version("receptance"):
         raise SweepError(
-            f"{path} was begun with receptance {said['receptance']}, and this is {version('receptance')}, whose "
-            "results may differ; go on with that version, or give another store (`open_sweep` reads any version)"
+            f"{path} was started with receptance {metadata['receptance']}, and this is {version('receptance')}, whose "
+            "results may differ; continue with that version, or give another store (`open_sweep` reads any version)"
         )
-    if said["fingerprints"] != own:
-        other = [name for name in {**said["fingerprints"], **own} if said["fingerprints"].get(name) != own.get(name)]
-        # Bytecode is that of a version.
-        mine, its = (".".join(text.split(".")[:2]) for text in (platform.python_version(), said["python"]))
-        python = f" (it was begun with Python {its}, and this is {mine}: functions cannot be compared)"
+    if metadata["fingerprints"] != own:
+        other = [
+            name for name in {**metadata["fingerprints"], **own} if metadata["fingerprints"].get(name) != own.get(name)
+        ]
+        # Bytecode differs between versions of Python.
+        mine, its = (".".join(text.split(".")[:2]) for text in (platform.python_version(), metadata["python"]))
+        python = f" (it was started with Python {its}, and this is {mine}: functions cannot be compared)"
         raise SweepError(
-            f"{path} holds another sweep: it differs in {', '.join(other)}{python if mine != its else ''}; give "
+            f"{path} holds a different sweep: it differs in {', '.join(other)}{python if mine != its else ''}; give "
             "another store or remove it"
         )
-    if block is not None and block != said["block"]:
-        raise SweepError(f"{path} was begun with blocks of {said['block']} candidates, not {block}; leave block out")
+    if block is not None and block != metadata["block"]:
+        raise SweepError(f"{path} was started with blocks of {metadata['block']} candidates, not {block}; omit block")
     with _reading(path):
-        group = zarr.open_group(_checked_store(path, said), mode="r")
+        group = zarr.open_group(_checked_store(path, metadata), mode="r")
         own_axes = {name for variable in definition.variables() for name in variable.dimensions}
         for name, array in group.arrays():
             if name in own_axes:
                 array[:]
-    return int(said["block"])
+    return int(metadata["block"])
 
 
 @contextlib.contextmanager
 def target(path: str | os.PathLike[str] | None, definition: Definition, block: int | None) -> Iterator[Memory | Store]:
-    """Open where results go; what was taken is kept however it ends."""
+    """Open the destination of the results; it is closed in any case, and finished blocks are kept."""
     found = Memory(definition, block) if path is None else Store(path, definition, block)
     try:
         yield found

@@ -1,4 +1,4 @@
-"""Figures of a parameter over levels, with its intervals and the law that describes it."""
+"""Figures of a parameter over levels, with intervals and the best law."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LAWS = {"constant": "constant", "linear": "K\u2080 + a F", "power": "K\u2080 + 
 
 
 def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:
-    """Draw one parameter over force with 95 % whiskers and its law; units as they are."""
+    """Draw a parameter over force with 95 % error bars and its law, in the units of the series."""
     figure = surface(ax, 7.1, 4.9)
     factor, label = axis_unit("", series)
     draw_with_law(figure.subplots(), series, factor, "force", label)
@@ -40,7 +40,7 @@ def draw_with_law(axes: Axes, series: ForceSeries, factor: float, over: str, lab
 def draw_over_levels(
     axes: Axes, series: ForceSeries, factor: float, colour: str, label: str, *, marker: str = "o", law: bool = True
 ) -> None:
-    """Draw a parameter over its levels with whiskers, and its law."""
+    """Draw a parameter over its levels with error bars, and its law."""
     if law:
         fine = np.linspace(float(series.force[0]), float(series.force[-1]), 200)
         axes.plot(fine, factor * series.law.at(fine), color=colour, alpha=0.45, linewidth=1.4)
@@ -58,7 +58,7 @@ def draw_over_levels(
 
 
 def axis_unit(unit: str, series: ForceSeries) -> tuple[float, str]:
-    """Return the factor by which values are multiplied, and the label of the axis."""
+    """Return the factor of the values on the axis, and the unit with its power of ten."""
     power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
     if -3 < power <= 3:
         return 1.0, unit

@@ -1,46 +1,56 @@
-"""Stiffness and damping of the taper from natural frequencies and damping ratios, as the paper does it (its figure 6).
+"""Stiffness and damping of the taper from natural frequencies and damping ratios (figure 6 of the paper).
 
-With A_j = 1/m + z_j^2 / I and B = (z1 - z2)^2 / (m I), two undamped natural frequencies say
+With A_j = 1/m + z_j^2 / I and B = (z1 - z2)^2 / (m I), two undamped natural frequencies give
 
 A1 K1 + A2 K2 = w1^2 + w2^2  and  B K1 K2 = w1^2 w2^2,
 
-which is quadratic, so that two joints have the same two frequencies.
+which is quadratic, so two joints have the same two frequencies.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from receptance import _checks
-from receptance.taper.body import Body
-from receptance.taper.choice import Shape, choose
-from receptance.taper.rigid import RadialJoint
+from receptance.taper.rigid import AxialJoint, Body, RadialJoint
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["RadialSolution", "RadialSolutions", "radial_from_modes"]
+__all__ = [
+    "AxialSolution",
+    "Choice",
+    "RadialSolution",
+    "RadialSolutions",
+    "Shape",
+    "axial_from_mode",
+    "choose",
+    "radial_from_modes",
+    "rotation_alone",
+]
+
 
 Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RadialSolution:
-    """One joint that has the two frequencies.
+    """A joint with the two given frequencies.
 
     Attributes
     ----------
     joint : RadialJoint
-        Stiffnesses from the undamped equations; dampings from phi^T C phi = 2 zeta w m, right to first order in zeta.
+        Stiffnesses from the undamped equations; dampings from phi^T C phi = 2 zeta w m, to first order in zeta.
     exact : RadialJoint or None
-        All four from the complex eigenvalues; None where these lead to none near the other.
+        Stiffnesses and dampings from the complex eigenvalues; None if Newton's method from `joint` does not converge.
     intervals : dict of str to (float, float)
-        Of k_x1 and k_x2 (and of c_x1 and c_x2, to first order), where standard errors were given.
+        Intervals of k_x1 and k_x2 (and of c_x1 and c_x2, to first order) if standard errors are given.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
     """
 
     joint: RadialJoint
@@ -51,24 +61,24 @@ class RadialSolution:
 
 @dataclass(frozen=True, kw_only=True)
 class RadialSolutions:
-    """What two natural frequencies say about two springs.
+    """Solutions for the stiffnesses of two springs from two natural frequencies.
 
     Attributes
     ----------
     solutions : tuple of RadialSolution
-        Two; one where a mode shape chose; none where no real joint has these frequencies.
+        Two solutions; one if a mode shape decides; none if no real joint has these frequencies.
     discriminant, discriminant_standard_error : float
-        Of the quadratic, over (w1^2 + w2^2)^2; negative where no real joint has these frequencies. The error is NaN
-        where none was given.
+        Discriminant of the quadratic over (w1^2 + w2^2)^2, negative if no real joint has these frequencies; its error
+        is NaN without standard errors.
     within_noise : dict of str to (float, float)
-        Where there is no solution: stiffnesses of the joints whose frequencies are within the noise of those given.
+        Without a solution: ranges of the stiffnesses of joints whose frequencies are within the noise.
     nearest : int or None
-        Number of the solution whose mode shape is nearest to the measured one, whether it can be called the one or not;
-        None where there is no solution, or two and no shape.
+        Index of the solution whose mode shape is nearest to the measured one, even if the choice is uncertain; None
+        without a solution, or with two solutions and no shape.
     statement : str
-        What was found, in words.
+        The result in a sentence.
     of_neither : bool
-        Whether the measured mode shape is that of neither solution.
+        Whether the measured mode shape agrees with neither solution.
     """
 
     solutions: tuple[RadialSolution, ...]
@@ -99,27 +109,27 @@ def radial_from_modes(
     body : Body
         The holder.
     z1, z2 : float
-        Where the springs act, in m from the centre of gravity towards the tip.
+        Positions of the springs, in m from the centre of gravity towards the tip.
     frequency_hz, damping_ratio : array_like
-        `(2,)` of the two modes, ascending in frequency.
+        `(2,)` natural frequencies in Hz, ascending, and damping ratios of the two modes.
     frequency_standard_error_hz, damping_standard_error : array_like, optional
-        `(2,)` their standard errors, independent of each other; intervals come from them.
+        `(2,)` independent standard errors, from which the intervals follow.
     shape : Shape, optional
-        Motion at one point over that at another, which tells the two joints apart.
+        Ratio of the motions at two points, which distinguishes the two joints.
     level : float, optional
-        Level of the intervals.
+        Confidence level of the intervals.
 
     Returns
     -------
     RadialSolutions
-        Intervals of stiffness hold all joints whose frequencies lie within the ellipse of the given ones that has
-        this level for any one quantity, so they know that the quadratic has no root beyond its double one; where the
-        ellipse reaches that, both solutions have one interval.
+        Intervals of stiffness contain all joints whose frequencies lie within the ellipse around the given ones that
+        has this level for any single quantity. They account for the double root of the quadratic: if the ellipse
+        reaches it, both solutions have the same interval.
 
     Raises
     ------
     ValueError, TypeError
-        Numbers that are not two ascending frequencies, or springs at the same place.
+        Frequencies that are not two ascending numbers, or springs at the same position.
 
     References
     ----------
@@ -146,18 +156,18 @@ def radial_from_modes(
     if not f[0] < f[1]:
         raise ValueError(f"radial_from_modes: frequency_hz is {f.tolist()}, expected two ascending frequencies")
     frame = _Frame(body, _checks.number("z1", "z1", z1, unit="m"), _checks.number("z2", "z2", z2, unit="m"))
-    from receptance.identification.spread import quantile
+    from receptance.identification.covariance import confidence_multiplier
 
-    reach = quantile(level, None)
+    reach = confidence_multiplier(level, None)
     discriminant, slope = frame.discriminant(f)
     error = float(np.hypot(*(slope * of_f))) if of_f is not None else float("nan")
     around = frame.around(f, of_f * reach) if of_f is not None else None
     if discriminant < 0.0:
-        return _none(discriminant, error, around, level)
+        return _without_solution(discriminant, error, around, level)
     found = []
     for branch, (k1, k2) in enumerate(frame.stiffnesses(f)):
         joint, notes = frame.damped(k1, k2, f, zeta)
-        # Where the noise reaches the double root, the two solutions run into each other there.
+        # If the noise reaches the double root, the two solutions are connected there.
         joined = around is not None and np.isnan(around).any()
         intervals = {} if around is None else _ends(around.reshape(-1, 2) if joined else around[branch])
         if of_f is not None and of_zeta is not None:
@@ -165,7 +175,7 @@ def radial_from_modes(
         found.append(RadialSolution(joint=joint, exact=frame.exact(joint, f, zeta), intervals=intervals, notes=notes))
     if discriminant == 0.0:
         found = found[:1]
-    text = f"{len(found)} joints have these frequencies: a mode shape, measured at two points, would choose"
+    text = f"{len(found)} joints have these frequencies; measure a mode shape at two points to choose between them"
     if len(found) == 1:
         text = "one joint has these frequencies: the quadratic has a double root"
     nearest, of_neither = 0 if len(found) == 1 else None, False
@@ -198,19 +208,21 @@ def _ends(stiffnesses: NDArray[np.float64]) -> dict[str, Interval]:
     return {name: (float(low[i]), float(high[i])) for i, name in enumerate(("k_x1", "k_x2"))}
 
 
-def _none(discriminant: float, error: float, around: NDArray[np.float64] | None, level: float) -> RadialSolutions:
+def _without_solution(
+    discriminant: float, error: float, around: NDArray[np.float64] | None, level: float
+) -> RadialSolutions:
     within: dict[str, Interval] = {}
     if around is None:
-        text = "no real joint has these frequencies; give their standard errors to learn whether that is noise"
+        text = "no real joint has these frequencies; give their standard errors to see whether noise explains this"
     elif np.isnan(around).all():
         text = (
-            f"no real joint has these frequencies, nor any within their noise at {100 * level:g} %: the holder is not "
-            "rigid, or its mass, inertia or springs' places are others"
+            f"no real joint has these frequencies, not even within their noise at {100 * level:g} %: the holder is not "
+            "rigid, or its mass, its inertia or the positions of the springs are wrong"
         )
     else:
         within = _ends(around.reshape(-1, 2))
         spans = ", ".join(f"{name} from {low:.3g} to {high:.3g} N/m" for name, (low, high) in within.items())
-        text = f"no real joint within the noise: the frequencies miss the double root; within the noise lie {spans}"
+        text = f"no real joint has exactly these frequencies; joints within the noise have {spans}"
     return RadialSolutions(
         solutions=(),
         discriminant=discriminant,
@@ -222,20 +234,20 @@ def _none(discriminant: float, error: float, around: NDArray[np.float64] | None,
 
 
 class _Frame:
-    """A body, two places, and the equations between springs and modes."""
+    """Equations between springs and modes for a body and two positions."""
 
     def __init__(self, body: Body, z1: float, z2: float) -> None:
         if z1 == z2:
-            raise ValueError(f"radial_from_modes: z1 and z2 are both {z1:g} m, expected two places")
+            raise ValueError(f"radial_from_modes: z1 and z2 are both {z1:g} m, expected two positions")
         self.body, self.z1, self.z2 = body, z1, z2
         self.a = np.array([1.0 / body.mass + z * z / body.inertia for z in (z1, z2)])
         self.b = (z1 - z2) ** 2 / (body.mass * body.inertia)
-        # a1 a2 / b - 1 as the square that it is: no difference of nearly equal numbers.
+        # a1 a2 / b - 1, written as a square to avoid a difference of nearly equal numbers.
         root = np.sqrt(body.inertia / body.mass)
         self.excess = ((root + z1 * z2 / root) / (z1 - z2)) ** 2
 
     def discriminant(self, f: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """Relative discriminant, and its slope by each frequency."""
+        """Return the relative discriminant and its derivatives with respect to the frequencies."""
         x, y = f[0] ** 2, f[1] ** 2
         value = ((y - x) ** 2 - 4.0 * self.excess * x * y) / (x + y) ** 2
         # d/dx of (y - x)^2 - 4 g x y over (x + y)^2; the ratio is of degree zero, so x d/dx = -y d/dy.
@@ -243,7 +255,7 @@ class _Frame:
         return float(value), np.array([2.0 * by_log_x / f[0], -2.0 * by_log_x / f[1]])
 
     def stiffnesses(self, f: NDArray[np.float64]) -> NDArray[np.float64]:
-        """`(2 solutions, ..., 2)` stiffnesses of frequencies `(2, ...)`; NaN where there is none."""
+        """Return the stiffnesses `(2 solutions, ..., 2)` for frequencies `(2, ...)`; NaN without a solution."""
         x, y = (2.0 * np.pi * f[0]) ** 2, (2.0 * np.pi * f[1]) ** 2
         inside = (y - x) ** 2 - 4.0 * self.excess * x * y
         with np.errstate(invalid="ignore"):
@@ -254,7 +266,7 @@ class _Frame:
         )
 
     def around(self, f: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
-        """`(2, n, 2)` stiffnesses of frequencies in the ellipse with these half axes."""
+        """Return the stiffnesses `(2, n, 2)` for frequencies in the ellipse with these half axes."""
         radius, angle = np.meshgrid(np.linspace(0.0, 1.0, 41), np.linspace(0.0, 2.0 * np.pi, 241))
         circle = np.stack([(radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()])
         return self.stiffnesses(f[:, None] + reach[:, None] * circle)
@@ -262,19 +274,19 @@ class _Frame:
     def damped(
         self, k1: float, k2: float, f: NDArray[np.float64], zeta: NDArray[np.float64]
     ) -> tuple[RadialJoint, tuple[str, ...]]:
-        """Add dampings from phi^T C phi = 2 zeta w m, to first order."""
+        """Return the joint with dampings from phi^T C phi = 2 zeta w m, to first order, and notes."""
         joint = RadialJoint(body=self.body, z1=self.z1, z2=self.z2, k_x1=float(k1), k_x2=float(k2))
         shapes = joint.undamped_modes().shapes.real
         motion = shapes[0][:, None] + shapes[1][:, None] * np.array([self.z1, self.z2])
         c1, c2 = np.linalg.solve(motion**2, 4.0 * np.pi * zeta * f)
         negative = [name for name, value in (("c_x1", c1), ("c_x2", c2)) if value < 0.0]
         notes = tuple(
-            f"{name} is negative: no such dashpot gives these damping ratios with these springs" for name in negative
+            f"{name} is negative: with these springs no dashpots give these damping ratios" for name in negative
         )
         return replace(joint, c_x1=float(c1), c_x2=float(c2)), notes
 
     def exact(self, start: RadialJoint, f: NDArray[np.float64], zeta: NDArray[np.float64]) -> RadialJoint | None:
-        """Stiffnesses and dampings whose complex eigenvalues are those of the two modes, by Newton's method.
+        """Return the joint whose complex eigenvalues are those of the two modes, by Newton's method, or None.
 
         The coefficients of the characteristic polynomial are A C, A K + B C1 C2, B (K1 C2 + K2 C1) and B K1 K2.
         """
@@ -288,7 +300,7 @@ class _Frame:
                 (w[0] * w[1]) ** 2,
             ]
         )
-        # Each stiffness and damping in the unit that makes its A one.
+        # Units of stiffness and damping in which A is one.
         b = self.b / (self.a[0] * self.a[1])
         scale = np.concatenate([unit**2 / self.a, unit / self.a])
         x = np.array([start.k_x1, start.k_x2, start.c_x1, start.c_x2]) / scale
@@ -306,7 +318,7 @@ class _Frame:
             if np.abs(step).max() < 1e-14 * np.abs(x).max():
                 break
         else:
-            # The last digits may go to and fro; more than these is no solution.
+            # Rounding may prevent full convergence; a larger step means that there is no solution.
             if np.abs(step).max() > 1e-11 * np.abs(x).max():
                 return None
         if np.any(x[:2] <= 0.0):
@@ -322,7 +334,7 @@ class _Frame:
         reach_f: NDArray[np.float64],
         reach_zeta: NDArray[np.float64],
     ) -> dict[str, Interval]:
-        """To first order in all four errors."""
+        """Return intervals of the dampings, to first order in all four errors."""
 
         def dampings(change: NDArray[np.float64]) -> NDArray[np.float64]:
             moved = f + change[:2]
@@ -341,3 +353,153 @@ class _Frame:
         return {
             name: (float(middle[i] - half[i]), float(middle[i] + half[i])) for i, name in enumerate(("c_x1", "c_x2"))
         }
+
+
+Choice = Literal["clear", "open", "neither"]
+
+_CLEAR = 10.83
+"""Difference of the squared distances in standard errors from which one joint is chosen: p = 0.001."""
+_IMPOSSIBLE = 27.6
+"""Squared distance of two angles from which the shape contradicts a joint: p = 1e-6."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """Ratio of the motions at two points of the holder in both modes.
+
+    Parameters
+    ----------
+    first, second : float
+        Positions z of the points in m from the centre of gravity towards the tip.
+    ratio : tuple of complex
+        Ratio of the modal constants at the first and at the second point of each mode, for the same hit.
+    standard_error : tuple of float, optional
+        Standard error of the real and of the imaginary part of each ratio.
+
+    Raises
+    ------
+    ValueError
+        The points are equal, so the ratio is 1 for every joint.
+    """
+
+    first: float
+    second: float
+    ratio: tuple[complex, complex]
+    standard_error: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.first == self.second:
+            raise ValueError(f"Shape: first and second are both {self.first:g} m, expected two points")
+
+
+def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, Choice, str]:
+    """Return the index of the joint with the nearer shape, the certainty of the choice, and a sentence on it.
+
+    Shapes are compared by the angle atan(ratio), which is regular for a node at either point.
+    """
+    measured = np.array(shape.ratio)
+    angle = np.arctan(measured.real)
+    own = [joint.undamped_modes().ratio(shape.first, shape.second).real for joint in joints]
+    apart = [np.mod(angle - np.arctan(one) + 0.5 * np.pi, np.pi) - 0.5 * np.pi for one in own]
+    texts = [", ".join(f"{value:.2f}" for value in one) for one in (measured.real, *own)]
+    if shape.standard_error is None:
+        distances = [float(np.sum(one**2)) for one in apart]
+        best = int(np.argmin(distances))
+        other = 1 - best
+        return (
+            best,
+            "clear",
+            f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}",
+        )
+    errors = np.array(shape.standard_error) / (1.0 + measured.real**2)
+    distances = [float(np.sum((one / errors) ** 2)) for one in apart]
+    best = int(np.argmin(distances))
+    other = 1 - best
+    if distances[other] - distances[best] < _CLEAR:
+        return (
+            best,
+            "open",
+            f"the mode shape ({texts[0]}) does not decide between the joints ({texts[1]} and {texts[2]})",
+        )
+    if distances[best] > _IMPOSSIBLE:
+        return (
+            best,
+            "neither",
+            (
+                f"the mode shape ({texts[0]}) contradicts both joints ({texts[1]} and {texts[2]}), by at least "
+                f"{np.sqrt(distances[best]):.0f} standard errors: this is not a rigid holder on two springs"
+            ),
+        )
+    return (
+        best,
+        "clear",
+        f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxialSolution:
+    """The axial joint from one mode, with intervals if standard errors are given."""
+
+    joint: AxialJoint
+    intervals: dict[str, Interval]
+
+
+def axial_from_mode(
+    body: Body,
+    frequency_hz: float,
+    damping_ratio: float = 0.0,
+    *,
+    frequency_standard_error_hz: float | None = None,
+    damping_standard_error: float | None = None,
+    level: float = 0.95,
+) -> AxialSolution:
+    """Return the axial joint of a rigid holder: K = m (2 pi f)^2 and C = 4 pi m f zeta (eqs. 14 and 15).
+
+    Raises
+    ------
+    ValueError
+        A frequency that is not positive; a damping ratio below 0 or not below 1.
+
+    Examples
+    --------
+    >>> from receptance.taper import Body, axial_from_mode
+    >>> joint = axial_from_mode(Body(mass=4.5, inertia=0.01), 5250.0, 0.005).joint
+    >>> f"{joint.k_z1:.4g} N/m, {joint.c_z1:.0f} N s/m"
+    '4.897e+09 N/m, 1484 N s/m'
+    """
+    from receptance.identification.covariance import confidence_multiplier
+
+    f = _checks.positive("axial_from_mode", "frequency_hz", frequency_hz, unit="Hz")
+    zeta = _checks.not_negative("axial_from_mode", "damping_ratio", damping_ratio)
+    if zeta >= 1.0:
+        raise ValueError(f"axial_from_mode: damping_ratio is {zeta:g}, expected less than 1")
+    w = 2.0 * np.pi * f
+    joint = AxialJoint(body=body, k_z1=body.mass * w**2, c_z1=2.0 * body.mass * w * zeta)
+    intervals: dict[str, Interval] = {}
+    reach = confidence_multiplier(level, None)
+    if frequency_standard_error_hz is not None:
+        share = reach * frequency_standard_error_hz / f
+        intervals["k_z1"] = (joint.k_z1 * (1.0 - share) ** 2, joint.k_z1 * (1.0 + share) ** 2)
+        if damping_standard_error is not None:
+            half = float(np.hypot(joint.c_z1 * share, 2.0 * body.mass * w * reach * damping_standard_error))
+            intervals["c_z1"] = (joint.c_z1 - half, joint.c_z1 + half)
+    return AxialSolution(joint=joint, intervals=intervals)
+
+
+def rotation_alone(
+    body: Body, frequency_hz: ArrayLike, damping_ratio: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return K_theta = 4 pi^2 I f^2 and C_theta = 4 pi I f zeta, as if each mode were a pure rotation.
+
+    The paper gives these formulas without a number. They neglect the coupling of translation and rotation, so they are
+    exact only if the centre of gravity does not move.
+
+    Returns
+    -------
+    k_theta, c_theta : ndarray
+        Stiffness in N m/rad and damping in N m s/rad for each mode.
+    """
+    f = _checks.unmasked("", "frequency_hz", frequency_hz, np.float64)
+    zeta = _checks.unmasked("", "damping_ratio", damping_ratio, np.float64)
+    return 4.0 * np.pi**2 * body.inertia * f**2, 4.0 * np.pi * body.inertia * f * zeta

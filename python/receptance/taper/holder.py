@@ -1,4 +1,4 @@
-"""The elastic holder in its taper: the same springs in the one forward model."""
+"""Elastic and rigid holders on the springs of the taper, as assemblies."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import Literal, get_args
 
 from receptance import _checks
-from receptance.assembly import Assembly
-from receptance.beams import Part
-from receptance.joints import GroundSpring
-from receptance.taper.body import Body, as_rigid, body_of
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part
+from receptance.model.joints import GroundSpring
+from receptance.taper.rigid import Body, as_rigid, body_of
 
 __all__ = ["BodyModel", "Contact", "Holder"]
 
@@ -18,7 +18,7 @@ BodyModel = Literal["elastic", "rigid"]
 Contact = Literal["spread", "fading", "ends"]
 
 _BONDED = 1e16
-"""N/m, of the whole taper: far above what any section of a holder has."""
+"""Stiffness in N/m of a bonded taper, far above that of any section of a holder."""
 _POINTS = 12
 _FADING = tuple(
     tuple(((i + 0.5) / _POINTS) ** 2 for i in order) for order in (range(_POINTS - 1, -1, -1), range(_POINTS))
@@ -27,19 +27,19 @@ _FADING = tuple(
 
 @dataclass(frozen=True, kw_only=True)
 class Holder:
-    """A holder and the part of it that lies in the spindle's taper.
+    """A holder and the position of its taper.
 
     Parameters
     ----------
     part : Part
-        From the tip to the pull stud.
+        The holder from the tip to the pull stud.
     big_end, small_end : float
-        Where the taper begins and ends, in m from the tip.
+        Ends of the taper, in m from the tip.
 
     Raises
     ------
     ValueError, TypeError
-        Ends that are not on the part, or in the wrong order.
+        Ends outside the part or in the wrong order.
 
     Examples
     --------
@@ -64,41 +64,41 @@ class Holder:
         small = _checks.positive("Holder", "small_end", self.small_end, unit="m")
         if not big < small <= self.part.length * (1.0 + 1e-9):
             raise ValueError(
-                f"Holder: big_end is {big:g} m and small_end {small:g} m, expected two places along the part of "
-                f"{self.part.length:g} m, the big end nearer to the tip"
+                f"Holder: big_end is {big:g} m and small_end {small:g} m, expected 0 <= big_end < small_end <= "
+                f"{self.part.length:g} m, the length of the part"
             )
 
     @cached_property
     def body(self) -> Body:
-        """Mass, centre of gravity and inertia."""
+        """Mass, centre of gravity and moment of inertia."""
         return body_of(self.part)
 
     @property
     def z1(self) -> float:
-        """Place of the big end from the centre of gravity towards the tip, in m: L1 of the paper."""
+        """Distance in m of the big end from the centre of gravity towards the tip: L1 of the paper."""
         return self.body.position(self.big_end)
 
     @property
     def z2(self) -> float:
-        """Place of the small end: -L2 of the paper."""
+        """Distance in m of the small end from the centre of gravity towards the tip: -L2 of the paper."""
         return self.body.position(self.small_end)
 
     def axial(
         self, k_z1: float, c_z1: float = 0.0, *, body: BodyModel = "elastic", contact: Contact = "spread"
     ) -> Assembly:
-        """Return the holder on its axial spring `taper`, in axial motion.
+        """Return the holder on the axial spring `taper`, in axial motion.
 
         Parameters
         ----------
         k_z1, c_z1 : float
             Stiffness in N/m and damping in N s/m of the whole taper.
         body : {"elastic", "rigid"}, optional
-            Rods of the holder's material, or as good as rigid ones: the model of the paper.
+            Elastic rods, or rigid ones as in the paper.
         contact : {"spread", "fading", "ends"}, optional
-            Evenly along the taper; more at its ends, as the paper argues from wear; or at its big end alone, as in the
-            paper's figure 3.
+            Uniform along the taper; concentrated at both ends, as the paper infers from wear; or at the big end only,
+            as in figure 3 of the paper.
         """
-        length = 0.0 if _known("contact", contact, Contact) == "ends" else self.small_end - self.big_end
+        length = 0.0 if _checked("contact", contact, Contact) == "ends" else self.small_end - self.big_end
         weights = [1.0] * _POINTS if contact != "fading" else [a + b for a, b in zip(*_FADING, strict=True)]
         spring = GroundSpring(
             k_y=k_z1,
@@ -121,7 +121,7 @@ class Holder:
         body: BodyModel = "elastic",
         contact: Contact = "spread",
     ) -> Assembly:
-        """Return the holder on its radial springs `big_end` and `small_end`, in bending.
+        """Return the holder on the radial springs `big_end` and `small_end`, in bending.
 
         Parameters
         ----------
@@ -130,15 +130,15 @@ class Holder:
         c_x1, c_x2 : float, optional
             Dampings in N s/m.
         body : {"elastic", "rigid"}, optional
-            Beams of the holder's material, or as good as rigid ones: the model of the paper.
+            Elastic beams, or rigid ones as in the paper.
         contact : {"spread", "fading", "ends"}, optional
-            Each spring evenly over the half of the taper at its end, as in the paper's figure 15; over the whole taper,
-            fading with the square of the distance from the other end; or at the very end.
+            Each spring uniform over its half of the taper, as in figure 15 of the paper; over the whole taper, weighted
+            with the square of the distance from the other end; or at the end only.
         """
         whole = self.small_end - self.big_end
-        part = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[_known("contact", contact, Contact)]
+        part = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[_checked("contact", contact, Contact)]
         places = (self.big_end, self.small_end - part * whole)
-        # The fading springs share their points, so that these are no finer than those of the other two.
+        # Fading springs share their points; the other two divide the points between them.
         count = _POINTS if contact == "fading" else _POINTS // 2
         weights = _FADING if contact == "fading" else [(1.0,) * count] * 2
         stiffness, damping = (k_x1, k_x2), (c_x1, c_x2)
@@ -157,7 +157,7 @@ class Holder:
         return Assembly([self._part(body)], springs)
 
     def bonded(self, motion: Literal["axial", "bending"]) -> Assembly:
-        """Return the limit of stiff springs: the taper as one piece with a rigid spindle."""
+        """Return the limit of stiff springs, in which the taper is bonded to a rigid spindle."""
         if motion == "axial":
             return self.axial(_BONDED)
         return self.radial(_BONDED, _BONDED)
@@ -168,10 +168,10 @@ class Holder:
 
     def _part(self, body: BodyModel) -> Part:
         named = Part(self.part.segments, name=self._name)
-        return as_rigid(named) if _known("body", body, BodyModel) == "rigid" else named
+        return as_rigid(named) if _checked("body", body, BodyModel) == "rigid" else named
 
 
-def _known(name: str, value: str, kinds: object) -> str:
+def _checked(name: str, value: str, kinds: object) -> str:
     if value not in get_args(kinds):
         raise ValueError(f"Holder: {name} is {value!r}, expected one of {', '.join(get_args(kinds))}")
     return value

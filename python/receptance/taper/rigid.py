@@ -1,19 +1,19 @@
-"""The rigid holder on two radial springs and one axial one (Xu et al. 2012, eqs. 1 to 13, corrected)."""
+"""Rigid holders on radial and axial springs (Xu et al. 2012, eqs. 1 to 13, corrected)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance import _checks
-from receptance.taper.body import Body
+from receptance.model.beams import Part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["AxialJoint", "RadialJoint", "RigidModes"]
+__all__ = ["AxialJoint", "Body", "RadialJoint", "RigidModes", "as_rigid", "body_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +23,12 @@ class RigidModes:
     Attributes
     ----------
     frequency_hz : ndarray
-        `(n,)` natural frequencies |lambda| / 2 pi.
+        `(n,)` natural frequencies |lambda| / (2 pi) in Hz.
     damping_ratio : ndarray
         `(n,)` -Re(lambda) / |lambda|.
     shapes : ndarray
-        `(2, n)` displacement of the centre of gravity in m and rotation in rad of each mode, complex where damping
-        couples the modes.
+        `(2, n)` displacement of the centre of gravity in m and rotation in rad of each mode, complex if damping couples
+        the modes.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -36,19 +36,19 @@ class RigidModes:
     shapes: NDArray[np.complex128]
 
     def ratio(self, first: float, second: float) -> NDArray[np.complex128]:
-        """`(n,)` motion at one place over that at another, both as z in m."""
+        """Ratio `(n,)` of the motions at two points, given as z in m."""
         values = self.shapes[0] + np.array([[first], [second]]) * self.shapes[1]
         return np.asarray(values[0] / values[1])
 
 
 @dataclass(frozen=True, kw_only=True)
 class RadialJoint:
-    """A rigid holder held by springs and dashpots at the big and the small end of its taper, moving across.
+    """A rigid holder on radial springs and dashpots at the big and the small end of its taper.
 
-    z is measured from the centre of gravity towards the tip: L1 at the big end and -L2 at the small end in the letters
-    of the paper, and of either sign in general. With v = (1, z), each spring adds K v v^T, so
+    z is measured from the centre of gravity towards the tip: L1 at the big end and -L2 at the small end in the notation
+    of the paper. With v = (1, z), each spring adds K v v^T, so
 
-    K = [[K1 + K2, K1 z1 + K2 z2], [K1 z1 + K2 z2, K1 z1^2 + K2 z2^2]], and C alike.
+    K = [[K1 + K2, K1 z1 + K2 z2], [K1 z1 + K2 z2, K1 z1^2 + K2 z2^2]], and C has the same form.
 
     The paper prints K1 L1 - K2 L2 below the diagonal only and K1 L1^2 - K2 L2^2 on it (eqs. 1, 3, 4): see
     `printed_matrices`.
@@ -58,7 +58,7 @@ class RadialJoint:
     body : Body
         The holder.
     z1, z2 : float
-        Where the springs act, in m.
+        Positions of the springs in m.
     k_x1, k_x2 : float
         Stiffnesses K_X1 and K_X2 in N/m.
     c_x1, c_x2 : float, optional
@@ -67,7 +67,7 @@ class RadialJoint:
     Raises
     ------
     ValueError, TypeError
-        Springs at the same place, or a stiffness that is not positive.
+        Springs at the same position, or a stiffness that is not positive.
 
     Examples
     --------
@@ -96,22 +96,22 @@ class RadialJoint:
             value = _checks.positive("RadialJoint", quantity, getattr(self, quantity), unit="N/m")
             object.__setattr__(self, quantity, value)
         if self.z1 == self.z2:
-            raise ValueError(f"RadialJoint: z1 and z2 are both {self.z1:g} m, expected two places")
+            raise ValueError(f"RadialJoint: z1 and z2 are both {self.z1:g} m, expected two positions")
 
     def matrices(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Mass, damping and stiffness over (X_c, theta): eqs. 2 to 4, corrected."""
+        """Return mass, damping and stiffness over (X_c, theta): eqs. 2 to 4, corrected."""
         mass = np.diag([self.body.mass, self.body.inertia])
-        return mass, self._held(self.c_x1, self.c_x2), self._held(self.k_x1, self.k_x2)
+        return mass, self._spring_matrix(self.c_x1, self.c_x2), self._spring_matrix(self.k_x1, self.k_x2)
 
-    def _held(self, first: float, second: float) -> NDArray[np.float64]:
+    def _spring_matrix(self, first: float, second: float) -> NDArray[np.float64]:
         both = first * self.z1 + second * self.z2
         return np.array([[first + second, both], [both, first * self.z1**2 + second * self.z2**2]])
 
     def printed_matrices(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Mass, damping and stiffness as eqs. 2 to 4 are printed; only to see what that does.
+        """Return mass, damping and stiffness as eqs. 2 to 4 are printed, for comparison.
 
-        They are not symmetric, so a force here and a motion there are not those of the reverse, and the lower right
-        entry can be zero or negative: a spring that pushes the way it is pulled. Nothing here computes with them.
+        The matrices violate reciprocity because they are not symmetric, and the lower right entry can be zero or
+        negative. The library does not use them.
         """
         first, second = self.z1, -self.z2
         found = []
@@ -121,13 +121,13 @@ class RadialJoint:
         return self.matrices()[0], found[0], found[1]
 
     def state_matrix(self) -> NDArray[np.float64]:
-        """`(4, 4)` A of u' = A u with u = (X_c, theta, X_c', theta'): eq. 11 with the matrices corrected."""
+        """Return A `(4, 4)` of u' = A u with u = (X_c, theta, X_c', theta'): eq. 11 with the corrected matrices."""
         mass, damping, stiffness = self.matrices()
         inverse = np.linalg.inv(mass)
         return np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ stiffness, -inverse @ damping]])
 
     def modes(self) -> RigidModes:
-        """Both modes with their damping, from the state matrix.
+        """Return both damped modes, from the state matrix.
 
         Raises
         ------
@@ -137,17 +137,17 @@ class RadialJoint:
         values, vectors = np.linalg.eig(self.state_matrix())
         upper = np.flatnonzero(values.imag > 0.0)
         if upper.size != 2:
-            raise ValueError(f"{self!r}: a mode is damped so much that it does not oscillate")
+            raise ValueError(f"{self!r}: a mode is overdamped, expected two oscillating modes")
         order = upper[np.argsort(np.abs(values[upper]))]
         poles = values[order]
         return RigidModes(np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles), vectors[:2, order])
 
     def undamped_modes(self) -> RigidModes:
-        """Both modes without damping; shapes are real and of unit modal mass."""
+        """Return both undamped modes; shapes are real and mass-normalised."""
         mass, _, stiffness = self.matrices()
         root = np.sqrt(np.diag(mass))
         squares, vectors = np.linalg.eigh(stiffness / np.outer(root, root))
-        # The smaller square is a difference of large numbers; the determinant is a product.
+        # The smaller square would be a difference of large numbers; the determinant is a product.
         determinant = self.k_x1 * self.k_x2 * (self.z1 - self.z2) ** 2 / (self.body.mass * self.body.inertia)
         squares[0] = determinant / squares[1]
         shapes = (vectors / root[:, None]).astype(np.complex128)
@@ -161,7 +161,7 @@ class AxialJoint:
     Parameters
     ----------
     body : Body
-        The holder; only its mass counts.
+        The holder, of which only the mass matters.
     k_z1 : float
         Stiffness K_Z1 in N/m.
     c_z1 : float, optional
@@ -183,7 +183,104 @@ class AxialJoint:
         object.__setattr__(self, "c_z1", _checks.number("AxialJoint", "c_z1", self.c_z1, unit="N s/m"))
 
     def modes(self) -> RigidModes:
-        """Return its one mode."""
+        """Return the mode."""
         w = np.sqrt(self.k_z1 / self.body.mass)
         ratio = self.c_z1 / (2.0 * np.sqrt(self.k_z1 * self.body.mass))
         return RigidModes(np.array([w / (2.0 * np.pi)]), np.array([ratio]), np.ones((1, 1), dtype=np.complex128))
+
+
+_RIGID = 1e9
+"""Factor of Young's modulus for rigid parts; assemblies then agree with a rigid body to nine digits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A rigid body of revolution.
+
+    Parameters
+    ----------
+    mass : float
+        Mass in kg.
+    inertia : float
+        Moment of inertia in kg m2 about a transverse axis through the centre of gravity.
+    centre : float, optional
+        Distance of the centre of gravity in m from the tip-side end of the part.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A mass or an inertia that is not positive.
+
+    Examples
+    --------
+    >>> from receptance.taper import Body
+    >>> Body(mass=4.5, inertia=0.01, centre=0.5).position(0.25)
+    0.25
+    """
+
+    mass: float
+    inertia: float
+    centre: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", _checks.positive("Body", "mass", self.mass, unit="kg"))
+        object.__setattr__(self, "inertia", _checks.positive("Body", "inertia", self.inertia, unit="kg m2"))
+        object.__setattr__(self, "centre", _checks.number("Body", "centre", self.centre, unit="m"))
+
+    def position(self, x: float) -> float:
+        """Distance z in m from the centre of gravity towards the tip of a point x m from the tip-side end."""
+        return self.centre - x
+
+
+def as_rigid(part: Part) -> Part:
+    """Return a part of the same mass that is rigid to nine digits.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Part, Segment
+    >>> from receptance.taper import as_rigid
+    >>> rod = as_rigid(Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="rod"))
+    >>> rod.segments[0].material.youngs_modulus / STEEL.youngs_modulus
+    1000000000.0
+    """
+    stiff = [
+        replace(
+            one,
+            material=replace(one.material, youngs_modulus=_RIGID * one.material.youngs_modulus),
+            core=one.core and replace(one.core, youngs_modulus=_RIGID * one.core.youngs_modulus),
+        )
+        for one in part.segments
+    ]
+    return Part(stiff, name=part.name)
+
+
+def body_of(part: Part) -> Body:
+    """Return mass, centre of gravity and moment of inertia of a rigid part.
+
+    A segment of mass m, length L and radius of gyration r of its section adds m (L^2 / 12 + r^2 + e^2), where e is its
+    distance from the centre of gravity. Cores are included.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Part, Segment
+    >>> from receptance.taper import body_of
+    >>> rod = Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)])
+    >>> body_of(rod).centre
+    0.1
+    """
+    masses, middles, own = [], [], []
+    start = 0.0
+    for segment in part.segments:
+        core = segment.core.density if segment.core else 0.0
+        outer, inner = segment.outer_diameter**2, segment.inner_diameter**2
+        ring = segment.material.density
+        # The square of the radius of gyration: second moments d^4 / 64 over areas d^2 / 4.
+        gyration = (ring * (outer**2 - inner**2) + core * inner**2) / (ring * (outer - inner) + core * inner) / 16.0
+        masses.append(segment.mass)
+        middles.append(start + 0.5 * segment.length)
+        own.append(segment.length**2 / 12.0 + gyration)
+        start += segment.length
+    mass = sum(masses)
+    centre = sum(m * x for m, x in zip(masses, middles, strict=True)) / mass
+    inertia = sum(m * (r + (x - centre) ** 2) for m, x, r in zip(masses, middles, own, strict=True))
+    return Body(mass=mass, inertia=inertia, centre=centre)

@@ -1,4 +1,4 @@
-"""Parameters over drawbar force: trends with their evidence, and laws that are chosen, not assumed."""
+"""Parameters over drawbar force: trends with significance, and laws selected by an information criterion."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ Direction = Literal["rises", "falls", "not determined"]
 LawName = Literal["constant", "linear", "power"]
 
 _EXPONENTS = (0.05, 8.0)
-"""Exponents that are looked at; a law steeper than that is a step."""
+"""Range of the exponents; steeper laws are steps."""
 _GRID = 400
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLaw:
-    """One law of a parameter over force: constant K0, linear K0 + a F, or power K0 + a F^n.
+    """A law of a parameter over force: constant K0, linear K0 + a F, or power K0 + a F^n.
 
     Attributes
     ----------
     name : {"constant", "linear", "power"}
-        Which one.
+        Name of the law.
     start : float
-        K0, the value at no force.
+        K0, the value without force.
     change : float
-        What is added at the highest force.
+        Difference between the values at the highest force and without force.
     exponent : float
         n: 0 for the constant, 1 for the linear law.
     reference : float
         The highest force, in the unit of the forces.
     chi_squared : float
-        Weighted sum of squares of what is left.
+        Weighted sum of squared residuals.
     criterion : float
-        Akaike's, corrected for few values; the smaller the better.
+        Corrected Akaike information criterion; the smallest is best.
     """
 
     name: LawName
@@ -59,7 +59,7 @@ class ForceLaw:
     criterion: float
 
     def at(self, force: ArrayLike) -> NDArray[np.float64]:
-        """Value of the law at some forces."""
+        """Return the values of the law at some forces."""
         x = _checks.unmasked("", "force", force, np.float64) / self.reference
         if self.name == "constant":
             return np.full(x.shape, self.start)
@@ -68,17 +68,28 @@ class ForceLaw:
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """Whether something rises or falls, with the interval that says so."""
+    """Direction of a change, with its interval and significance.
+
+    Attributes
+    ----------
+    direction : {"rises", "falls", "not determined"}
+        Direction, if the interval excludes zero.
+    change : float
+        Change of the value, or of the slope, over the whole range of force.
+    interval : (float, float)
+        Confidence interval of the change.
+    p_value : float
+        Probability of a change of at least this size by chance.
+    """
 
     direction: Direction
     change: float
-    """Over the whole range of force; of the slope, where the trend is that of the slope."""
     interval: tuple[float, float]
     p_value: float
 
     @property
     def rarity(self) -> str:
-        """How often chance alone would do that, in words."""
+        """The p-value as text."""
         return "p < 0.001" if self.p_value < 1e-3 else f"p = {self.p_value:.2g}"
 
     def __str__(self) -> str:
@@ -93,11 +104,11 @@ class ForceSeries(Result):
     Parameters
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     force : array_like
-        `(n,)` ascending forces, zero allowed.
+        `(n,)` ascending forces from zero, at least six.
     values, standard_errors : array_like
-        `(n,)` the parameter and its standard error at each force.
+        `(n,)` values of the parameter and their standard errors.
     notes : tuple of str, optional
         Notes for the user.
     provenance : Provenance, optional
@@ -106,7 +117,7 @@ class ForceSeries(Result):
     Raises
     ------
     ValueError, TypeError
-        Fewer than six values, lengths that differ, forces that do not ascend, errors that are not positive.
+        Fewer than six values, different lengths, forces that do not ascend, errors that are not positive.
 
     Examples
     --------
@@ -140,32 +151,32 @@ class ForceSeries(Result):
             found.setflags(write=False)
             object.__setattr__(self, quantity, found)
         if not self.force.size == self.values.size == self.standard_errors.size:
-            raise ValueError(f"{owner}: force, values and standard_errors are of different lengths")
+            raise ValueError(f"{owner}: force, values and standard_errors have different lengths")
         if np.any(np.diff(self.force) <= 0.0) or self.force[0] < 0.0:
-            raise ValueError(f"{owner}: force does not ascend from zero or more")
+            raise ValueError(f"{owner}: force is not ascending from zero or more; sort the values by force")
         if np.any(self.standard_errors <= 0.0):
-            raise ValueError(f"{owner}: a standard error is not above zero")
+            raise ValueError(f"{owner}: standard_errors must be more than zero")
 
     @property
     def scatter(self) -> float:
-        """Scatter about the best law over what the standard errors explain; above 1 it widens intervals."""
+        """Ratio of the scatter about the best law to the standard errors; above 1 it widens the intervals."""
         law = self.law
         parameters = {"constant": 1, "linear": 2, "power": 3}[law.name]
         return float(np.sqrt(law.chi_squared / (self.force.size - parameters)))
 
     @cached_property
     def laws(self) -> tuple[ForceLaw, ...]:
-        """Return the constant, the linear and the power law."""
+        """The constant, the linear and the power law."""
         return fit_laws(self.force, self.values, self.standard_errors)
 
     @property
     def law(self) -> ForceLaw:
-        """Return the law with the least criterion."""
+        """The law with the smallest criterion."""
         return min(self.laws, key=lambda law: law.criterion)
 
     @property
     def exponent_interval(self) -> tuple[float, float]:
-        """95 % profile interval of n in K0 + a F^n; its ends stop at 0.05 and 8, where it is open."""
+        """95 % profile likelihood interval of n in K0 + a F^n, limited to 0.05 to 8."""
         from scipy.optimize import brentq
         from scipy.stats import chi2
 
@@ -177,7 +188,7 @@ class ForceSeries(Result):
 
         ends = []
         for end in _EXPONENTS:
-            # From the best outwards, so that the first crossing is found and no bump behind it.
+            # The search goes outwards from the best exponent, to find the nearest crossing.
             steps = np.geomspace(best.exponent, end, _GRID) if best.exponent != end else np.array([end])
             outside = np.flatnonzero(above(steps) > 0.0)
             first = int(outside[0]) if outside.size else 0
@@ -186,11 +197,11 @@ class ForceSeries(Result):
         return ends[0], ends[1]
 
     def trend(self, level: float = 0.95) -> Trend:
-        """Whether the parameter rises or falls: the slope of a weighted straight line, over the whole range."""
+        """Return the trend of the parameter: the slope of a weighted straight line times the range of force."""
         return self._trend(1, level)
 
     def slope_trend(self, level: float = 0.95) -> Trend:
-        """Whether the slope rises or falls with force: the curvature of a weighted parabola, over the whole range."""
+        """Return the trend of the slope: the curvature of a weighted parabola times the range of force."""
         return self._trend(2, level)
 
     def _trend(self, degree: int, level: float) -> Trend:
@@ -203,9 +214,9 @@ class ForceSeries(Result):
         found = inverse @ design.T @ (self.values / self.standard_errors)
         left = self.values / self.standard_errors - design @ found
         freedom = x.size - degree - 1
-        # A line through what is curved leaves more than noise; that widens the interval, as it should.
+        # Deviations from the line beyond the noise widen the interval.
         scale = max(float(left @ left) / freedom, 1.0)
-        # The slope of a parabola goes from b to b + 2 c.
+        # The slope of the parabola changes from b to b + 2 c.
         factor = float(degree)
         change, error = factor * float(found[-1]), factor * float(np.sqrt(scale * inverse[-1, -1]))
         half = float(student.ppf(0.5 + 0.5 * level, freedom)) * error
@@ -240,11 +251,11 @@ class ForceSeries(Result):
             self.exponent_interval,
             self.scatter,
         )
-        note = "scatter: about the law, over that which the standard errors explain"
+        note = "scatter: ratio of the scatter about the law to the standard errors"
         return [Table("Trends with force", columns, [row], note)]
 
     def sentences(self) -> list[str]:
-        """Return trend and law in words."""
+        """Return a sentence on trend and law."""
         return [f"{self.sentence()}."]
 
     def data(self) -> dict[str, Any]:
@@ -269,13 +280,13 @@ class ForceSeries(Result):
         return draw_force_series(self, ax)
 
     def sentence(self) -> str:
-        """What the series says, in words."""
+        """Return a sentence on trends, best law and exponent."""
         low, high = self.exponent_interval
-        side = "not told apart from a straight line (n = 1)"
+        side = "consistent with a straight line (n = 1)"
         if low > 1.0:
-            side = "above 1: it changes faster and faster with force"
+            side = "above 1: the slope increases with force"
         elif high < 1.0:
-            side = "below 1: it changes less and less with force"
+            side = "below 1: the slope decreases with force"
         ends = f"n between {low:.2f} and {high:.2f}"
         if low == _EXPONENTS[0] or high == _EXPONENTS[1]:
             ends += " (open)"
@@ -294,12 +305,12 @@ class ForceSeries(Result):
 def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) -> tuple[ForceLaw, ForceLaw, ForceLaw]:
     """Fit constant, linear and power law by weighted least squares.
 
-    For a given exponent the power law is linear, so its exponent is looked for on a grid and then between its
-    neighbours, and no start can mislead it. Laws are compared by Akaike's criterion, corrected for few values
-    (Hurvich and Tsai 1989), with the scatter about the power law where that is more than the standard errors explain.
+    For a given exponent the power law is linear, so the exponent is searched on a grid and refined between its
+    neighbours, which needs no start value. Laws are compared by the corrected Akaike criterion (Hurvich and Tsai 1989);
+    if the scatter about the power law exceeds the standard errors, these are scaled to it.
     """
-    given = {"force": force, "values": values, "standard_errors": standard_errors}
-    x, y, e = (_checks.unmasked("", name, one, np.float64) for name, one in given.items())
+    arrays = {"force": force, "values": values, "standard_errors": standard_errors}
+    x, y, e = (_checks.unmasked("", name, one, np.float64) for name, one in arrays.items())
     from scipy.optimize import minimize_scalar
 
     mean = float(np.sum(y / e**2) / np.sum(1.0 / e**2))
@@ -340,13 +351,13 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
 def _linear(
     force: NDArray[np.float64], values: NDArray[np.float64], errors: NDArray[np.float64], exponents: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """K0, a at the highest force, and the weighted sum of squares, for some exponents."""
+    """Return K0, the change at the highest force, and the weighted sum of squares for some exponents."""
     shape = (force / force[-1]) ** np.asarray(exponents, dtype=np.float64)[..., None]
     weights = 1.0 / errors**2
     total = weights.sum()
     mean_shape = (shape @ weights) / total
     mean = float(values @ weights) / total
-    # About the weighted means, so that no small difference of large sums is left.
+    # Centred on the weighted means to avoid differences of large sums.
     centred, rest = shape - mean_shape[..., None], values - mean
     change = (centred * rest) @ weights / (centred**2 @ weights)
     left = rest - change[..., None] * centred

@@ -103,10 +103,30 @@ pub enum Error {
         /// Frequency in Hz.
         frequency_hz: f64,
     },
+    /// A joint in micro-slip of which the whole interface slides, or without a level.
+    #[error("joint {row} {}", gross_slip(direction, *frequency_hz, *force, *most))]
+    GrossSlip {
+        /// Row of the joint.
+        row: usize,
+        /// "y" or "theta".
+        direction: &'static str,
+        /// Frequency in Hz.
+        frequency_hz: f64,
+        /// Amplitude of the force in N.
+        force: f64,
+        /// The most of the stiffness that may be lost, if more would be.
+        most: Option<f64>,
+    },
     /// Natural frequencies that cannot be separated or counted.
     #[error("natural frequencies: {0}")]
     NaturalFrequency(String),
-    /// The caller wants the call to end.
+    /// A mode that cannot be followed from an undamped one.
+    #[error("complex natural frequencies: {0}")]
+    ComplexFrequency(String),
+    /// A point at which residuals that the caller computes do not exist.
+    #[error("the given function has no value there")]
+    NoValue,
+    /// The caller ended the call.
     #[error("interrupted")]
     Interrupted,
     /// The threads of a pool could not be started.
@@ -114,9 +134,19 @@ pub enum Error {
     Threads {
         /// Threads asked for.
         threads: usize,
-        /// What the system said.
+        /// Message of the system.
         reason: String,
     },
+}
+
+fn gross_slip(direction: &str, frequency_hz: f64, force: f64, most: Option<f64>) -> String {
+    let under = format!("at {frequency_hz} Hz under {force} N");
+    match most {
+        Some(most) => format!(
+            "slides as a whole in {direction} {under}: more than {most:.3} of the stiffness would be lost"
+        ),
+        None => format!("has no level {under} that the force and its motion agree on"),
+    }
 }
 
 /// Result of the core.
@@ -145,7 +175,7 @@ pub(crate) fn one_a_line(measured: usize, weights: usize, lines: usize) -> Resul
 /// A result that is nothing where a model has no value.
 ///
 /// # Errors
-/// An error of the machine instead of the model: no threads, or a caller that wants the call to end.
+/// An error of the machine instead of the model: no threads, or a call that its caller ended.
 pub(crate) fn if_any<T>(result: Result<T>) -> Result<Option<T>> {
     match result {
         Ok(value) => Ok(Some(value)),

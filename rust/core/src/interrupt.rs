@@ -1,4 +1,4 @@
-//! Calls that can be interrupted: their caller is asked from time to time, and no new task begins once it says so.
+//! Calls that can be interrupted: their caller is polled, and no new task begins after it ends the call.
 
 use crate::error::{Error, Result};
 use core::cell::RefCell;
@@ -6,13 +6,13 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Time between two questions to the caller.
+/// Time between two polls of the caller.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// What a thread knows of the call that it works for.
+/// State of a call in one of its threads.
 struct Call {
     interrupted: Arc<AtomicBool>,
-    /// Whether the caller wants the call to end; only the caller's own thread asks.
+    /// Whether the caller has ended the call; only the caller's own thread polls.
     poll: Option<fn() -> bool>,
     next: Instant,
 }

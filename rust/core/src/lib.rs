@@ -10,7 +10,7 @@
 //!   |
 //! line       Job: one plan per root; tasks of LINES_PER_TASK lines over threads; Block: the elements on some lanes
 //!   |        sweep up: 2 x 2 plane of every subtree; sweep down: states under each load -> H; derivatives -> dH
-//! modes      counts of pivots -> natural frequencies; logarithm of the determinant -> complex ones
+//! modes      counts of pivots -> natural frequencies -> complex ones with the damping; all zeros of a determinant
 //! joint      all but one joint evaluated once -> H of many joints, and their sweeps
 //! observe    Tied: variables -> tables; record, factors and weights beside H, dH -> residuals, J^T J, J^T r
 //! fit        Problem: observations and priors -> normal matrix -> trust-region steps within bounds -> End
@@ -37,18 +37,22 @@ pub use fit::problem::{Observation, OfJoint, Prior, Problem, Residuals, Settings
 pub use interrupt::interruptible;
 pub use joint::reduction::{Form, JointReduction, reduce_joint};
 pub use joint::sweep::{JointSweep, Misfit};
-pub use line::response::{instruction_set, receptance};
+pub use line::amplitude::receptance;
+pub use line::response::instruction_set;
 pub use model::assembly::{
-    GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, SPRING_COLUMNS, Spring, Table, Tables,
+    GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, SPRING_COLUMNS, Spring, TABLES, Table, Tables,
 };
 pub use model::frequencies::{Frequencies, OwnedFrequencies};
 pub use model::request::{Coordinate, Parameter, Request, Response};
 pub use model::section::Motion;
+pub use model::slip::SLIP_COLUMNS;
 pub use model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, modal_sum};
 pub use model::{overlap, section};
-pub use modes::determinant::log_determinant;
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};
+pub use modes::poles::{ComplexFrequencies, complex_frequencies};
+pub use modes::sector::{Poles, Sector, poles};
 pub use observe::lines::Rows;
-pub use observe::observed::{Measure, Modelled, Record, Seen};
+pub use observe::observed::{Damping, Measure, Modelled, Record, Seen};
 pub use observe::sweep::ModelSweep;
 pub use observe::ties::{Factor, Rate, Tied};
+pub use observe::truncation::Truncation;

@@ -178,7 +178,7 @@ impl Helpers {
                     core::hint::spin_loop();
                     continue;
                 }
-                // Helpers may be at work for long, and only this thread sees that the caller wants the call to end.
+                // Helpers may be at work for long, and only this thread checks whether the caller ends the call.
                 if interrupt::check().is_err() {
                     break;
                 }

@@ -1,6 +1,5 @@
 //! Views of NumPy arrays, checked for shape and layout.
 
-use num_complex::Complex64;
 use numpy::ndarray::ShapeError;
 use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -36,7 +35,7 @@ pub fn contiguous<T, E>(name: &str, slice: Result<T, E>) -> PyResult<T> {
 }
 
 /// The values of an array, none where there is none.
-pub fn numbers(name: &str, array: Option<&PyReadonlyArray1<'_, Complex64>>) -> PyResult<Vec<Complex64>> {
+pub fn optional<T: Element + Copy>(name: &str, array: Option<&PyReadonlyArray1<'_, T>>) -> PyResult<Vec<T>> {
     array.map_or(Ok(Vec::new()), |array| Ok(contiguous(name, array.as_slice())?.to_vec()))
 }
 
@@ -80,7 +79,7 @@ pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>>
 
 /// A row of (table, row, column).
 pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
-    const TABLES: [Table; 7] = [
+    const TABLES: [Table; 8] = [
         Table::Segments,
         Table::Joints,
         Table::Masses,
@@ -88,12 +87,13 @@ pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
         Table::Overlaps,
         Table::Terminals,
         Table::Modes,
+        Table::Slips,
     ];
     let name = "parameters";
     let table = TABLES
         .get(index(name, row[0])?)
         .copied()
-        .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 6", row[0])))?;
+        .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 7", row[0])))?;
     Ok(Parameter { table, row: index(name, row[1])?, column: index(name, row[2])? })
 }
 

@@ -24,6 +24,13 @@ create_exception!(
     "A receptance that is not finite: an undamped resonance met exactly."
 );
 
+create_exception!(
+    receptance._core,
+    GrossSlipError,
+    ReceptanceError,
+    "A joint of which the whole interface slides under the given force: nothing describes what follows."
+);
+
 thread_local! {
     /// What a handler of a signal has raised during a call.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
@@ -58,9 +65,12 @@ impl From<CoreError> for PyErr {
         match error {
             Error::SingularInterface { .. } => SingularInterfaceError::new_err(text),
             Error::Resonance { .. } => ResonanceError::new_err(text),
+            Error::GrossSlip { .. } => GrossSlipError::new_err(text),
+            Error::ComplexFrequency(_) => ReceptanceError::new_err(text),
             Error::Interrupted => PyKeyboardInterrupt::new_err(text),
             Error::Threads { .. } => PyRuntimeError::new_err(text),
-            Error::Quantity { .. }
+            Error::NoValue
+            | Error::Quantity { .. }
             | Error::Frequency { .. }
             | Error::Waves { .. }
             | Error::Layer { .. }

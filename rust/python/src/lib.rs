@@ -16,11 +16,11 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::errors::{ReceptanceError, ResonanceError, SingularInterfaceError};
+    use super::errors::{GrossSlipError, ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
     use super::model::{ByLine, Lines, Model, instruction_set, modal_receptance};
     #[pymodule_export]
-    use super::problem::{Ends, Problem};
+    use super::problem::{Ends, Problem, Records};
     #[pymodule_export]
     use super::sweeps::{JointReduction, ModelSweep, TiedModel};
 }

@@ -1,6 +1,6 @@
 //! Frequency lines, and models: receptances, natural frequencies, reductions to one joint.
 
-use crate::arrays::{contiguous, coordinates, index, numbers, parameter, parameters, shaped, table};
+use crate::arrays::{contiguous, coordinates, index, optional, parameter, parameters, shaped, table};
 use crate::errors::{CoreError, detached};
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
@@ -12,8 +12,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
     Factor, Form, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, MODE_COLUMNS, Mode, Motion,
-    OwnedFrequencies, Rate, Request, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Table, Tables, Tied, overlap,
-    section,
+    OwnedFrequencies, Rate, Request, SLIP_COLUMNS, Sector, TABLES, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Table,
+    Tables, Tied, overlap, section,
 };
 
 /// Name of the instruction set that the kernels use on this machine.
@@ -96,6 +96,11 @@ impl Lines {
         })
     }
 
+    /// All lines in rad/s.
+    pub fn angular(&self, py: Python<'_>) -> PyResult<Vec<Complex64>> {
+        Ok(self.frequencies(&self.read(py)?)?.iter().collect())
+    }
+
     /// A copy of the lines.
     pub fn copied(&self, py: Python<'_>) -> PyResult<OwnedFrequencies> {
         Ok(self.frequencies(&self.read(py)?)?.every(1))
@@ -104,37 +109,41 @@ impl Lines {
 
 /// Properties of a model that differ from line to line.
 ///
-/// `added`, flat of (n_freq, n_joints, 2), is complex stiffness in y and theta besides that of the joints' columns.
 /// `beyond`, flat of (n_freq, n_terminals, 3), is receptance of the terminals besides that of their modes and constants:
-/// y over force, theta over moment and y over moment.
+/// y over force, theta over moment and y over moment. `force` (n_freq,) is the amplitude in N of the force, which sets
+/// the levels of joints in micro-slip; without it they are at their stated levels.
 #[pyclass(frozen, module = "receptance._core")]
 #[derive(Clone, Default)]
 pub struct ByLine {
-    added: Vec<Complex64>,
     beyond: Vec<Complex64>,
-}
-
-impl ByLine {
-    /// Tables of terminals, for calls that take nothing else.
-    pub fn beyond(by_line: Option<&Self>) -> PyResult<Vec<Complex64>> {
-        match by_line {
-            Some(by_line) if !by_line.added.is_empty() => Err(PyValueError::new_err(
-                "by_line: added stiffness is not possible here, only tables of terminals",
-            )),
-            _ => Ok(by_line.map(|by_line| by_line.beyond.clone()).unwrap_or_default()),
-        }
-    }
+    force: Vec<f64>,
 }
 
 #[pymethods]
 impl ByLine {
     #[new]
-    #[pyo3(signature = (added=None, beyond=None))]
+    #[pyo3(signature = (beyond=None, force=None))]
     fn new(
-        added: Option<PyReadonlyArray1<'_, Complex64>>,
         beyond: Option<PyReadonlyArray1<'_, Complex64>>,
+        force: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Self> {
-        Ok(Self { added: numbers("added", added.as_ref())?, beyond: numbers("beyond", beyond.as_ref())? })
+        Ok(Self { beyond: optional("beyond", beyond.as_ref())?, force: optional("force", force.as_ref())? })
+    }
+}
+
+impl ByLine {
+    /// Tables of terminals and forces.
+    pub fn given(by_line: Option<&Self>) -> (Vec<Complex64>, Vec<f64>) {
+        by_line.map(|by_line| (by_line.beyond.clone(), by_line.force.clone())).unwrap_or_default()
+    }
+
+    /// Tables of terminals, for calls that take no forces.
+    pub fn beyond(by_line: Option<&Self>) -> PyResult<Vec<Complex64>> {
+        let (beyond, force) = Self::given(by_line);
+        if force.is_empty() {
+            return Ok(beyond);
+        }
+        Err(PyValueError::new_err("by_line: forces are not possible here, only tables of terminals"))
     }
 }
 
@@ -142,7 +151,7 @@ impl ByLine {
 #[pyclass(frozen, module = "receptance._core")]
 pub struct Model {
     model: receptance_core::Model,
-    tables: [Vec<f64>; 7],
+    tables: [Vec<f64>; TABLES],
 }
 
 #[pymethods]
@@ -196,6 +205,19 @@ impl Model {
         Self::of(self.model.motion, tables)
     }
 
+    /// The same model with joints in micro-slip.
+    ///
+    /// Parameters
+    /// ----------
+    /// slips : (n, 7)
+    ///     Row of the joint, shares of k_y and k_theta that are lost at the level 1, exponent, stated level, and the
+    ///     amplitudes of the level 1 in m and rad.
+    fn with_slips(&self, slips: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+        let mut tables = self.tables.clone();
+        tables[Table::Slips as usize] = table("slips", &slips, SLIP_COLUMNS)?.to_vec();
+        Self::of(self.model.motion, tables)
+    }
+
     /// Receptance (n_freq, n_responses, n_excitations) and its derivatives by parameters (..., n_parameters).
     #[pyo3(signature = (lines, excitations, responses, parameters, threads, by_line=None))]
     #[allow(clippy::too_many_arguments, clippy::type_complexity)]
@@ -211,14 +233,14 @@ impl Model {
     ) -> PyResult<(Bound<'py, PyArray3<Complex64>>, Bound<'py, PyArray4<Complex64>>)> {
         let read = lines.read(py)?;
         let lines = lines.frequencies(&read)?;
-        let ByLine { added, beyond } = by_line.cloned().unwrap_or_default();
+        let (beyond, force) = ByLine::given(by_line);
         let request = Request {
             excitations: coordinates("excitations", &excitations)?,
             responses: coordinates("responses", &responses)?,
             parameters: self::parameters(&parameters)?,
-            joint: None,
-            added,
             beyond,
+            force,
+            ..Request::default()
         };
         let result = detached(py, || receptance_core::receptance(&self.model, &lines, &request, threads))?
             .map_err(CoreError::from)?;
@@ -248,21 +270,41 @@ impl Model {
         Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
     }
 
-    /// Logarithm of the determinant whose zeros are the complex natural angular frequencies, up to a constant and
-    /// multiples of 2 pi i; NaN where it is zero.
-    #[pyo3(signature = (lines, by_line=None))]
-    fn log_determinant<'py>(
+    /// The complex natural angular frequencies that undamped ones in rad/s become under the damping, and their derivatives
+    /// by parameters (n_modes, n_parameters).
+    #[allow(clippy::type_complexity)]
+    fn complex_frequencies<'py>(
         &self,
         py: Python<'py>,
-        lines: &Lines,
-        by_line: Option<&ByLine>,
-    ) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
-        let read = lines.read(py)?;
-        let lines = lines.frequencies(&read)?;
-        let added = by_line.map_or(&[][..], |by_line| &by_line.added);
-        let found = detached(py, || receptance_core::log_determinant(&self.model, &lines, added))?
-            .map_err(CoreError::from)?;
-        Ok(Array1::from_vec(found).into_pyarray(py))
+        undamped: PyReadonlyArray1<'py, f64>,
+        parameters: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<Complex64>>, Bound<'py, PyArray2<Complex64>>)> {
+        let parameters = self::parameters(&parameters)?;
+        let undamped = contiguous("undamped", undamped.as_slice())?;
+        let found =
+            detached(py, || receptance_core::complex_frequencies(&self.model, undamped, &parameters))?
+                .map_err(CoreError::from)?;
+        let shape = (found.angular.len(), parameters.len());
+        let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
+        Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
+    }
+
+    /// The complex natural angular frequencies between two radii in rad/s and two angles from the real axis, ascending by
+    /// their modulus, and how many were counted and not found. `starts` lie near some of them.
+    #[allow(clippy::type_complexity)]
+    fn poles<'py>(
+        &self,
+        py: Python<'py>,
+        starts: PyReadonlyArray1<'py, Complex64>,
+        radii: (f64, f64),
+        angles: (f64, f64),
+    ) -> PyResult<(Bound<'py, PyArray1<Complex64>>, usize)> {
+        let starts = contiguous("starts", starts.as_slice())?;
+        let ((inner, outer), (below, above)) = (radii, angles);
+        let sector = Sector { inner, outer, below, above };
+        let found =
+            detached(py, || receptance_core::poles(&self.model, sector, starts))?.map_err(CoreError::from)?;
+        Ok((Array1::from_vec(found.angular).into_pyarray(py), found.missed))
     }
 
     /// The model on some lines as a function of one joint alone, between two coordinates (response, excitation).
@@ -309,34 +351,33 @@ impl Model {
     ///     Table, row, column, number of the address, and the rate at which the entry grows with the address.
     /// present : (m,)
     ///     The value of each address that is in the tables now.
-    /// addresses : (m, 2 + 2 p)
-    ///     For each address its unknown i (or -1), a, E and S: v = a u_i exp(E u) + S u, or v = a exp(E u) + S u.
+    /// addresses : (m, 4 + 2 p)
+    ///     For each address its unknown i, a, a second unknown j, b, E and S: v = (a u_i + b u_j) exp(E u) + S u. An
+    ///     unknown of -1 is none; without the first one a is a number.
     /// factors : (n, 2), optional
     ///     Factors of the measurement: kind (0 logarithm of a gain, 1 delay, 2 to 4 decay rate of a record integrated
-    ///     twice, once, not at all) and address.
-    /// powers : (n, 4), optional
-    ///     Table, row, column of entries through which frequency acts, and its power.
-    #[pyo3(signature = (rates, present, addresses, factors=None, powers=None))]
+    ///     twice, once, not at all, 5 end of a truncated record) and address.
+    #[pyo3(signature = (rates, present, addresses, factors=None))]
     fn tied(
         &self,
         rates: PyReadonlyArray2<'_, f64>,
         present: PyReadonlyArray1<'_, f64>,
         addresses: PyReadonlyArray2<'_, f64>,
         factors: Option<PyReadonlyArray2<'_, f64>>,
-        powers: Option<PyReadonlyArray2<'_, f64>>,
     ) -> PyResult<TiedModel> {
-        const KINDS: [Factor; 5] = [
+        const KINDS: [Factor; 6] = [
             Factor::LogGain,
             Factor::Delay,
             Factor::DecayRate(2),
             Factor::DecayRate(1),
             Factor::DecayRate(0),
+            Factor::End,
         ];
         let width = addresses.as_array().ncols();
-        if width < 2 || width % 2 == 1 {
-            return Err(PyValueError::new_err(format!("addresses: {width} columns, expected 2 + 2 p")));
+        if width < 4 || width % 2 == 1 {
+            return Err(PyValueError::new_err(format!("addresses: {width} columns, expected 4 + 2 p")));
         }
-        let count = width / 2 - 1;
+        let count = width / 2 - 2;
         let mut found = Vec::new();
         for row in table("rates", &rates, 5)?.chunks_exact(5) {
             let address = index("rates", row[3])?;
@@ -347,26 +388,20 @@ impl Model {
             for row in table("factors", factors, 2)?.chunks_exact(2) {
                 let kind = KINDS
                     .get(index("factors", row[0])?)
-                    .ok_or_else(|| PyValueError::new_err("factors: the kind is none of 0 to 4"))?;
+                    .ok_or_else(|| PyValueError::new_err("factors: the kind is none of 0 to 5"))?;
                 between.push((*kind, index("factors", row[1])?));
-            }
-        }
-        let mut through = Vec::new();
-        if let Some(powers) = &powers {
-            for row in table("powers", powers, 4)?.chunks_exact(4) {
-                through.push((parameter(&row[..3])?, row[3]));
             }
         }
         let present = contiguous("present", present.as_slice())?;
         let addresses = table("addresses", &addresses, width)?.to_vec();
         let tied = Tied::new(self.model.motion, Tables::of(&self.tables), &found, present, addresses, count)
-            .and_then(|tied| tied.with_factors(between, through));
+            .and_then(|tied| tied.with_factors(between));
         Ok(TiedModel::new(tied.map_err(CoreError::from)?))
     }
 }
 
 impl Model {
-    fn of(motion: Motion, tables: [Vec<f64>; 7]) -> PyResult<Self> {
+    fn of(motion: Motion, tables: [Vec<f64>; TABLES]) -> PyResult<Self> {
         let model = receptance_core::Model::new(motion, Tables::of(&tables)).map_err(CoreError::from)?;
         Ok(Self { model, tables })
     }

@@ -1,7 +1,7 @@
 //! Least-squares problems: measured values beside models, with bounds and priors.
 
 use crate::arrays::{
-    c_contiguous, contiguous, index, indices, response_and_excitation, shaped, spring, table,
+    c_contiguous, contiguous, index, indices, optional, response_and_excitation, shaped, spring, table,
 };
 use crate::errors::{CoreError, detached};
 use crate::model::{ByLine, Lines};
@@ -14,8 +14,8 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    End, Error, Measure, Modelled, Observation, OfJoint, Prior, Record, Residuals, Rows, SPRING_COLUMNS,
-    Seen, Settings, Variables,
+    Damping, End, Error, Measure, Modelled, Observation, OfJoint, Prior, Record, Residuals, Rows,
+    SPRING_COLUMNS, Seen, Settings, Truncation, Variables,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -57,6 +57,7 @@ struct Function {
 type Returned<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray2<'py, f64>);
 
 impl Function {
+    /// The rows; nothing where there are none.
     fn call(&self, py: Python<'_>, x: &[f64]) -> PyResult<Option<Rows>> {
         let found = self.function.call1(py, (PyArray1::from_slice(py, x),))?;
         let Some((residual, jacobian)) = found.extract::<Option<Returned<'_>>>(py)? else { return Ok(None) };
@@ -72,11 +73,72 @@ impl Function {
 }
 
 impl Residuals for Function {
-    fn rows(&self, x: &[f64]) -> receptance_core::Result<Option<Rows>> {
-        Python::attach(|py| self.call(py, x)).map_err(|error| {
+    fn rows(&self, x: &[f64]) -> receptance_core::Result<Rows> {
+        let found = Python::attach(|py| self.call(py, x)).map_err(|error| {
             self.raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
             Error::Interrupted
-        })
+        })?;
+        found.ok_or(Error::NoValue)
+    }
+}
+
+/// Records of one receptance on the same lines.
+///
+/// Parameters
+/// ----------
+/// measured, weights : (n_records, n_freq)
+///     Values, and one over the standard deviations of their logarithms.
+/// percent : bool
+///     Whether magnitudes are compared, in percent of the measured one, instead of logarithms.
+/// end : float, optional
+///     Time in s after the hit at which the records ended, where the structure still rang.
+#[pyclass(frozen, module = "receptance._core")]
+pub struct Records {
+    records: Vec<Record>,
+    measure: Measure,
+    end: Option<f64>,
+}
+
+#[pymethods]
+impl Records {
+    #[new]
+    #[pyo3(signature = (measured, weights, percent=false, end=None))]
+    fn new(
+        measured: PyReadonlyArray2<'_, Complex64>,
+        weights: PyReadonlyArray2<'_, f64>,
+        percent: bool,
+        end: Option<f64>,
+    ) -> PyResult<Self> {
+        if measured.shape() != weights.shape() {
+            let (found, expected) = (weights.shape(), measured.shape());
+            return Err(PyValueError::new_err(format!("weights: shape is {found:?}, expected {expected:?}")));
+        }
+        let width = measured.shape()[1];
+        if width == 0 {
+            return Err(PyValueError::new_err("measured: there is no line, expected at least one"));
+        }
+        let measured = c_contiguous("measured", &measured)?.chunks(width);
+        let weights = c_contiguous("weights", &weights)?.chunks(width);
+        let record = |(measured, weights): (&[Complex64], &[f64])| Record {
+            measured: measured.to_vec(),
+            weights: weights.to_vec(),
+        };
+        let measure = if percent { Measure::Percent } else { Measure::Logarithm };
+        Ok(Self { records: measured.zip(weights).map(record).collect(), measure, end })
+    }
+
+    /// The lines in rad/s on which the structure is evaluated for records on some lines.
+    fn evaluated<'py>(&self, py: Python<'py>, lines: &Lines) -> PyResult<Bound<'py, PyArray1<Complex64>>> {
+        let w = lines.angular(py)?;
+        let found = self.truncation(&w)?.map_or(w, |truncation| truncation.lines(0.0));
+        Ok(Array1::from_vec(found).into_pyarray(py))
+    }
+}
+
+impl Records {
+    fn truncation(&self, w: &[Complex64]) -> PyResult<Option<Truncation>> {
+        let truncation = self.end.map(|end| Truncation::new(w, end)).transpose();
+        Ok(truncation.map_err(CoreError::from)?)
     }
 }
 
@@ -139,62 +201,57 @@ impl Problem {
         self.problem.lines()
     }
 
-    /// Adds receptances between two coordinates (response, excitation) of a model: `measured` and `weights` are
-    /// (n_records, n_freq), records of the same receptance. `percent` compares magnitudes, in percent of the measured one;
-    /// `by_line` has tables of terminals.
-    #[pyo3(signature = (model, lines, points, measured, weights, percent=false, by_line=None))]
-    #[allow(clippy::too_many_arguments)]
+    /// Adds receptances between two coordinates (response, excitation) of a model; `by_line` has tables of terminals and
+    /// forces on the lines.
+    #[pyo3(signature = (model, lines, points, records, by_line=None))]
     fn add_receptance(
         &mut self,
         py: Python<'_>,
         model: &TiedModel,
         lines: &Lines,
         points: PyReadonlyArray2<'_, f64>,
-        measured: PyReadonlyArray2<'_, Complex64>,
-        weights: PyReadonlyArray2<'_, f64>,
-        percent: bool,
+        records: &Records,
         by_line: Option<&ByLine>,
     ) -> PyResult<()> {
-        if measured.shape() != weights.shape() {
-            let (found, expected) = (weights.shape(), measured.shape());
-            return Err(PyValueError::new_err(format!("weights: shape is {found:?}, expected {expected:?}")));
-        }
-        if measured.shape()[1] == 0 {
-            return Err(PyValueError::new_err("measured: there is no line, expected at least one"));
-        }
         let [response, excitation] = response_and_excitation(&points)?;
-        let read = lines.read(py)?;
-        let w: Vec<Complex64> = lines.frequencies(&read)?.iter().collect();
-        let width = measured.shape()[1];
-        let measured = c_contiguous("measured", &measured)?.chunks(width);
-        let weights = c_contiguous("weights", &weights)?.chunks(width);
-        let record = |(measured, weights): (&[Complex64], &[f64])| Record {
-            measured: measured.to_vec(),
-            weights: weights.to_vec(),
-        };
-        let seen = Seen::Receptance {
-            measure: if percent { Measure::Percent } else { Measure::Logarithm },
-            w,
-            records: measured.zip(weights).map(record).collect(),
-            response,
-            excitation,
-            beyond: ByLine::beyond(by_line)?,
-        };
+        let w = lines.angular(py)?;
+        let truncation = records.truncation(&w)?;
+        let (beyond, force) = ByLine::given(by_line);
+        let (measure, records) = (records.measure, records.records.clone());
+        let seen = Seen::Receptance { measure, w, records, response, excitation, beyond, force, truncation };
         self.add(Observation::Whole(Modelled { tied: model.tied.clone(), seen }))
     }
 
     /// Adds natural frequencies in rad/s of a model; `modes` are ascending numbers, counted from 0.
+    ///
+    /// With `damping_ratio` (n_modes,), NaN where it is not known, frequencies are compared with the moduli of complex
+    /// ones instead of undamped ones, and the residuals of the damping ratios follow those of the frequencies.
+    #[pyo3(signature = (model, modes, measured, weights, damping_ratio=None, damping_weights=None))]
+    #[allow(clippy::too_many_arguments)]
     fn add_frequencies(
         &mut self,
         model: &TiedModel,
         modes: PyReadonlyArray1<'_, f64>,
         measured: PyReadonlyArray1<'_, f64>,
         weights: PyReadonlyArray1<'_, f64>,
+        damping_ratio: Option<PyReadonlyArray1<'_, f64>>,
+        damping_weights: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<()> {
+        let ratios = optional("damping_ratio", damping_ratio.as_ref())?;
+        let of_ratios = optional("damping_weights", damping_weights.as_ref())?;
+        let expected = if ratios.is_empty() { 0 } else { modes.len() };
+        for (name, found) in [("damping_ratio", ratios.len()), ("damping_weights", of_ratios.len())] {
+            if found != expected {
+                return Err(PyValueError::new_err(format!("{name}: {found} values, expected {expected}")));
+            }
+        }
+        let both = ratios.into_iter().zip(of_ratios).enumerate();
+        let damping = both.map(|(place, (ratio, weight))| Damping { place, ratio, weight });
         let seen = Seen::Frequencies {
             modes: indices("modes", &modes)?,
             measured: contiguous("measured", measured.as_slice())?.to_vec(),
             weights: contiguous("weights", weights.as_slice())?.to_vec(),
+            damping: damping.filter(|one| !one.ratio.is_nan()).collect(),
         };
         self.add(Observation::Whole(Modelled { tied: model.tied.clone(), seen }))
     }
@@ -222,10 +279,28 @@ impl Problem {
         self.add(Observation::Joint(OfJoint { reduction, record, joint, variables: numbers }))
     }
 
+    /// Adds residuals `matrix` (x - `centre`) of the variables x (p,), with a matrix (n, p).
+    fn add_linear(
+        &mut self,
+        matrix: PyReadonlyArray2<'_, f64>,
+        centre: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let matrix = table("matrix", &matrix, self.problem.count())?.to_vec();
+        let centre = self.right("centre", contiguous("centre", centre.as_slice())?)?.to_vec();
+        self.add(Observation::Linear { matrix, centre })
+    }
+
     /// Adds residuals that a function of the variables (p,) returns: residuals (n,) and their derivatives (n, p), or None
     /// where there are none.
     fn add_function(&mut self, function: Py<PyAny>) -> PyResult<()> {
         self.add(Observation::Given(Arc::new(Function { function, raised: self.raised.clone() })))
+    }
+
+    /// Number of the first observation that has no value at a point, as they were added, and the reason; None if all have.
+    fn reason(&self, py: Python<'_>, x: PyReadonlyArray1<'_, f64>) -> PyResult<Option<(usize, String)>> {
+        let x = self.point(&x)?;
+        let found = self.detached(py, || self.problem.reason(x, self.threads))?;
+        Ok(found.map(|(index, error)| (index, error.to_string())))
     }
 
     /// The same problem with about so many lines of each receptance.
@@ -268,8 +343,8 @@ impl Problem {
     /// Fits from each row of `starts` (n_starts, p), with at most so many `evaluations` (n_starts,) from each; variables
     /// that are not `free` are held where they start.
     ///
-    /// A fit ends where cost or variables change by less than `tolerance`, relatively, or where the next step promises to
-    /// lower the cost by no more than `least`. `of_all` keeps the rows and columns of held variables in normal matrices.
+    /// A fit ends where cost or variables change by less than `tolerance`, relatively, or where the predicted decrease
+    /// of the next step is at most `least`. `of_all` keeps the rows and columns of held variables in normal matrices.
     #[pyo3(signature = (starts, free, evaluations, tolerance, least=0.0, of_all=false))]
     #[allow(clippy::too_many_arguments)]
     fn fit(

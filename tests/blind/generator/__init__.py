@@ -1,4 +1,4 @@
-"""Data from physics of its own: finite elements, hits in time, noise. The library under test does not come in here."""
+"""Data from an independent simulation: finite elements, hits in time, noise. Independent of the library."""
 
 from .advised import measured_again, shown_by
 from .batch import every, group_of, shuffled

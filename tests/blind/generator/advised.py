@@ -1,4 +1,4 @@
-"""What is measured next: a thing by itself, which is then known, or more records from the same bench."""
+"""The next measurement: one quantity by itself, which is then known, or more records from the same bench."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _SHOWN = {
 
 
 def shown_by(action: str) -> frozenset[str]:
-    """Return the effects that a measurement shows by itself, whether they are there or not."""
+    """Return the effects that a measurement shows by itself, present or not."""
     return frozenset(id for words, ids in _SHOWN.items() if words in action for id in ids)
 
 
 def measured_again(case: Case, truth: Truth, action: str) -> Case | None:
-    """Return the case with the records that were advised, of all that was; None where the bench has none of them."""
+    """Return the case with the advised records; None if none of them is available."""
     rng = np.random.default_rng([*truth.seed, 79])
     levels = sorted({record.level for record in case.records})
     form, notes = case.records[0].form, case.records[0].notes

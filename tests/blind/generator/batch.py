@@ -45,7 +45,7 @@ def _renamed(stated: Stated, names: Mapping[str, str]) -> str:
 
 
 def every(count: int) -> list[tuple[str, tuple[str, ...]]]:
-    """Return kinds and effects of a batch: a third with nothing hidden, every effect of the catalogue in turn.
+    """Return kinds and effects of a batch: a third without an effect, every effect of the catalogue in turn.
 
     Any beginning of the list has nearly the same shares, so a batch may be cut or sharded anywhere.
     """

@@ -1,4 +1,4 @@
-"""Cases: what an engineer is given, and, apart from it, the sealed truth that only scoring sees."""
+"""Cases: the input of the diagnosis and, separate from it, the truth, which only scoring uses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WORDS = ("blank", "bar", "setup", "clamping", "run", "test", "series", "probe")
 
 @dataclass(frozen=True, kw_only=True)
 class Stated:
-    """A tolerance that the engineer states: one error of one thing, as shares where `relative`."""
+    """A stated tolerance: one error of one thing, as shares where `relative`."""
 
     name: str
     moves: Mapping[str, float]
@@ -40,7 +40,7 @@ class Configuration:
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """One measured FRF as the engineer has it."""
+    """One measured FRF with its metadata."""
 
     label: str
     configuration: str
@@ -55,7 +55,7 @@ class Record:
 
 @dataclass(frozen=True, kw_only=True)
 class Nominal:
-    """What the engineer believes: numbers of all configurations, tolerances, and how much a clamping scatters."""
+    """The nominal model: numbers of all configurations, tolerances, and how much a clamping scatters."""
 
     numbers: Mapping[str, float]
     configurations: tuple[Configuration, ...]
@@ -68,7 +68,7 @@ class Nominal:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """What is given to who diagnoses."""
+    """The input of the diagnosis."""
 
     name: str
     nominal: Nominal
@@ -79,7 +79,7 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """What is so. Nobody who diagnoses sees it."""
+    """The truth; not part of the input of the diagnosis."""
 
     seed: tuple[int, ...]
     kind: str
@@ -96,7 +96,7 @@ class Truth:
     setups: Mapping[float, Setup] = field(default_factory=dict)
 
     def frequencies(self, name: str) -> NDArray[np.float64]:
-        """Return the natural frequencies of a new tool, without what only the measurement adds."""
+        """Return the natural frequencies of a new tool, without effects of the measurement."""
         return rig.natural_frequencies(self.new_numbers[name], UPPER_HZ)
 
 
@@ -170,7 +170,7 @@ def numbers_of(
     for name in JOINT:
         scatter = nominal.joint_scatter if name.startswith("joint.k") else nominal.damping_scatter
         p[name] *= np.exp(scatter * errors.get(f"{name} @ {where.configuration}", 0.0))
-    # The shank fills the bore that it sits in.
+    # The shank fills its bore.
     p["holder.0.inner"] = p["tool.diameter"]
     return {name: float(value) for name, value in p.items()}
 
@@ -232,7 +232,7 @@ def draw_case(
     Parameters
     ----------
     seed, index : int
-        What all is drawn from.
+        Seed and number of the case.
     kind : str
         One of `KINDS`.
     effects : tuple of str, optional
@@ -249,7 +249,7 @@ def draw_case(
     numbers = _ordinary(rng, layer)
     drawn = []
     for id in chosen:
-        # Two at once are scored where both are large enough, which two small ones hardly ever are.
+        # Two at once are scored where both are large enough, which two small ones rarely are.
         least = 0.3 if kind == "pair" else 0.0
         size = float(rng.uniform(least, 1.0)) if u is None else u
         drawn.append(draw_effect(rng, id, size, numbers))
@@ -314,7 +314,7 @@ def draw_case(
                 records.append(recorded(rng, nominal, truth, c, level, plane, **given))
                 where = where_of(truth, c, level, plane)
                 truth.numbers[c.name, level, plane] = all_numbers(nominal, truth, where)  # type: ignore[index]
-    # Predictions are of the machine at work: no sensor that nobody knows of, no rope.
+    # Predictions are of the machine in operation: without an undeclared sensor and without a rope.
     lasting = tuple((effect, None) for effect in drawn if effect.id not in MEASUREMENT)
     for c in new:
         where = where_of(truth, c, truth.references[1], 1)
@@ -368,14 +368,14 @@ def _torques(rng: np.random.Generator, count: int) -> list[float]:
 
 
 def _names(rng: np.random.Generator, count: int) -> list[str]:
-    """Return names without a hint, in no order."""
+    """Return uninformative names in random order."""
     word = str(rng.choice(WORDS))
     letters = rng.choice(list("ABCDEFGHJKLMNPQRSTUVWXYZ"), count, replace=False)
     return [f"{word} {letter}{rng.integers(10, 99)}" for letter in letters]
 
 
 def _hints(rng: np.random.Generator, drawn: list[Effect]) -> tuple[str, ...]:
-    """Return remarks that point to something else."""
+    """Return misleading remarks."""
     remarks = {
         "sensor_mass": "sensor heavier than usual, check its mass",
         "tool_modulus": "carbide grade uncertain, modulus from the catalogue",

@@ -1,6 +1,6 @@
-"""What the laboratory hides: effects of the catalogue, effects outside it, and how large they are drawn.
+"""Hidden effects: those of the catalogue, effects outside it, and how large they are drawn.
 
-An effect changes the numbers of the truth. Its sizes are what an oracle fits; what is `fixed` says in which way it
+An effect changes the numbers of the truth. Its sizes are what an oracle fits; `fixed` describes how it
 acts.
 `u` runs from 0, barely visible, to 1, large.
 """
@@ -187,7 +187,7 @@ MEASUREMENT = CATALOGUE[17:]
 
 
 def null_of(id: str, sizes: Mapping[str, float]) -> dict[str, float]:
-    """Return sizes at which an effect is as good as absent, as starts of fits."""
+    """Return sizes at which an effect is negligible, as starts of fits."""
     nowhere = {"fixture.mass": 1e-4, "rope.k": 1.0}
     if id == "joint_spread":
         return {"length": 2e-3}
@@ -273,7 +273,7 @@ def _draw_shear(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> D
 
 
 def _draw_material(rng: np.random.Generator, u: float, p: Mapping[str, float]) -> Drawn:
-    # A carbide tool whose model says steel, or heavy alloy; there is no small size of it.
+    # A carbide tool modelled as steel, or heavy alloy; this effect has no small size.
     believed = [(210e9, 7850.0, 0.3), (360e9, 17600.0, 0.28)][int(rng.integers(2))]
     sizes = {
         name: float(np.log(p[f"tool.{name}"] / value))

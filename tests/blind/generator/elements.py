@@ -107,7 +107,7 @@ def _element(length: float, rings: Sequence[Ring], degree: int) -> tuple[Complex
 
 @dataclass
 class Structure:
-    """A structure that grows: beams on stations, springs between them, masses; then its response.
+    """A structure under construction: beams on stations, springs between them, masses; then its response.
 
     Every station has a displacement and a slope, numbered 2 s and 2 s + 1 for station s.
     """
@@ -179,7 +179,7 @@ class Structure:
         for index, _ in self._dampers:
             loads.append(np.eye(self.size)[:, index])
         rest = high @ ((high.T @ np.hstack(loads)) / squares[kept:, None])
-        # Modes are orthonormal in the mass, so only what is left needs to become so.
+        # Modes are mass-orthonormal, so only the remaining vectors need orthonormalisation.
         gram = rest.T @ inertia @ rest
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         values, vectors = linalg.eigh(gram / np.outer(scale, scale))
@@ -208,7 +208,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class Poles:
-    """A response over poles: motions seen at them, and how forces excite them."""
+    """A response over poles: observed motions and the participation of forces."""
 
     rates: ComplexArray
     seen: ComplexArray
@@ -231,7 +231,7 @@ class Poles:
         self, frequency_hz: NDArray[np.float64] | ComplexArray, changes: Sequence[Matrices], motion: int = 0,
         force: int = 0,
     ) -> ComplexArray:  # fmt: skip
-        """Return what changes of stiffness, mass and damping do to the receptance, to first order, column by column.
+        """Return the first-order changes of the receptance by changes of stiffness, mass and damping, column by column.
 
         With A x = f and A z = m, both in the basis, d(m.x) = -z.dA.x.
         """

@@ -1,4 +1,4 @@
-"""Hits as time records, and what an analyser makes of them: H1 with coherence and the variance of its logarithm."""
+"""Hits as time records, and their evaluation by an analyser: H1 with coherence and the variance of its logarithm."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ POOLED = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """How a record is taken and what the analyser is told to do."""
+    """Settings of a record and of the analyser."""
 
     level: float
     hits: int
@@ -37,7 +37,7 @@ class Setup:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """What comes out of the analyser, as receptance."""
+    """Output of the analyser, as receptance."""
 
     frequency_hz: NDArray[np.float64]
     receptance: NDArray[np.complex128]
@@ -62,7 +62,7 @@ def _unit_hit(
     p: Mapping[str, float], setup: Setup, n: int, rest: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return force and acceleration of a hit of one newton, sampled through an ideal filter."""
-    # Long enough that nothing comes round.
+    # Long enough that the response does not wrap around.
     whole = 2 * max(n, round(rest * RATE))
     lines = np.fft.rfftfreq(whole, 1.0 / RATE)[1:]
     s = 2j * np.pi * lines
@@ -87,7 +87,7 @@ def measure(rng: np.random.Generator, p: Mapping[str, float], setup: Setup) -> E
     picked = np.arange(step * -(-first // step), last, step)
     band = slice(picked[0] - POOLED - step, picked[-1] + POOLED + step + 1)
     f1, a1 = (np.fft.rfft(signal * window)[band] for signal in (force, response))
-    # White noise of the channels, from the wanted scatter of the mean of all hits; input ranges follow the level.
+    # White noise of the channels, from the specified scatter of the mean of all hits; input ranges follow the level.
     power = float(np.sum(window**2))
     low = setup.noise / np.sqrt(power / 2.0 / setup.hits)
     sensor = low * float(np.median(np.abs(a1))) * setup.level

@@ -34,7 +34,7 @@ def _rings(p: Numbers, kind: str, outer: float, inner: float) -> list[Ring]:
 
 
 class _Row:
-    """Beams in a row, cut where something acts."""
+    """Beams in a row, divided at attachments."""
 
     def __init__(self, structure: Structure, cuts: Sequence[float]) -> None:
         self.structure = structure
@@ -189,7 +189,7 @@ def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
 
 def _resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
     own, w = s.station(), 2.0 * np.pi * hz
-    # What turns with the structure is next to nothing, and held so firmly that it stays out of the band.
+    # The rotating mass is negligible, and its support so stiff that its modes are above the band.
     inertia = mass * 0.0005**2
     s.mass(own, mass, inertia)
     turning = inertia * (2.0 * np.pi * 40e3) ** 2
@@ -212,7 +212,7 @@ def log_slopes(
     p: Numbers, steps: Sequence[Numbers], frequency_hz: NDArray[np.float64], decay_rate: float = 0.0,
     pulse_duration: float = 1.15e-4,
 ) -> ComplexArray:  # fmt: skip
-    """Return how much the logarithm of what is recorded changes by small steps of some numbers, column by column.
+    """Return the change of the logarithm of the recorded response by small steps of some numbers, column by column.
 
     Where a step changes matrices only, these are what is differenced; the response follows to first order.
     """
@@ -242,7 +242,7 @@ def natural_frequencies(p: Numbers, upper_hz: float) -> NDArray[np.float64]:
 
 
 def chain(p: Numbers, s: ComplexArray) -> ComplexArray:
-    """Return what the measuring chain makes of a receptance at s: gain, delay, a sensor's mounting, the quantity."""
+    """Return the receptance at s after the measuring chain: gain, delay, mounting of the sensor, quantity."""
     factor = np.full(s.shape, 1.0 + p.get("gain", 0.0), dtype=np.complex128)
     factor *= np.exp(-s * p.get("delay", 0.0))
     if "mount.hz" in p:
@@ -264,7 +264,7 @@ def pulse(s: ComplexArray, duration: float) -> ComplexArray:
 def recorded(
     p: Numbers, frequency_hz: NDArray[np.float64], decay_rate: float = 0.0, pulse_duration: float = 1.15e-4
 ) -> ComplexArray:
-    """Return what a measurement without noise would report as receptance, on lines and with a stated window.
+    """Return the receptance that a noise-free measurement reports, on lines and with a stated window.
 
     The pulse matters only where the record ends too early.
     """
@@ -281,5 +281,5 @@ def recorded(
         rates, residues = (np.concatenate([one, one.conj()]) for one in (rates, residues))
         late = np.exp((rates[None, :] - s[:, None]) * p["record"]) / (s[:, None] - rates)
         values = values - late @ residues / s**2 / pulse(s, pulse_duration)
-    # The chain records what happens at s; the analyst divides by the lines that he knows of.
+    # The chain records what happens at s; the evaluation divides by the known lines.
     return values * chain(p, s) * (s / stated) ** 2

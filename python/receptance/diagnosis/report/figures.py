@@ -68,7 +68,7 @@ def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Any:
     figure = Figure()
     for name, some, colour in (("model as given", before, BEFORE), ("model extended", after, AFTER)):
         if some:
-            # Two rows of names: the modes, and under them whose they are.
+            # Two rows of names: the modes, and below them their configurations.
             names = [
                 [escape(c.label) for c in some for _ in c.frequency_hz],
                 [f"{f:.0f} Hz" for c in some for f in c.frequency_hz],
@@ -99,7 +99,7 @@ def evidence_figure(verdict: Verdict) -> Any:
         hovertext=[f"{one.evidence:+.1f}" for one in shown],
         hoverinfo="text",
     )
-    # What is said beside the longest bar needs room.
+    # Room for the text beside the longest bar.
     figure.update_xaxes(range=[0.0, 1.4 * most])
     figure.add_vline(x=verdict.threshold, line={"color": BEFORE, "dash": "dash", "width": 1.5})
     figure.update_xaxes(title="evidence (twice the logarithm of odds); dashed: reached by chance once in a thousand")

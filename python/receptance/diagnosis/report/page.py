@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["diagnosis_html", "write_diagnosis"]
 
 _ALIKE = 12
-"""Causes whose look-alikes are shown."""
+"""Number of causes in the figure of similar causes."""
 
 
 def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
@@ -32,15 +32,15 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
     Parameters
     ----------
     verdict : Verdict
-        What `diagnose` answered.
+        Result of `diagnose`.
     title : str, optional
-        Heading; shown as it is, whatever characters are in it.
+        Heading; special characters are escaped.
 
     Returns
     -------
     str
         Measured against simulated before and after, which can be zoomed; residuals by mode; evidence of the
-        candidates and which look alike; improvement; what to measure next; settings and versions.
+        candidates and similar causes; improvement; next measurement; settings and versions.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
@@ -100,7 +100,7 @@ def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: st
 
 
 def _columns(modes: Sequence[ModeResidual]) -> list[tuple[str, str, str]]:
-    """Return what is known of modes: field, heading and format."""
+    """Return the columns of the table of modes: field, heading and format."""
     every = (
         ("frequency_percent", "frequency (%)", "%+.2f"),
         ("damping_percent", "damping (%)", "%+.1f"),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.wording import gained, sizes, vetoes, wanting
+from receptance.diagnosis.wording import deviation_factor, gained, sizes, vetoes
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ __all__ = ["story"]
 
 
 def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
-    """Return what was done and found, one sentence each."""
+    """Return the sentences on data, model, causes, modes and gain."""
     observed = verdict.selection.base.model.observations
     receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
     lines = sum(one.frequency_hz.size for one in receptances)
@@ -38,18 +38,18 @@ def story(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[Mode
     if verdict.adequacy.passed:
         found = verdict.verdict in ("named", "suspected", "ambiguous")
         sentence += (
-            ", which would pass; yet something explains more of it than chance does" if found else ": that is adequate"
+            ", which would pass; yet a cause explains more of it than chance does" if found else ": that is adequate"
         )
     if verdict.verdict == "undecided":
-        sentence = "Hardly more numbers were measured than are fitted, so nothing can be said of the model"
+        sentence = "The data have too few degrees of freedom to test the model"
     sentences.append(f"{sentence}.")
     sentences += _on_causes(verdict)
     sentences += [f"{text}." for text in vetoes(verdict)]
     sentences += _on_modes(before, after)
     if verdict.gain is not None:
-        sentences.append(f"On data that its fit never saw: {gained(verdict.gain)}.")
+        sentences.append(f"On held-out data: {gained(verdict.gain)}.")
     if verdict.bias is not None:
-        sentences.append(f"Of what was held out, as the model was given, {verdict.bias}.")
+        sentences.append(f"Held-out data with the model as given: {verdict.bias}.")
     return sentences
 
 
@@ -58,7 +58,7 @@ def _on_causes(verdict: Verdict) -> list[str]:
     left = f" With it {after.misfit:.2f} times what noise and floor explain is left." if after is not None else ""
     if verdict.verdict == "ambiguous":
         alike = ", ".join(verdict.ambiguous_between)
-        return [f"These data cannot tell apart: {alike}. Each of them explains what the model lacks.{left}"]
+        return [f"These data cannot distinguish: {alike}. Each of them explains the misfit of the model.{left}"]
     if (other := verdict.alternative) is not None:
         return [
             f"A cause of the catalogue explains the data nearly as well, but {other.meaning} {other.variant} "
@@ -80,7 +80,7 @@ def _on_causes(verdict: Verdict) -> list[str]:
 
 
 def _nearest(verdict: Verdict) -> list[str]:
-    """Say what comes nearest where nothing explains the data, and how far off the model is."""
+    """Describe the nearest cause if none explains the data, and the misfit of the model."""
     sentences = []
     if verdict.candidates:
         best = verdict.candidates[0]
@@ -90,11 +90,11 @@ def _nearest(verdict: Verdict) -> list[str]:
         )
         if verdict.gain is not None and best.held_out is not None:
             sentence += (
-                f", and take what no fit saw ({verdict.gain.metric}) from {verdict.gain.held_out_before:.3g} to "
+                f", and change held-out data ({verdict.gain.metric}) from {verdict.gain.held_out_before:.3g} to "
                 f"{best.held_out:.3g}"
             )
         sentences.append(f"{sentence}.")
-    times = wanting(verdict)
+    times = deviation_factor(verdict)
     if times is not None:
         sentences.append(f"The model would be adequate if all standard deviations were {times:.2g} times as large.")
     return sentences

@@ -1,4 +1,4 @@
-"""Figures of campaigns: what was fitted, and what was predicted."""
+"""Figures of fits and predictions."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-    from receptance.campaign import PredictedFrequencies, PredictedFRF, Prediction
-    from receptance.identification import Identification
+    from receptance.campaign import PredictedFrequencies, Prediction
+    from receptance.identification import Identification, PredictedFRF
 
 __all__ = ["draw_identification", "draw_prediction"]
 
@@ -28,14 +28,14 @@ _ROW = 4.4
 _MOST_FRFS = 12
 _STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Distances of ticks on an axis of factors."""
-_OPEN = 3.0
-"""Half-width of a band, as natural logarithm, beyond which more says nothing."""
+_MAX_BAND = 3.0
+"""Largest half width of a band that is drawn, as natural logarithm."""
 _BAND = "#BBD9EC"
 _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N", ("theta", "theta"): "rad/(N m)"}
 
 
 def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
-    """Draw the measurements against the fitted model, what is left, and how well the parameters are determined.
+    """Draw measurements and fitted model, their ratio, and the intervals of the parameters.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
         axes = cells[len(shown)].subplots()
         rows = []
         for label, listed, assembly in lists:
-            fitted = _modes(assembly, listed.modes, float(listed.frequency_hz[-1]))
+            fitted = assembly.lowest_natural_frequencies(max(listed.modes))[0][[mode - 1 for mode in listed.modes]]
             rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation_hz))
         _frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
     _parameters(cells[len(shown) + bool(lists)].subplots(), found)
@@ -80,7 +80,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
 
 
 def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
-    """Draw predictions with their intervals over what was measured.
+    """Draw predictions with their intervals, and measurements.
 
     Parameters
     ----------
@@ -138,18 +138,18 @@ def _magnitude(axes: Axes, title: str, unit: str) -> None:
 
 def _ratio(
     axes: Axes,
-    what: str,
+    label: str,
     lines: NDArray[np.float64],
     log_ratio: NDArray[np.float64] | None,
     band: NDArray[np.float64] | None,
     noise: NDArray[np.float64] | None,
 ) -> None:
-    """Draw the ratio of magnitudes in dB, with the band of the prediction and the noise of the lines around it."""
-    set_up(axes, "", "frequency (Hz)", what)
+    """Draw the ratio of magnitudes in dB, the band of the prediction and the noise of the lines."""
+    set_up(axes, "", "frequency (Hz)", label)
     most = 0.5
     if band is not None:
-        # Where a parameter that matters is not determined the band is infinite: it fills the panel.
-        band = np.minimum(band, _OPEN)
+        # The band is infinite if a relevant parameter is not determined.
+        band = np.minimum(band, _MAX_BAND)
         axes.fill_between(lines, -_DECIBEL * band, _DECIBEL * band, color=_BAND, linewidth=0)
         most = max(most, 1.5 * _DECIBEL * float(np.percentile(band, 98)))
     if log_ratio is not None:
@@ -178,7 +178,7 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> Non
     size = np.abs(frf.receptance)
     shown = size if frf.measured is None else np.concatenate([size, np.abs(frf.measured)])
     limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
-    low, high = frf.band(found.reach)
+    low, high = frf.band(found.level)
     low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
     top.fill_between(lines, low, high, color=_BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
     if frf.measured is not None:
@@ -188,13 +188,13 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> Non
     if not measured:
         _name_modes(top, next((one for one in found.frequencies if one.name == frf.name), None), found.reach)
     _legend(top, frf.measured_deviation)
-    what = "measured over\npredicted (dB)" if measured else "band (dB)"
+    label = "measured over\npredicted (dB)" if measured else "band (dB)"
     log_ratio = frf.log_ratio.real if measured else None
-    _ratio(below, what, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
+    _ratio(below, label, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
 
 
 def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) -> None:
-    """Write natural frequencies with their intervals where they are."""
+    """Annotate natural frequencies with their intervals."""
     if modes is None:
         return
     for frequency, half in zip(modes.predicted_hz, reach * modes.scatter.total, strict=True):
@@ -206,8 +206,8 @@ def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) ->
         )  # fmt: skip
 
 
-def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ...]]) -> None:
-    """Draw calculated over measured natural frequencies in percent, a group for each measurement."""
+def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, ...]]) -> None:
+    """Draw errors of calculated natural frequencies in percent, grouped by measurement."""
     set_up(axes, title, "", "against measured (%)")
     place = 0.0
     ticks: list[tuple[float, str]] = []
@@ -219,7 +219,7 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
             half_reading = 200.0 * spread / measured
             axes.errorbar(x, np.zeros(len(x)), half_reading, fmt="none", ecolor=PALE, capsize=5, label=label)
         bars = None if half is None else 100.0 * half / measured
-        label = None if place else what
+        label = None if place else series
         axes.errorbar(x, error, bars, fmt="o", color=COLOURS[0], capsize=3, markersize=5, label=label)
         if len(rows) * len(modes) <= 24:
             for at, value, mode in zip(x, error, modes, strict=True):
@@ -246,8 +246,8 @@ def _frequencies(axes: Axes, title: str, what: str, rows: Sequence[tuple[Any, ..
 
 
 def _parameters(axes: Axes, found: Identification) -> None:
-    """Draw the 95 % interval of every parameter as a factor of its value."""
-    set_up(axes, "How well the parameters are determined, 95 %", "factor of the value", "")
+    """Draw the 95 % interval of every parameter relative to its value."""
+    set_up(axes, "95 % intervals of the parameters", "relative to the value", "")
     styles = [(_BAND, 12.0, "with tolerances")] if found.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
@@ -276,7 +276,7 @@ def _parameters(axes: Axes, found: Identification) -> None:
 
 
 def _factors(axes: Axes) -> None:
-    """Give the axis of factors a few round ticks on both sides of one."""
+    """Set a few round ticks on both sides of one."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
     low, high = axes.get_xlim()
@@ -296,9 +296,3 @@ def _factors(axes: Axes) -> None:
     names = [f"{tick:.5g}" for tick in above]
     axes.set_xticks(ticks, [*(f"\u00f7 {name}" for name in names[::-1]), "1", *(f"\u00d7 {name}" for name in names)])
     axes.set_xlim(1.0 / span, span)
-
-
-def _modes(assembly: Any, modes: Sequence[int], near_hz: float) -> NDArray[np.float64]:
-    from receptance.identification.prediction import lowest_frequencies
-
-    return lowest_frequencies(assembly, max(modes), near_hz)[0][[mode - 1 for mode in modes]]

@@ -1,4 +1,4 @@
-"""A joint's stiffness line by line as a figure."""
+"""Figure of an inverse coupling."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance.identification.pointwise_joint import TERMS
 from receptance.report.figure import BAD, COLOURS, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
@@ -19,13 +20,13 @@ __all__ = ["draw_inverse_coupling"]
 
 _UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "k_ytheta": "N/rad"}
 _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
-_REACH = 1.96
+_NORMAL_95 = 1.96
 
 
 def draw_inverse_coupling(found: InverseCouplings, ax: Axes | None = None) -> Figure:
-    """Draw real and imaginary part of each term with 95 % intervals where lines are usable, and the condition number.
+    """Draw real and imaginary part of each term, with 95 % intervals on usable lines, and the condition number.
 
-    Lines that are not usable are pale. The orange lines are the stiffness and the dashpot that suit all lines.
+    Other lines are pale. The orange curves are the constant joint k + i w c that fits all lines.
 
     Parameters
     ----------
@@ -65,8 +66,8 @@ def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
     title_left(
         figure,
         f"{name} line by line, from {', '.join(found.labels)}\n"
-        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: the "
-        "others;  orange: the k + i w c that suits all",
+        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: other "
+        "lines;  orange: k + i w c fitted to all lines",
         10.5,
     )
     rows = len(found.terms)
@@ -74,20 +75,20 @@ def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
     lines = np.asarray(found.frequency_hz).real
     for row, term in enumerate(found.terms):
         value, noise, usable = found.term(term)
-        model = found.model_deviation[:, *((0, 0) if term == "k_y" else (1, 1) if term == "k_theta" else (0, 1))]
+        model = found.model_deviation[:, *TERMS[term]]
         deviation = np.hypot(noise, model)
-        typical = found.typical.get(term)
+        joint = found.typical.get(term)
         for column, part in enumerate((value.real, value.imag)):
             axes = figure.add_subplot(grid[row, column])
             symbol = f"{'Re' if column == 0 else 'Im'} {_SYMBOLS[term]}"
             set_up(axes, f"{symbol} [{_UNITS[term]}]", "frequency [Hz]" if row == rows - 1 else "", "")
-            across = None
-            if typical is not None:
-                across = np.full(lines.size, typical[0]) if column == 0 else 2.0 * np.pi * lines * typical[1]
-            _draw_part(axes, lines, part, deviation, usable, across)
+            constant = None
+            if joint is not None:
+                constant = np.full(lines.size, joint[0]) if column == 0 else 2.0 * np.pi * lines * joint[1]
+            _draw_part(axes, lines, part, deviation, usable, constant)
             axes.set_xlim(lines[0], lines[-1])
     axes = figure.add_subplot(grid[rows, :])
-    set_up(axes, "Condition number: by how much a relative error grows", "frequency [Hz]", "")
+    set_up(axes, "Condition number: amplification of relative errors", "frequency [Hz]", "")
     axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
     axes.axhline(1.0, color=PALE, linewidth=0.8)
     axes.set_xlim(lines[0], lines[-1])
@@ -99,30 +100,30 @@ def _draw_part(
     part: NDArray[np.float64],
     deviation: NDArray[np.float64],
     usable: NDArray[np.bool_],
-    across: NDArray[np.float64] | None,
+    constant: NDArray[np.float64] | None,
 ) -> None:
-    """Draw one part of a term over what is of interest of its axis: silent lines are anywhere."""
+    """Draw one part of a term; the axis is limited to the usable lines."""
     shown = np.isfinite(part)
     chosen = usable & shown
-    axes.set_ylim(*_limits(part[chosen], part[shown], across))
+    axes.set_ylim(*_limits(part[chosen], part[shown], constant))
     axes.plot(lines[shown & ~chosen], part[shown & ~chosen], ".", color=PALE, markersize=2.5, alpha=0.5)
     if chosen.any():
-        reach = np.where(chosen, _REACH * deviation, np.nan)
-        axes.fill_between(lines, part - reach, part + reach, color=COLOURS[0], alpha=0.2, linewidth=0)
+        half = np.where(chosen, _NORMAL_95 * deviation, np.nan)
+        axes.fill_between(lines, part - half, part + half, color=COLOURS[0], alpha=0.2, linewidth=0)
         axes.plot(lines[chosen], part[chosen], ".", color=COLOURS[0], markersize=2.5)
     else:
         axes.text(0.5, 0.5, "no line is usable", transform=axes.transAxes, ha="center", color=BAD)
-    if across is not None:
-        axes.plot(lines, across, color=COLOURS[1], linewidth=1.4)
+    if constant is not None:
+        axes.plot(lines, constant, color=COLOURS[1], linewidth=1.4)
 
 
 def _limits(
-    usable: NDArray[np.float64], shown: NDArray[np.float64], across: NDArray[np.float64] | None
+    usable: NDArray[np.float64], shown: NDArray[np.float64], constant: NDArray[np.float64] | None
 ) -> tuple[float, float]:
-    """Return limits that hold most of what is usable and the line across, zero included."""
+    """Return limits that include most usable values, the constant joint and zero."""
     values = usable if usable.size else shown
     ends = [0.0, *(np.quantile(values, [0.03, 0.97]) if values.size else [])]
-    ends += [] if across is None else [across.min(), across.max()]
+    ends += [] if constant is None else [constant.min(), constant.max()]
     low, high = float(min(ends)), float(max(ends))
     room = 0.35 * (high - low) or 1.0
     return low - room, high + room

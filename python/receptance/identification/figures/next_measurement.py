@@ -1,4 +1,4 @@
-"""What further measurements are expected to bring, as a figure."""
+"""Figure of the intervals that are expected with further measurements."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.identification.expectations import Expectation, NextMeasurement
+    from receptance.identification.next_measurement import Expectation, NextMeasurement
 
 __all__ = ["draw_next_measurement"]
 
 _WIDEST = 1e4
-"""An open side is drawn to this factor of the value, and arrow-headed."""
+"""An open side is drawn up to this factor of the value, with an arrow head."""
 _COLUMNS = 3
 
 
@@ -51,7 +51,7 @@ def draw_next_measurement(found: NextMeasurement, ax: Axes | None = None) -> Fig
     >>> len(next_measurement(fit, again).plot().axes)
     1
     """
-    # Four look better in a square.
+    # Four panels are drawn as a square.
     columns = min(len(found.targets), 2 if len(found.targets) == 4 else _COLUMNS)
     rows = -(-len(found.targets) // columns)
     names = ["now", *(one.label for one in found.ranking)]
@@ -93,7 +93,7 @@ def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list
 
 
 def _plain_ticks(axes: Axes) -> None:
-    """Put a few plain numbers along a logarithmic axis that spans little."""
+    """Use a few plain numbers along a logarithmic axis with a small range."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
@@ -102,7 +102,7 @@ def _plain_ticks(axes: Axes) -> None:
 
 
 def _shown(e: Expectation, ends: tuple[float, float]) -> tuple[float, float]:
-    """Return an interval with open sides cut off where the axis ends."""
+    """Return an interval whose open sides end with the axis."""
     if e.scale == "log":
         low, high = e.value / _WIDEST, e.value * _WIDEST
     else:

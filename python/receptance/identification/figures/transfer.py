@@ -1,4 +1,4 @@
-"""Transfers as a figure: what was predicted of configurations that the fit did not see."""
+"""Figure of a transfer: predictions of configurations that were not fitted."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance._text import printable
-from receptance.identification.spread import SAYS_NOTHING
+from receptance.identification.covariance import UNINFORMATIVE
 from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.identification import Transfer, TransferredFRF
+    from receptance.identification import PredictedFRF, Transfer
 
 __all__ = ["draw_transfer"]
 
 _MOST = 8
-"""Receptances that are drawn."""
+"""Most receptances that are drawn."""
 _BAND = "#BBD9EC"
 _ROW = 0.24
 """Height of a line of the table of modes in inches."""
 _OPEN = 1e3
-"""A band over more than this factor says nothing and is drawn no wider."""
+"""Factor to either side up to which a band is drawn."""
 
 
 def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
@@ -80,7 +80,7 @@ def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
     _draw_modes(cells[0].subplots(), found)
     if frfs:
         for axes, frf in zip(np.ravel(cells[1].subplots(len(frfs), 1, squeeze=False)), frfs, strict=True):
-            _draw_frf(axes, frf)
+            _draw_frf(axes, frf, found.level)
     return finished(figure)
 
 
@@ -100,10 +100,10 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
                 "no prediction", (0.0, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=BAD
             )
             continue
-        if mode.says_nothing:
+        if mode.uninformative:
             axes.plot(mode.error_percent, row, "o", color=PALE, markerfacecolor="white", markersize=5)
             place, offset = (mode.error_percent, row), (6, -3)
-            text = f"interval {SAYS_NOTHING}"
+            text = f"interval {UNINFORMATIVE}"
             axes.annotate(text, place, xytext=offset, textcoords="offset points", fontsize=8, color=PALE)
             continue
         low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in mode.interval_hz)
@@ -114,26 +114,27 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
     axes.set_yticks(range(len(labels)), list(map(printable, labels)), fontsize=8)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.plot([], [], "o", color=COLOURS[0], markersize=5, label="measured is inside the interval")
-    axes.plot([], [], "D", color=BAD, markersize=5, label="it is not")
+    axes.plot([], [], "D", color=BAD, markersize=5, label="measured is outside the interval")
     axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
 
 
-def _draw_frf(axes: Axes, frf: TransferredFRF) -> None:
-    name = frf.label or frf.configuration
+def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
     set_up(axes, "", "frequency (Hz)", "magnitude (SI)")
+    share = frf.share_within(level)
+    inside = "no useful band" if share is None else f"{100.0 * share:.0f} % of lines in the band"
     axes.set_title(
-        f"{name}: {frf.distance_decibel:.2f} dB, {100.0 * frf.share_inside:.0f} % of lines in the band",
+        f"{frf.name}: {frf.rms_decibel:.2f} dB, {inside}",
         loc="left",
         fontsize=10,
         color=INK,
     )
-    lines = frf.predicted.frequency_hz.real
-    size = np.abs(frf.predicted.receptance)
-    low, high = frf.predicted.band(frf.level)
+    lines = frf.frequency_hz.real
+    size = np.abs(frf.receptance)
+    low, high = frf.band(level)
     axes.fill_between(
         lines, np.maximum(low, size / _OPEN), np.minimum(high, size * _OPEN), color=_BAND, linewidth=0.0, label="band"
     )
-    axes.plot(lines, np.abs(frf.measured), ".", color=PALE, markersize=2.5, label="measured")
+    axes.plot(lines, np.abs(np.asarray(frf.measured)), ".", color=PALE, markersize=2.5, label="measured")
     axes.plot(lines, size, color=COLOURS[0], linewidth=1.2, label="predicted")
     axes.set_yscale("log")
     axes.legend(fontsize=8, frameon=False, loc="upper right")

@@ -1,9 +1,9 @@
-"""What this library writes into the free ID lines of data set 58, because the format has no place for it.
+"""Header of data set 58: axes, units of data set 164, and the fields that this library stores in the ID lines.
 
-ID line 4 names the coordinates, `receptance ["tool",0.0,"y"] ["tool",0.05,"y"]` (response, excitation), ID line 5 holds
-the other values, `receptance {"averages":10,"decay_rate":20.0}`: averages, decay rate, sample rate, first frequency
-line and increment with all their digits ("lines"), and whether the points are only numbered ("labels":0). Programs that
-do not know them show them as text.
+ID line 4 holds the coordinates, `receptance ["tool",0.0,"y"] ["tool",0.05,"y"]` (response, excitation), ID line 5 the
+other values, `receptance {"averages":10,"decay_rate":20.0}`: averages, decay rate, sample rate, first frequency line
+and increment with all digits ("lines"), and whether the points are only numbered ("labels":0). The format has no place
+for them; other programs show these lines as text.
 """
 
 from __future__ import annotations
@@ -14,86 +14,268 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from receptance.coordinates import Coordinate
-from receptance.frf import Unplaced
+import numpy as np
 
-__all__ = ["Remembered", "coordinates_line", "remembered", "values_line"]
+from receptance.io.description import coordinate_from_list, coordinate_to_list
+from receptance.io.errors import FileFormatError
+from receptance.io.options import SI, ReadOptions
+from receptance.io.uff.datasets import Function
+from receptance.model.coordinates import Coordinate
+from receptance.units import CHANNEL_UNITS, FORMS, Form, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
+
+__all__ = [
+    "LOADS",
+    "MOTIONS",
+    "QUANTITIES",
+    "IdLines",
+    "channel_unit",
+    "code_of",
+    "coordinates_line",
+    "declared_form",
+    "declared_unit",
+    "directions",
+    "expect_abscissa",
+    "parse_id_lines",
+    "values_line",
+]
 
 _MARK = "receptance "
 WIDTH = 80
 
 
 @dataclass(frozen=True)
-class Remembered:
-    """What the ID lines of a data set say."""
+class IdLines:
+    """Fields of this library in the ID lines of a data set."""
 
     coordinates: tuple[Coordinate, Coordinate] | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
 
 
 def coordinates_line(response: Coordinate, excitation: Coordinate) -> str | None:
-    """Return ID line 4, or None where it is too long."""
-    places = [
-        json.dumps([c.part, None if isinstance(c, Unplaced) else c.position, c.direction], separators=(",", ":"))
-        for c in (response, excitation)
-    ]
-    line = _MARK + " ".join(places)
+    """Return ID line 4, or None if it is too long."""
+    line = _MARK + " ".join(json.dumps(coordinate_to_list(c), separators=(",", ":")) for c in (response, excitation))
     return line if len(line) <= WIDTH else None
 
 
 def values_line(values: Mapping[str, Any]) -> str:
-    """Return ID line 5, empty where there is nothing to say; the exact lines are left out where they are too long."""
+    """Return ID line 5, empty without values; the exact frequency lines are left out if the line is too long."""
     line = _MARK + json.dumps(dict(values), separators=(",", ":"), sort_keys=True) if values else ""
     return line if len(line) <= WIDTH else values_line({k: v for k, v in values.items() if k != "lines"})
 
 
-def remembered(texts: Sequence[str]) -> Remembered:
-    """Return what the five ID lines say; lines of others, or such that were changed, say nothing.
+def parse_id_lines(texts: Sequence[str]) -> IdLines:
+    """Return the contents of the five ID lines; lines of other programs, and damaged ones, are ignored.
 
     Examples
     --------
-    >>> from receptance.io.uff.header import remembered
-    >>> remembered(["hit 3", "", "", "", 'receptance {"averages":10}']).values
+    >>> from receptance.io.uff.header import parse_id_lines
+    >>> parse_id_lines(["hit 3", "", "", "", 'receptance {"averages":10}']).values
     {'averages': 10}
     """
-    places = _parsed(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
-    values = _parsed(texts[4], "{}") if texts[4].startswith(_MARK) else None
+    positions = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
+    values = _parse_json(texts[4], "{}") if texts[4].startswith(_MARK) else None
     coordinates = None
-    if isinstance(places, list) and len(places) == 2 and all(_is_place(place) for place in places):
-        coordinates = (_place(*places[0]), _place(*places[1]))
-    return Remembered(coordinates, _checked(values) if isinstance(values, dict) else {})
+    if isinstance(positions, list) and len(positions) == 2:
+        try:
+            coordinates = (coordinate_from_list(positions[0]), coordinate_from_list(positions[1]))
+        except ValueError:
+            coordinates = None
+    return IdLines(coordinates, _valid_values(values) if isinstance(values, dict) else {})
 
 
-def _parsed(line: str, form: str) -> Any:
+def _parse_json(line: str, form: str) -> Any:
     try:
         return json.loads(form.replace("{}", line.removeprefix(_MARK)))
     except (ValueError, RecursionError):
         return None
 
 
-def _place(part: str, position: Any, direction: Any) -> Coordinate:
-    return Unplaced(direction) if position is None else Coordinate(part, position, direction)
-
-
-def _is_place(place: Any) -> bool:
-    if not (isinstance(place, list) and len(place) == 3 and isinstance(place[0], str) and place[2] in ("y", "theta")):
-        return False
-    position = place[1]
-    return position is None or position == "end" or (isinstance(position, float) and math.isfinite(position))
-
-
-def _checked(values: dict[str, Any]) -> dict[str, Any]:
-    good: dict[str, Any] = {}
+def _valid_values(values: dict[str, Any]) -> dict[str, Any]:
+    valid: dict[str, Any] = {}
     averages = values.get("averages")
     if isinstance(averages, int) and not isinstance(averages, bool) and averages > 0:
-        good["averages"] = averages
+        valid["averages"] = averages
     lines = values.get("lines")
     if isinstance(lines, list) and len(lines) == 2 and all(isinstance(x, float) and 0.0 <= x < math.inf for x in lines):
-        good["lines"] = (lines[0], lines[1])
+        valid["lines"] = (lines[0], lines[1])
     if values.get("labels") == 0:
-        good["labels"] = 0
+        valid["labels"] = 0
     for name in ("decay_rate", "sample_rate_hz"):
         value = values.get(name)
         if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < value < math.inf:
-            good[name] = float(value)
-    return good
+            valid[name] = float(value)
+    return valid
+
+
+MOTIONS: dict[int, Form] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+"""Form of an FRF by the specific data type of its numerator."""
+LOADS = (9, 13)
+"""Specific data types of loads: reaction force and excitation force."""
+QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
+_ABSCISSAE = {17: ("time", "s"), 18: ("frequency", "Hz")}
+_WITH_ROTATION = {
+    "force": "moment",
+    "displacement": "rotation",
+    "velocity": "angular velocity",
+    "acceleration": "angular acceleration",
+}
+_UNIT_TOLERANCE = 1e-4
+"""Largest relative difference of two statements of the same unit; labels are rounded."""
+
+
+def expect_abscissa(function: Function, kind: int) -> None:
+    """Raise if the abscissa is not time in s (17) or frequency in Hz (18), as expected."""
+    axis = function.axes[0]
+    wanted, unit = _ABSCISSAE[kind]
+    if axis.unit:
+        try:
+            known = parse_unit(axis.unit)
+        except UnitError as error:
+            if axis.kind == kind:
+                # Text that is not a unit; the data type is sufficient.
+                return
+            raise FileFormatError(f"the abscissa's unit: {error}") from None
+        if (known.dimension, known.factor) != (parse_unit(unit).dimension, 1.0):
+            raise FileFormatError(f"the abscissa is in {axis.unit!r}, expected {unit}")
+    elif axis.kind != kind:
+        raise FileFormatError(f"the abscissa's specific data type is {axis.kind}, expected {kind} ({wanted})")
+
+
+def declared_form(function: Function) -> Form | None:
+    """Return the form by specific data type or axis label, or None."""
+    numerator, denominator = function.axes[1:]
+    if numerator.kind in QUANTITIES and numerator.kind not in MOTIONS:
+        raise FileFormatError(f"the numerator of the FRF is a {QUANTITIES[numerator.kind]}, expected a motion per load")
+    if denominator.kind in MOTIONS:
+        raise FileFormatError(
+            f"the denominator of the FRF is a {QUANTITIES[denominator.kind]}, expected a load: transmissibilities and "
+            "dynamic stiffnesses are not read"
+        )
+    if numerator.kind in MOTIONS:
+        return MOTIONS[numerator.kind]
+    label = numerator.label.lower()
+    names: dict[str, Form] = {"compliance": FORMS[0], "inertance": FORMS[2]} | {form: form for form in FORMS}
+    return next((form for word, form in names.items() if word in label), None)
+
+
+def directions(function: Function) -> tuple[str, str] | None:
+    """Return the directions "y" or "theta" of response and reference, or None if one is not stated."""
+    codes = function.response.direction, function.reference.direction
+    if 0 in codes:
+        return None
+    return ("theta" if abs(codes[0]) > 3 else "y", "theta" if abs(codes[1]) > 3 else "y")
+
+
+def declared_unit(function: Function, form: Form | None, options: ReadOptions) -> Unit | None:
+    """Return the unit by the axis labels or data set 164, which must agree, or None."""
+    try:
+        label = _label_unit(function)
+    except UnitError as error:
+        if options.unit is not None and (options.unit != SI or options.quantity is not None):
+            return None
+        raise FileFormatError(f"the axis label: {error}; give quantity= and unit=") from None
+    if function.units is None:
+        return label
+    form, sides = options.quantity or form, directions(function)
+    if form is None or sides is None:
+        if label is None and options.unit is None:
+            raise FileFormatError(
+                "data set 164 gives the units of length and force, but directions or specific data types are "
+                "missing; give quantity= and unit="
+            )
+        return label
+    kind = FRFKind(form, *sides)
+    length, force = 1.0 / function.units.length, 1.0 / function.units.force
+    factor = (length if sides[0] == "y" else 1.0) / (force if sides[1] == "y" else force * length)
+    if (
+        label is not None
+        and options.unit is None
+        and not np.isclose(label.factor, factor, rtol=_UNIT_TOLERANCE, atol=0.0)
+    ):
+        raise FileFormatError(
+            f"the file contradicts itself: by its labels the unit is {label.text!r}, by data set 164 "
+            f"({function.units.description}) it is {factor:.6g} {frf_unit(kind)}; find out which is correct "
+            "and give unit="
+        )
+    if label is not None:
+        return label
+    return Unit(f"{frf_unit(kind)} times {factor:.6g}", factor, parse_unit(frf_unit(kind)).dimension)
+
+
+def _label_unit(function: Function) -> Unit | None:
+    numerator, denominator = function.axes[1:]
+    if numerator.unit and denominator.unit:
+        return parse_unit(f"({numerator.unit})/({denominator.unit})")
+    unit = parse_unit(numerator.unit) if numerator.unit else None
+    if unit is not None and denominator.kind in LOADS and channel_kind(unit) is not None:
+        # The unit of the load is missing.
+        return None
+    return unit
+
+
+def channel_unit(function: Function, name: str, options: ReadOptions) -> tuple[str, float, str]:
+    """Return the unit of a time series, the factor of its numbers to this unit, and a note or an empty text."""
+    axis = function.axes[1]
+    quantity = QUANTITIES.get(axis.kind, "")
+    if abs(function.response.direction) > 3:
+        quantity = _WITH_ROTATION.get(quantity, quantity)
+    system = _system_factor(function, quantity)
+    given = options.channel_unit(name)
+    if given is not None:
+        if given == SI and not quantity:
+            raise FileFormatError(
+                f"unit is 'SI', but the file does not state the quantity of channel {name!r}; give its unit"
+            )
+        unit = CHANNEL_UNITS[quantity] if given == SI else given
+        stated = axis.unit or (f"{system:.6g} {CHANNEL_UNITS[quantity]}" if system is not None else "")
+        return (
+            unit,
+            1.0,
+            f"the unit in the file, {stated!r}, was overridden by {unit!r}" if stated not in ("", unit) else "",
+        )
+    if axis.unit:
+        _check_label_unit(axis.unit, name, quantity, system)
+        return axis.unit, 1.0, ""
+    if system is not None:
+        return CHANNEL_UNITS[quantity], system, ""
+    raise FileFormatError(
+        f"neither a data set 164 nor an axis label states the unit of channel {name!r}; give it, for example "
+        f"unit={{{name!r}: 'N'}} (on the command line --unit '{name}=N')"
+    )
+
+
+def _check_label_unit(text: str, name: str, quantity: str, system: float | None) -> None:
+    try:
+        unit = parse_unit(text)
+    except UnitError:
+        # Other units, such as volts and counts, are kept.
+        return
+    known = channel_kind(unit)
+    if quantity and (known is None or known[0] != quantity):
+        raise FileFormatError(
+            f"the file contradicts itself: channel {name!r} is declared as {quantity}, but its unit is {text!r}; "
+            "give unit= for it"
+        )
+    if system is not None and not np.isclose(unit.factor, system, rtol=_UNIT_TOLERANCE, atol=0.0):
+        raise FileFormatError(
+            f"the file contradicts itself: by its label channel {name!r} is in {text!r}, by data set 164 in "
+            f"{system:.6g} {CHANNEL_UNITS[quantity]}; find out which is correct and give unit= for it"
+        )
+
+
+def _system_factor(function: Function, quantity: str) -> float | None:
+    """Return the factor to SI by data set 164, or None."""
+    units = function.units
+    if units is None or quantity not in CHANNEL_UNITS:
+        return None
+    if quantity in ("force", "moment"):
+        return 1.0 / (units.force * (units.length if quantity == "moment" else 1.0))
+    return 1.0 / units.length if quantity in ("displacement", "velocity", "acceleration") else 1.0
+
+
+def code_of(quantity: str, *, rotation: bool) -> int:
+    """Return the specific data type of a quantity at a point of translation or rotation, 0 if there is none."""
+    for code, name in QUANTITIES.items():
+        if code != LOADS[0] and quantity == (_WITH_ROTATION[name] if rotation else name):
+            return code
+    return 0

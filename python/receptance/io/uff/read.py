@@ -1,4 +1,4 @@
-"""Functions of a universal file as FRFs, coherences and time records."""
+"""FRFs, coherences and time series in universal files."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import in_si, make_frf, sampled, without_phase
-from receptance.io.coherence import Coherence
+from receptance.io.build import make_frf, missing_phase_notes, sampling, to_si
 from receptance.io.errors import FileFormatError
-from receptance.io.options import SI, ReadOptions, resolve_frf, several_channels
-from receptance.io.time_series import TimeSeries
-from receptance.io.uff.axes import channel_unit, declared_form, declared_unit, directions, expect_abscissa
-from receptance.io.uff.header import remembered
-from receptance.io.uff.sets import Function, Other, Point, data_sets
+from receptance.io.measurements import Coherence, Measurement, TimeSeries
+from receptance.io.options import SI, ReadOptions, one_unit_message, resolve_frf
+from receptance.io.uff.datasets import Function, Other, Point, data_sets
+from receptance.io.uff.header import (
+    channel_unit,
+    declared_form,
+    declared_unit,
+    directions,
+    expect_abscissa,
+    parse_id_lines,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,43 +62,43 @@ class _Entry:
         return self.function.response.label, self.function.reference.label
 
 
-def read_uff(data: bytes, options: ReadOptions) -> list[FRF | TimeSeries | Coherence]:
-    """Return the functions (data sets 58) of a universal file that are FRFs, coherences or time records.
+def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
+    """Return the FRFs, coherences and time series among the functions (data sets 58) of a universal file.
 
-    FRFs of one form on the same lines are one matrix where every response comes with every excitation. A coherence goes
-    to the FRF of the same points and lines, else it stands alone. Functions of other kinds are noted.
+    FRFs of one form on the same lines form one matrix if every response is combined with every excitation. A coherence
+    is assigned to the FRF of the same points and lines, else it is returned separately. Other functions are noted.
 
     Raises
     ------
     FileFormatError
-        Whatever cannot be read right, with line or byte.
+        Invalid contents, with line or byte.
     """
     items = list(data_sets(data))
     functions = [item for item in items if isinstance(item, Function)]
     by_kind = {kind: [f for f in functions if f.kind == kind] for kind in (_TIME, _FRF, _COHERENCE)}
     if not any(by_kind.values()):
-        held = ", ".join(dict.fromkeys(_named(item) for item in items)) or "no data set at all"
+        held = ", ".join(dict.fromkeys(_describe_item(item) for item in items)) or "no data set at all"
         raise FileFormatError(
-            "there is no time record, FRF or coherence in the file (data set 58 of function type 1, 4 or 6); "
+            "there is no time series, FRF or coherence in the file (data set 58 of function type 1, 4 or 6); "
             f"it holds {held}",
             line=items[0].line.number if items else 1,
         )
     others = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
     notes = [f"not read: {name} ({count} in the file)" for name, count in others.items()]
-    found: list[FRF | TimeSeries | Coherence] = []
-    left = _Partners(by_kind[_COHERENCE])
+    found: list[Measurement] = []
+    pool = _CoherencePool(by_kind[_COHERENCE])
     for matrix in _matrices([_entry(function, options) for function in by_kind[_FRF]]):
-        found.append(_frf(matrix, left, notes, options))
+        found.append(_frf(matrix, pool, notes, options))
     if not (options.ignore_coherence and found):
         alone = [
-            _Entry(function, "receptance", ("y", "y"), _real(function), function.notes) for function in left.functions()
+            _Entry(function, "receptance", ("y", "y"), _real(function), function.notes) for function in pool.functions()
         ]
         found.extend(_coherence(matrix, notes) for matrix in _matrices(alone))
-    found.extend(_time_series(cycle, notes, options) for cycle in _cycles(by_kind[_TIME]))
+    found.extend(_time_series(cycle, notes, options) for cycle in _sampling_groups(by_kind[_TIME]))
     return found
 
 
-def _named(item: Function | Other) -> str:
+def _describe_item(item: Function | Other) -> str:
     if isinstance(item, Other):
         return f"data set {item.kind}"
     return f"{_FUNCTIONS.get(item.kind, 'a function')} (data set 58 of function type {item.kind})"
@@ -109,31 +114,31 @@ def _entry(function: Function, options: ReadOptions) -> _Entry:
             declared=declared_unit(function, form, options),
             form=form,
             directions=directions(function),
-            undeclared="neither a data set 164 nor axis labels say in which unit the FRF is",
+            undeclared="neither a data set 164 nor axis labels state the unit of the FRF",
         )
     except FileFormatError as error:
         raise function.line.error(error.problem) from None
-    notes = [*function.notes, *resolved.notes, *without_phase(function.ordinate)]
-    values = in_si(function.ordinate, resolved.factor)
+    notes = [*function.notes, *resolved.notes, *missing_phase_notes(function.ordinate)]
+    values = to_si(function.ordinate, resolved.factor)
     kind = resolved.kind
     return _Entry(function, kind.form, (kind.response, kind.excitation), values, tuple(notes))
 
 
 def _matrices(entries: Sequence[_Entry]) -> list[list[list[_Entry]]]:
-    """Group entries of one form on the same lines to matrices [response][excitation], or leave them single."""
+    """Group entries of one form on the same lines to matrices [response][excitation], or single entries."""
     groups: dict[tuple[Form, bytes], list[dict[tuple[str, str], _Entry]]] = {}
     order: list[dict[tuple[str, str], _Entry]] = []
     counts: Counter[tuple[Form, bytes, tuple[str, str]]] = Counter()
     for entry in entries:
         lines = _lines_key(entry.function)
-        alike = groups.setdefault((entry.form, lines), [])
-        # Where a pair comes for the n-th time it goes to the n-th matrix on these lines.
+        matrices_on_lines = groups.setdefault((entry.form, lines), [])
+        # The n-th occurrence of a pair belongs to the n-th matrix on these lines.
         position = counts[entry.form, lines, entry.pair]
         counts[entry.form, lines, entry.pair] += 1
-        if position == len(alike):
-            alike.append({})
-            order.append(alike[position])
-        alike[position][entry.pair] = entry
+        if position == len(matrices_on_lines):
+            matrices_on_lines.append({})
+            order.append(matrices_on_lines[position])
+        matrices_on_lines[position][entry.pair] = entry
     matrices: list[list[list[_Entry]]] = []
     for group in order:
         out, into = (list(dict.fromkeys(pair[side] for pair in group)) for side in (0, 1))
@@ -145,7 +150,7 @@ def _matrices(entries: Sequence[_Entry]) -> list[list[list[_Entry]]]:
 
 
 def _directions_agree(group: dict[tuple[str, str], _Entry]) -> bool:
-    """Return whether a point is either a translation or a rotation throughout."""
+    """Return whether each point has one direction in all entries."""
     seen: dict[tuple[int, str], str] = {}
     for pair, entry in group.items():
         for side in (0, 1):
@@ -155,12 +160,12 @@ def _directions_agree(group: dict[tuple[str, str], _Entry]) -> bool:
 
 
 def _lines_key(function: Function) -> bytes:
-    """Return what is equal where the lines are (0 and -0 are)."""
+    """Return a key that is equal for equal lines (0 and -0 are equal)."""
     return (function.abscissa + 0.0).tobytes()
 
 
-class _Partners:
-    """Coherences by their points and lines, in the order of the file."""
+class _CoherencePool:
+    """Coherences by points and lines, in the order of the file."""
 
     def __init__(self, functions: Sequence[Function]) -> None:
         self._waiting: dict[tuple[Point, Point, bytes], deque[Function]] = {}
@@ -173,31 +178,31 @@ class _Partners:
         return function.response, function.reference, _lines_key(function)
 
     def take(self, functions: Sequence[Function]) -> list[Function] | None:
-        """Return the coherences of all these FRFs and remove them; None where one of them has none."""
+        """Remove and return the coherences of all of these FRFs; None if one is missing."""
         keys = [self._key(function) for function in functions]
         if any(len(self._waiting.get(key, ())) < count for key, count in Counter(keys).items()):
             return None
         return [self._waiting[key].popleft() for key in keys]
 
     def functions(self) -> list[Function]:
-        """Return those that no FRF took."""
+        """Return the remaining coherences."""
         left = {id(function) for waiting in self._waiting.values() for function in waiting}
         return [function for function in self._all if id(function) in left]
 
 
-def _frf(matrix: list[list[_Entry]], left: _Partners, notes: Sequence[str], options: ReadOptions) -> FRF:
-    """Return the FRF of a matrix; the coherences that it takes are removed from those that are left."""
+def _frf(matrix: list[list[_Entry]], pool: _CoherencePool, notes: Sequence[str], options: ReadOptions) -> FRF:
+    """Return the FRF of a matrix, with its coherences removed from the pool."""
     first = matrix[0][0].function
     values = np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1)
-    coherence = _coherences(matrix, left)
+    coherence = _coherences(matrix, pool)
     rows, columns = [row[0] for row in matrix], matrix[0]
     labels = tuple(e.function.response.label for e in rows), tuple(e.function.reference.label for e in columns)
-    known: dict[str, Any] = dict(remembered(first.texts).values)
+    known: dict[str, Any] = dict(parse_id_lines(first.texts).values)
     known.pop("sample_rate_hz", None)
     lines = _lines(first, known.pop("lines", None))
     labelled = known.pop("labels", 1) and (any(labels[0]) or any(labels[1]))
     for name, side, entries in (("responses", 0, rows), ("excitations", 1, columns)):
-        places = [remembered(entry.function.texts).coordinates for entry in entries]
+        places = [parse_id_lines(entry.function.texts).coordinates for entry in entries]
         if all(
             place is not None and place[side].direction == e.directions[side]
             for place, e in zip(places, entries, strict=True)
@@ -221,7 +226,7 @@ def _frf(matrix: list[list[_Entry]], left: _Partners, notes: Sequence[str], opti
 
 
 def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.float64]:
-    """Return the frequency lines, from their exact increment where that is remembered and fits."""
+    """Return the frequency lines, from the exact increment of the ID lines if it agrees."""
     if exact is not None and function.step is not None:
         lines = exact[0] + exact[1] * np.arange(function.abscissa.size, dtype=np.float64)
         if np.allclose(lines, function.abscissa, rtol=1e-5, atol=1e-5 * function.step):
@@ -229,9 +234,9 @@ def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.
     return function.abscissa
 
 
-def _coherences(matrix: list[list[_Entry]], left: _Partners) -> NDArray[np.float64] | None:
-    """Take the coherences of all entries out of those that are left, or none of them."""
-    taken = left.take([entry.function for row in matrix for entry in row])
+def _coherences(matrix: list[list[_Entry]], pool: _CoherencePool) -> NDArray[np.float64] | None:
+    """Take the coherences of all entries from the pool, or none of them."""
+    taken = pool.take([entry.function for row in matrix for entry in row])
     if taken is None:
         return None
     return np.stack([_real(f) for f in taken], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
@@ -249,7 +254,7 @@ def _real(function: Function) -> NDArray[np.float64]:
 def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
     first = matrix[0][0].function
     labels = tuple(row[0].pair[0] for row in matrix), tuple(entry.pair[1] for entry in matrix[0])
-    told = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
+    remarks = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
     try:
         expect_abscissa(first, 18)
         return Coherence(
@@ -257,18 +262,15 @@ def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
             values=np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1),
             labels=labels if any(labels[0]) or any(labels[1]) else None,
             label=first.texts[0],
-            notes=(*told, *notes),
+            notes=(*remarks, *notes),
         )
     except ValueError as error:
         problem = error.problem if isinstance(error, FileFormatError) else str(error)
         raise first.line.error(problem) from None
 
 
-# Time records -------------------------------------------------------------------------------------------------------
-
-
-def _cycles(functions: Sequence[Function]) -> list[list[Function]]:
-    """Group time records that were sampled together; where all channels come again, that is the next record."""
+def _sampling_groups(functions: Sequence[Function]) -> list[list[Function]]:
+    """Group channels that were sampled together; repeated channels begin the next record."""
     groups: list[list[Function]] = []
     for function in functions:
         if groups and np.array_equal(function.abscissa, groups[-1][0].abscissa):
@@ -286,8 +288,8 @@ def _cycles(functions: Sequence[Function]) -> list[list[Function]]:
 
 
 def _period(names: Sequence[str]) -> int:
-    """Return after how many names the same ones begin again, in a time proportional to their number."""
-    # Of each beginning of the list: the length of the longest shorter beginning that it also ends with.
+    """Return the period of a sequence of names, in linear time."""
+    # For each prefix of the list, the length of its longest border (Knuth, Morris and Pratt).
     borders = [0] * len(names)
     length = 0
     for index in range(1, len(names)):
@@ -299,12 +301,12 @@ def _period(names: Sequence[str]) -> int:
 
 
 def _time_series(functions: Sequence[Function], notes: Sequence[str], options: ReadOptions) -> TimeSeries:
-    """Return channels that were sampled together."""
+    """Return a time series of channels that were sampled together."""
     names = _names(functions)
     if isinstance(options.unit, str) and options.unit != SI and len(names) > 1:
-        raise functions[0].line.error(several_channels(names, options.unit))
+        raise functions[0].line.error(one_unit_message(names, options.unit))
     units: list[tuple[str, float]] = []
-    told = list(notes)
+    remarks = list(notes)
     for function, name in zip(functions, names, strict=True):
         try:
             expect_abscissa(function, 17)
@@ -312,15 +314,15 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
         except FileFormatError as error:
             raise function.line.error(error.problem) from None
         units.append((unit, factor))
-        told.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
+        remarks.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
         if np.iscomplexobj(function.ordinate):
-            raise function.line.error(f"the time record {name!r} is complex, expected real numbers")
+            raise function.line.error(f"the time series {name!r} is complex, expected real numbers")
     first = functions[0]
-    exact: float | None = remembered(first.texts).values.get("sample_rate_hz")
+    exact: float | None = parse_id_lines(first.texts).values.get("sample_rate_hz")
     try:
-        # One sample has no step of its own.
+        # A single sample has no time step.
         step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
-        rate, start = sampled(first.abscissa, options, step=step)
+        rate, start = sampling(first.abscissa, options, step=step)
         if exact is not None and options.sample_rate_hz is None and abs(exact / rate - 1.0) < 1e-5:
             rate = exact
         return TimeSeries(
@@ -330,7 +332,7 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
             sample_rate_hz=rate,
             start_s=start,
             label=first.texts[0],
-            notes=told,
+            notes=remarks,
         )
     except ValueError as error:
         problem = error.problem if isinstance(error, FileFormatError) else str(error)
@@ -338,7 +340,7 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
 
 
 def _names(functions: Sequence[Function]) -> list[str]:
-    """Return names that differ: of the point, else the axis label, else a number."""
+    """Return unique channel names: of the point, else of the axis label, else a number."""
     names: dict[str, None] = {}
     counts: dict[str, int] = {}
     for number, function in enumerate(functions, 1):

@@ -1,8 +1,8 @@
-"""Universal files with data sets 164 (units) and 58 or 58b (functions), as the standard has them.
+"""Universal files with data sets 164 (units) and 58 or 58b (functions), by the standard.
 
-pyuff 2.5.8 writes abscissae with six digits although the columns hold more, declares the wrong number of binary bytes
-for complex data, writes double-precision abscissae where the standard has single ones, turns NaN into zero without a
-word and lets long names move the columns behind them; it serves the tests as a reader instead.
+pyuff 2.5.8 is not used for writing, because it writes abscissae with six digits, declares the wrong number of binary
+bytes for complex data, writes double-precision abscissae where the standard has single precision, silently replaces NaN
+by zero and shifts columns behind long names. The tests use it as a second reader.
 """
 
 from __future__ import annotations
@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.coordinates import Coordinate
-from receptance.frf import FRF, Unplaced
-from receptance.io.coherence import Coherence
-from receptance.io.time_series import TimeSeries
-from receptance.io.uff.axes import MOTIONS, code_of
-from receptance.io.uff.header import WIDTH, coordinates_line, values_line
-from receptance.io.uff.sets import Point
+from receptance.frf import FRF
+from receptance.io.measurements import Coherence, Measurement, TimeSeries
+from receptance.io.uff.datasets import Point
+from receptance.io.uff.header import MOTIONS, WIDTH, code_of, coordinates_line, values_line
+from receptance.model.coordinates import Coordinate, Unplaced
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,13 +26,13 @@ if TYPE_CHECKING:
 __all__ = ["uff_bytes"]
 
 _POINT = re.compile(r"(?:(?P<name>\S(?:.{0,8}\S)?) )?(?P<node>[0-9]{1,10})(?::(?P<direction>[+-][1-6]))?")
-_EXACT = 1e-9
-"""Relative error of an abscissa from which on it is said how exactly it is held."""
+_EXACT_TOLERANCE = 1e-9
+"""Largest relative error of an abscissa that is not reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Record:
-    """What one data set 58 is to hold."""
+    """Contents of one data set 58."""
 
     kind: int
     response: Point
@@ -46,16 +44,16 @@ class _Record:
     texts: tuple[str, ...]
 
 
-def uff_bytes(things: Sequence[FRF | TimeSeries | Coherence], *, binary: bool) -> tuple[bytes, list[str]]:
-    """Return the contents of a universal file, and what it does not hold of the things.
+def uff_bytes(measurements: Sequence[Measurement], *, binary: bool) -> tuple[bytes, list[str]]:
+    """Return the contents of a universal file, and the fields that it does not store.
 
-    ASCII files have 13 digits of every ordinate, binary ones all; of abscissae both have what 13 columns hold where the
-    lines are evenly spaced (nine digits or more), else eight digits in ASCII and single precision in binary.
+    ASCII files hold 13 digits of the ordinate, binary files all digits. Evenly spaced abscissae have the digits of 13
+    columns (nine or more), uneven ones eight digits in ASCII and single precision in binary.
     """
     lost: list[str] = []
     parts = [_units()]
-    for thing in things:
-        for record in _records(thing, lost):
+    for measurement in measurements:
+        for record in _records(measurement, lost):
             parts.append(_data_set(record, binary, lost))
     return b"".join(parts), list(dict.fromkeys(lost))
 
@@ -65,22 +63,25 @@ def _units() -> bytes:
     return f"    -1\n   164\n         1{'SI: metre, newton':<20}         2\n{factors}\n{0.0:25.17E}\n    -1\n".encode()
 
 
-def _records(thing: FRF | TimeSeries | Coherence, lost: list[str]) -> list[_Record]:
-    if isinstance(thing, TimeSeries):
-        return _of_time_series(thing, lost)
-    sides = (thing.labels or (None, None)) if isinstance(thing, (FRF, Coherence)) else (None, None)
-    shape = thing.values.shape[1:]
-    coordinates = (thing.responses, thing.excitations) if isinstance(thing, FRF) else (None, None)
+def _records(measurement: Measurement, lost: list[str]) -> list[_Record]:
+    if isinstance(measurement, TimeSeries):
+        return _time_series_records(measurement, lost)
+    sides = (measurement.labels or (None, None)) if isinstance(measurement, (FRF, Coherence)) else (None, None)
+    shape = measurement.values.shape[1:]
+    coordinates = (measurement.responses, measurement.excitations) if isinstance(measurement, FRF) else (None, None)
     numbers: dict[object, int] = {}
     points = [_points(sides[k], coordinates[k], shape[k], numbers, lost) for k in (0, 1)]
-    texts = [_text(thing.label, "the label", lost), "", "", "", ""]
-    if isinstance(thing, Coherence):
+    texts = [_text(measurement.label, "the label", lost), "", "", "", ""]
+    if isinstance(measurement, Coherence):
         pairs = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
-        return [_of_coherence(thing.frequency_hz, thing.values, points, row, column, texts) for row, column in pairs]
-    return _of_frf(thing, points, texts, lost)
+        return [
+            _coherence_record(measurement.frequency_hz, measurement.values, points, row, column, texts)
+            for row, column in pairs
+        ]
+    return _frf_records(measurement, points, texts, lost)
 
 
-def _of_frf(frf: FRF, points: list[list[Point]], texts: list[str], lost: list[str]) -> list[_Record]:
+def _frf_records(frf: FRF, points: list[list[Point]], texts: list[str], lost: list[str]) -> list[_Record]:
     for name, held in (
         ("log_variance", frf.log_variance is None),
         ("degrees_of_freedom", frf.degrees_of_freedom is None),
@@ -115,11 +116,11 @@ def _of_frf(frf: FRF, points: list[list[Point]], texts: list[str], lost: list[st
             records.append(_Record(4, *pair, frf.frequency_hz, frf.values[:, row, column], axes, tuple(texts)))
             if frf.coherence is not None:
                 alone = [texts[0], "", "", "", ""]
-                records.append(_of_coherence(frf.frequency_hz, frf.coherence, points, row, column, alone))
+                records.append(_coherence_record(frf.frequency_hz, frf.coherence, points, row, column, alone))
     return records
 
 
-def _of_coherence(
+def _coherence_record(
     lines: NDArray[np.float64],
     values: NDArray[np.float64],
     points: list[list[Point]],
@@ -131,7 +132,7 @@ def _of_coherence(
     return _Record(6, points[0][row], points[1][column], lines, values[:, row, column], axes, tuple(texts))
 
 
-def _of_time_series(series: TimeSeries, lost: list[str]) -> list[_Record]:
+def _time_series_records(series: TimeSeries, lost: list[str]) -> list[_Record]:
     if series.notes:
         lost.append("notes")
     texts = (_text(series.label, "the label", lost), "", "", "", values_line({"sample_rate_hz": series.sample_rate_hz}))
@@ -146,8 +147,8 @@ def _of_time_series(series: TimeSeries, lost: list[str]) -> list[_Record]:
 
 
 def _channel(name: str, lost: list[str]) -> tuple[Point, str]:
-    """Return a point whose label is the name, or no point and the name as the label of the axis."""
-    point = _named_point(name)
+    """Return a point with the name as its label, or an empty point and the name as the label of the axis."""
+    point = _point_of_label(name)
     if point is not None:
         return point, ""
     return Point("", 0, 0), _short(name, 20, "a channel's name", lost)
@@ -160,12 +161,12 @@ def _points(
     numbers: dict[object, int],
     lost: list[str],
 ) -> list[Point]:
-    """Return a point for each response or excitation, all different; the same place has the same node on both sides."""
+    """Return a unique point for each response or excitation; equal positions have equal nodes on both sides."""
     points: list[Point] = []
     for index in range(count):
         place = coordinates[index] if coordinates is not None else Unplaced()
         rotation = place.direction == "theta"
-        point = _named_point(labels[index]) if labels is not None else None
+        point = _point_of_label(labels[index]) if labels is not None else None
         if point is None or point in points or (point.direction and rotation != (abs(point.direction) > 3)):
             if labels is not None:
                 lost.append("labels that are not like '22:+3' or at most 10 characters")
@@ -177,8 +178,8 @@ def _points(
     return points
 
 
-def _named_point(label: str) -> Point | None:
-    """Return the point that is read as this label, or None."""
+def _point_of_label(label: str) -> Point | None:
+    """Return the point with this label, or None."""
     match = _POINT.fullmatch(label)
     if match:
         point = Point(match["name"] or "", int(match["node"]), int(match["direction"] or 0))
@@ -222,7 +223,7 @@ def _data_set(record: _Record, binary: bool, lost: list[str]) -> bytes:
 
 
 def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str, str]:
-    """Return whether the abscissa is written as evenly spaced, and its two numbers then."""
+    """Return whether the abscissa is written as evenly spaced, its first value and its increment."""
     lines = record.abscissa
     n, scale = lines.size, float(np.max(np.abs(lines)))
     best: tuple[float, str, str] = (np.inf, "", "")
@@ -231,12 +232,12 @@ def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str,
         wrong = float(np.max(np.abs(float(first) + float(increment) * np.arange(n) - lines)))
         if wrong < best[0] and (n == 1 or float(increment) > 0.0):
             best = (wrong, first, increment)
-    if record.kind == 1 or best[0] <= _EXACT * scale:
-        # Time records are even, and their sample rate stands in ID line 5 with all its digits.
+    if record.kind == 1 or best[0] <= _EXACT_TOLERANCE * scale:
+        # Time series are even; ID line 5 holds their sample rate with all digits.
         return True, *best[1:]
     held = lines.astype(np.float32) if binary else np.array([float(_in_13(x)) for x in lines.tolist()])
     uneven = float(np.max(np.abs(held - lines)))
-    if min(best[0], uneven) > _EXACT * scale:
+    if min(best[0], uneven) > _EXACT_TOLERANCE * scale:
         lost.append(f"frequency lines more exactly than {min(best[0], uneven):.1g} Hz")
     if best[0] <= uneven:
         return True, *best[1:]
@@ -244,14 +245,14 @@ def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str,
     if same.size:
         one, other = lines[same[0]], lines[same[0] + 1]
         raise ValueError(
-            f"a universal file cannot hold the lines {float(one)!r} and {float(other)!r} Hz apart: it has "
+            f"a universal file cannot distinguish the lines {float(one)!r} and {float(other)!r} Hz: it has "
             f"{'single precision' if binary else '13 columns'} for each; write .npz, .mat, .h5 or .csv"
         )
     return False, "0.00000E+00", "0.00000E+00"
 
 
 def _exact_lines(lines: NDArray[np.float64]) -> list[float] | None:
-    """Return first line and increment where they give even lines that 13 columns do not, else None."""
+    """Return first line and increment of even lines that 13 columns do not hold exactly, else None."""
     n = lines.size
     if n < 2:
         return None
@@ -263,7 +264,7 @@ def _exact_lines(lines: NDArray[np.float64]) -> list[float] | None:
 
 
 def _in_13(number: float) -> str:
-    """Return a number in at most 13 columns, with a decimal point (Fortran wants one), as exactly as they hold."""
+    """Return a number in at most 13 columns as exactly as possible, with the decimal point of Fortran."""
     whole = len(str(int(abs(number)))) + (number < 0)
     texts = [repr(number), f"{number:.7E}", f"{number:.6E}", f"{number:.5E}", f"{number:.{max(12 - whole, 1)}f}"]
     fitting = [text for text in texts if len(text) <= 13 and "." in text]
@@ -272,7 +273,7 @@ def _in_13(number: float) -> str:
 
 def _binary_body(record: _Record, even: bool) -> bytes:
     parts = ["re", "im"] if np.iscomplexobj(record.ordinate) else ["re"]
-    # By the standard the abscissa is single precision, whatever the ordinate is.
+    # By the standard the abscissa always has single precision.
     fields = ([] if even else [("x", "<f4")]) + [(part, "<f8") for part in parts]
     table = np.zeros(record.ordinate.size, dtype=fields)
     if not even:

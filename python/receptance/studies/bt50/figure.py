@@ -98,7 +98,7 @@ def _draw_axial_damping(axes: Axes, virtual: dict[str, Any], published: dict[str
 
 
 def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
-    """Draw the first axial mode below a break of the axis, and bonded, which is far off, above it."""
+    """Draw the first axial mode below a break of the axis, and the bonded one, which is much higher, above it."""
     set_up(above, "First axial mode (paper's figure 16)")
     set_up(axes, "", _FORCE, "frequency (Hz)")
     levels = virtual["axial"]

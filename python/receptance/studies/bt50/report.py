@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from receptance.report import Results, Table
+from receptance.report import Table
+from receptance.report.table import joined
 from receptance.studies.report import Section, table
 from receptance.taper import ForceSeries
 
@@ -57,7 +58,11 @@ def sections(found: dict[str, Any]) -> list[Section]:
         Section("Diagnosis of the rigid holder", [], texts["diagnosis"]),
         Section("Axial damping, half-power and circle", [_damping(virtual["axial"])], texts["damping"]),
         Section("Radial", [_radial(virtual["radial"])], texts["radial"]),
-        Section("Over drawbar force", Results(series_of(virtual["trends"])).tables(), texts["trends"]),
+        Section(
+            "Over drawbar force",
+            joined(part for one in series_of(virtual["trends"]).values() for part in one.tables()),
+            texts["trends"],
+        ),
         Section("Use of the elastic model", [], texts["use"]),
     ]
 

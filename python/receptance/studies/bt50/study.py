@@ -489,7 +489,7 @@ def diagnose_rigid(
         raise ValueError(f"bt50: levels is {levels!r}, expected from 2 to the {len(forces)} that are measured")
     chosen = forces[:: (len(forces) - 1) // (levels - 1)][:levels]
     seen = [one for one in observed if one.conditions["drawbar force"] in chosen]
-    # Nothing is predicted beyond the last level.
+    # Levels above the last one are not predicted.
     between = {force for force in forces if force not in chosen and force < chosen[-1]}
     rest = [one for one in observed if one.conditions["drawbar force"] in between]
     unknowns = [

@@ -143,13 +143,13 @@ def _draw_sets(axes: Axes, sets: list[dict[str, Any]]) -> None:
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
     for row, one in enumerate(sets):
         for column, error in enumerate(one["errors"]):
-            percent, betrayed = error["error_percent"], error in one["betrayed_by"]
-            strength = min(1.0, np.log10(max(abs(percent), 1.0)) / 2.0) if betrayed else 0.0
+            percent, refuted = error["error_percent"], error in one["refuted_by"]
+            strength = min(1.0, np.log10(max(abs(percent), 1.0)) / 2.0) if refuted else 0.0
             red = (1.0 - 0.35 * strength, 0.85 - 0.62 * strength, 0.8 - 0.6 * strength)
-            cell = Rectangle((column - 0.48, row - 0.46), 0.96, 0.92, facecolor=red if betrayed else (0.93,) * 3)
+            cell = Rectangle((column - 0.48, row - 0.46), 0.96, 0.92, facecolor=red if refuted else (0.93,) * 3)
             axes.add_patch(cell)
             look: dict[str, Any] = {"color": "white" if strength > 0.6 else INK, "fontsize": 10}
-            look["fontweight"] = "bold" if betrayed else "normal"
+            look["fontweight"] = "bold" if refuted else "normal"
             axes.text(column, row, f"{percent:+.1f}", ha="center", va="center", **look)
     places = [f"{error['overhang_mm']:g}\nmode {error['mode']}" for error in sets[0]["errors"]]
     axes.set_xlim(-0.5, len(places) - 0.5)
@@ -157,7 +157,7 @@ def _draw_sets(axes: Axes, sets: list[dict[str, Any]]) -> None:
     axes.set_yticks(range(len(sets)), [one["set"].replace("_", " ") for one in sets], fontsize=9, color=INK)
     axes.set_xticks(range(len(places)), places, fontsize=8, color=INK)
     threshold = sets[0]["threshold_percent"]
-    axes.set_xlabel(f"overhang (mm), mode; red betrays the set: error above {threshold:.1f} %", color=INK)
+    axes.set_xlabel(f"overhang (mm), mode; red: error above {threshold:.1f} %", color=INK)
     axes.tick_params(length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)

@@ -19,7 +19,7 @@ from receptance.studies.er32.tables import Published, assembly
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.assembly import Assembly
+    from receptance.model.assembly import Assembly
 
 __all__ = [
     "BOUNDS",

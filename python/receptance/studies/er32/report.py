@@ -16,7 +16,7 @@ __all__ = ["findings", "sections"]
 _UNLIKELY = 0.05
 """P value below which chance is called an unlikely explanation."""
 _SMALLEST_P = 1e-4
-"""The tails of the assumed distributions are not known further out."""
+"""Smallest p value that is printed, because the tails of the assumed distributions are uncertain."""
 _CAUSES = 6
 """Rows of the table of single causes."""
 
@@ -130,13 +130,13 @@ def _on_transfer(found: dict[str, Any]) -> Iterator[str]:
 def _on_sets(found: dict[str, Any]) -> Iterator[str]:
     threshold = found["parameter_sets"][0]["threshold_percent"]
     yield (
-        f"A mode betrays a set if its error exceeds {threshold:.1f} %, {found['settings']['betrayal']:g} times the rms "
-        "error of the transfers above."
+        f"A mode refutes a set if its error exceeds {threshold:.1f} %, {found['settings']['refutation']:g} times the "
+        "rms error of the transfers above."
     )
     for one in found["parameter_sets"]:
-        shows = one["first_betrayal_of_first_mode"]
+        shows = one["first_refutation_of_first_mode"]
         if shows is not None:
-            yield f"The first mode betrays {one['set']} from an overhang of {shows['overhang_mm']:g} mm down."
+            yield f"The first mode refutes {one['set']} from an overhang of {shows['overhang_mm']:g} mm down."
 
 
 def _on_trends(found: dict[str, Any]) -> Iterator[str]:
@@ -267,12 +267,12 @@ def _summary(found: dict[str, Any]) -> list[str]:
         abs(_worst(found["identified"], f"{name}_difference_percent")[f"{name}_difference_percent"])
         for name in ("k_y", "k_theta")
     )
-    betrayed = ", ".join(one["set"] for one in found["parameter_sets"] if one["betrayed"])
+    refuted = ", ".join(one["set"] for one in found["parameter_sets"] if one["refuted"])
     return [
         f"published predictions: {theirs['rms_percent']:.2f} % rms; measured transfers: {ours['rms_percent']:.2f} % "
         f"rms (paper {ours['published_rms_percent']:.2f} %)",
         f"identified joints against the paper's: k_y within {y:.1f} %, k_theta within {theta:.1f} %",
-        f"parameter sets betrayed by some mode: {betrayed or 'none'}",
+        f"parameter sets refuted by some mode: {refuted or 'none'}",
         f"first mode of the long tools: {bias['mean_percent']:+.2f} % on average, p = {bias['p_value']:.2g} under "
         "the stated chance",
     ]
@@ -330,13 +330,13 @@ def _sets(found: dict[str, Any]) -> Table:
     for errors in zip(*(one["errors"] for one in sets), strict=True):
         row = dict(errors[0])
         for one, error in zip(sets, errors, strict=True):
-            mark = "*" if error in one["betrayed_by"] else " "
+            mark = "*" if error in one["refuted_by"] else " "
             row |= {one["set"]: error["predicted_hz"], f"{one['set']} error": f"{error['error_percent']:+.1f}{mark}"}
         rows.append(row)
     columns = {"overhang\n[mm]": "overhang_mm:g", "mode": "mode:d", "measured\n[Hz]": "measured_hz:.0f"}
     for one in sets:
         columns |= {f"{one['set']}\n[Hz]": f"{one['set']}:.0f", f"{one['set']}\nerror [%] ": f"{one['set']} error:>"}
-    return table("Predicted with each set; * betrays it", rows, columns)
+    return table("Predicted with each set; * refutes it", rows, columns)
 
 
 def _trends(found: dict[str, Any]) -> list[Table]:

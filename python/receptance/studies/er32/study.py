@@ -59,7 +59,7 @@ class ER32Settings:
         Draws of the simulation of chance.
     seed : int
         Seed of the starts and of the simulation.
-    betrayal : float
+    refutation : float
         A mode refutes a parameter set if its error exceeds this multiple of the rms error of the transfers.
 
     Raises
@@ -73,14 +73,14 @@ class ER32Settings:
     starts: int = 4
     draws: int = 300
     seed: int = 0
-    betrayal: float = 3.0
+    refutation: float = 3.0
 
     def __post_init__(self) -> None:
         for name, value in asdict(self.resolution).items():
             _checks.positive("resolution", name, value, unit="Hz")
         for name, value in asdict(self.chance).items():
             _checks.not_negative("chance", name, value)
-        _checks.positive("settings", "betrayal", self.betrayal)
+        _checks.positive("settings", "refutation", self.refutation)
         for name, least in (("starts", 1), ("draws", 1), ("seed", 0)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
@@ -153,7 +153,7 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
             "published_rms_percent": rms([row["published_error_percent"] for row in transfers]),
             "rows": transfers,
         },
-        "parameter_sets": [_judged(published, one, chosen.betrayal * error) for one in published.parameter_sets],
+        "parameter_sets": [_judged(published, one, chosen.refutation * error) for one in published.parameter_sets],
         "trends": find_trends(joints, published.torque_nm),
         "long_first_mode_bias_percent": bias["percent"],
         "long_first_mode_bias_p_value": bias["p_value"],
@@ -232,7 +232,7 @@ def _judged(published: Published, chosen: ParameterSet, threshold_percent: float
             }
             for mode, (value, predicted) in enumerate(zip(frequencies, found, strict=True), 1)
         ]
-    betrayed_by = [error for error in errors if abs(error["error_percent"]) > threshold_percent]
+    refuted_by = [error for error in errors if abs(error["error_percent"]) > threshold_percent]
     worst = max(errors, key=lambda error: abs(error["error_percent"]))
     return {
         "set": chosen.name,
@@ -241,11 +241,11 @@ def _judged(published: Published, chosen: ParameterSet, threshold_percent: float
         "worst_error_percent": worst["error_percent"],
         "worst": worst,
         "threshold_percent": threshold_percent,
-        "betrayed": bool(betrayed_by),
-        "betrayed_by": betrayed_by,
-        "first_betrayal": next(iter(betrayed_by), None),
+        "refuted": bool(refuted_by),
+        "refuted_by": refuted_by,
+        "first_refutation": next(iter(refuted_by), None),
         # A joint is usually matched to the first mode of a long tool.
-        "first_betrayal_of_first_mode": next((error for error in betrayed_by if error["mode"] == 1), None),
+        "first_refutation_of_first_mode": next((error for error in refuted_by if error["mode"] == 1), None),
         "errors": errors,
     }
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from receptance.assembly import Assembly
-from receptance.beams import Part, Segment
-from receptance.joints import PointJoint
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part, Segment
+from receptance.model.joints import PointJoint
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign

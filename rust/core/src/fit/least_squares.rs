@@ -1,19 +1,23 @@
-//! Least squares within bounds on normal matrices: the trust-region reflective method.
+//! Least squares within bounds on normal matrices: a trust-region method with an active set.
 //!
-//! With A = [J | r] all that a step needs is A^T A, a handful of numbers however many residuals there are. Near a
-//! bound towards which the cost falls the variables are scaled by the root of their distance to it (Coleman and Li
-//! 1996), so that iterates stay inside and do not stick to a bound too early; of the step cut short at a bound, its
-//! reflection there and the steepest descent the best is taken (Branch, Coleman and Li, SIAM J. Sci. Comput. 21,
-//! 1999, 1). SciPy's least squares is the same method on whole residuals, and the reference of the tests.
+//! With A = [J | r] all that a step needs is A^T A, a handful of numbers however many residuals there are. A step is the
+//! least value of the Gauss-Newton parabola within the trust region and the bounds: a damping holds it in the region
+//! (Moré, Lecture Notes in Mathematics 630, 1978), and an active-set method solves the damped problem within the bounds.
+//! Variables are scaled to unit columns of J. SciPy's least squares is the reference of the tests.
+//!
+//! A step cut short where it first meets a bound, or its reflection there, as in the method of Branch, Coleman and Li
+//! (1999), is no substitute for the least value within the bounds: with thirty variables some are always near a bound,
+//! and most steps are cut to nothing.
 
 use crate::error::Result;
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// When a fit ends.
 #[derive(Copy, Clone, Debug)]
 pub struct Stop {
     /// Relative change of the cost and of the variables, and largest cosine between column and residual, at which it has converged.
     pub tolerance: f64,
-    /// Decrease of the cost at which it has converged, where the next step promises no more.
+    /// Decrease of the cost at which it has converged, where the predicted decrease of the next step is no larger.
     pub least: f64,
     /// Most evaluations.
     pub evaluations: usize,
@@ -47,29 +51,52 @@ pub struct End {
     pub evaluations: usize,
     /// Why it ended.
     pub status: Status,
-    /// The normal matrix over all variables, at the end or a step away from it that promises less than the tolerance;
-    /// empty where there was none.
+    /// The normal matrix over all variables, at the end or a step away from it with a predicted decrease below the
+    /// tolerance; empty where there was none.
     pub normal: Vec<f64>,
 }
 
-/// Share of the predicted decrease below which the region is made smaller.
+/// Share of the predicted decrease of the cost below which the region is made smaller.
 const POOR: f64 = 0.25;
 
-/// The share above which it is made larger.
+/// Share of the predicted decrease above which the next step may be taken without another evaluation.
 const GOOD: f64 = 0.75;
 
-/// Share of the radius from which on a step was held back by it.
-const FULL: f64 = 0.95;
+/// Share of the radius from which on the region held a step back.
+const FULL: f64 = 0.9;
+
+/// Least and largest factor by which the region is made smaller.
+const SMALLER: [f64; 2] = [0.1, 0.5];
+
+/// Least inverse factor by which it is made larger.
+const LARGER: f64 = 0.5;
 
 /// Share of the range by which a start on a bound is moved inside.
 const INSIDE: f64 = 1e-10;
 
+/// Share of the distance to a bound that one step may go, so that a poor early step leaves no variable there.
+const APPROACH: f64 = 0.3;
+
+/// Share of the range; one step may reach a bound that is closer.
+const CLOSE: f64 = 0.01;
+
+/// Lengths of steps may differ from the region's radius by this share.
+const LOOSE: f64 = 0.05;
+
+/// Least damping, for variables scaled to unit columns: it keeps variables without effect where they are.
+const LEAST_DAMPING: f64 = 1e-14;
+
+/// Most trials of a damping.
+const MOST_TRIALS: usize = 50;
+
+/// Share of the largest slope above which a slope moves a variable away from a bound.
+const LEAVING: f64 = 1e-10;
+
 /// Minimises half the sum of squares from a start within the bounds; variables that are not `free` are held there.
 ///
 /// `normal` returns A^T A over all variables row by row, or nothing where the residuals have no value; a step is then
-/// shortened.
-/// Where the last step went as foreseen and the next one promises less than the tolerance, it is taken without
-/// another evaluation, if it leads to what is `allowed`.
+/// shortened. Where the last step lowered the cost as predicted and the predicted decrease of the next one is below
+/// the tolerance, it is taken without another evaluation if it leads to a point that is `allowed`.
 ///
 /// # Errors
 /// Those of `normal` and `allowed`.
@@ -81,40 +108,37 @@ pub fn minimise(
     mut normal: impl FnMut(&[f64]) -> Result<Option<Vec<f64>>>,
     allowed: impl Fn(&[f64]) -> Result<bool>,
 ) -> Result<End> {
-    let last = (start.len() + 1) * (start.len() + 1) - 1;
+    let size = start.len() + 1;
+    let last = size * size - 1;
     let moving: Vec<usize> = (0..start.len()).filter(|&i| free[i]).collect();
-    let pick = |values: &[f64]| -> Vec<f64> { moving.iter().map(|&i| values[i]).collect() };
-    let whole = |values: Vec<f64>| {
-        let mut whole = start.to_vec();
+    let pick = |values: &[f64]| DVector::from_iterator(moving.len(), moving.iter().map(|&i| values[i]));
+    let all = |values: &DVector<f64>| {
+        let mut all = start.to_vec();
         for (&i, value) in moving.iter().zip(values) {
-            whole[i] = value;
+            all[i] = *value;
         }
-        whole
-    };
-    // The matrix over the variables that move, and the residual.
-    let picked = |matrix: &[f64]| -> Vec<f64> {
-        let kept = || moving.iter().copied().chain([start.len()]);
-        kept().flat_map(|i| kept().map(move |j| i * (start.len() + 1) + j)).map(|at| matrix[at]).collect()
+        all
     };
     let [lower, upper] = &bounds.map(pick);
     let mut x = inside(&pick(start), lower, upper, INSIDE);
-    let Some(mut now) = normal(&whole(x.clone()))? else {
+    let Some(mut now) = normal(&all(&x))? else {
         let (cost, status) = (f64::INFINITY, Status::NoValue);
-        return Ok(End { x: whole(x), cost, first: cost, evaluations: 1, status, normal: Vec::new() });
+        return Ok(End { x: all(&x), cost, first: cost, evaluations: 1, status, normal: Vec::new() });
     };
     let first = 0.5 * now[last];
     let end = |x, cost, evaluations, status, normal| {
-        Ok(End { x: whole(x), cost, first, evaluations, status, normal })
+        Ok(End { x: all(&x), cost, first, evaluations, status, normal })
     };
     if moving.is_empty() {
         return end(x, first, 1, Status::Gradient, now);
     }
-    let mut norms = vec![0.0; moving.len()];
     let (mut region, mut foreseen) = (None, false);
     let mut evaluations = 1;
     loop {
         let cost = 0.5 * now[last];
-        let local = Local::new(&x, [lower, upper], &picked(&now), &mut norms);
+        let kept: Vec<usize> = moving.iter().copied().chain([start.len()]).collect();
+        let own = DMatrix::from_fn(kept.len(), kept.len(), |i, j| now[kept[i] * size + kept[j]]);
+        let local = Local::new(&x, [lower, upper], &own);
         if local.steepest < stop.tolerance {
             return end(x, cost, evaluations, Status::Gradient, now);
         }
@@ -123,28 +147,31 @@ pub fn minimise(
             if evaluations >= stop.evaluations {
                 return end(x, cost, evaluations, Status::Unfinished, now);
             }
-            let Some(Step { scaled: step, promised, free }) = local.step(&x, radius) else {
+            let Some(Step { scaled: step, promised, whole, cut }) = local.step(radius) else {
                 return end(x, cost, evaluations, Status::Step, now);
             };
-            if free && promised <= stop.least {
+            if whole && promised <= stop.least {
                 return end(x, cost, evaluations, Status::Cost, now);
             }
-            let next = inside(&sum(&x, &local.unscaled(&step)), lower, upper, 0.0);
-            if foreseen && free && promised < stop.tolerance * cost && allowed(&whole(next.clone()))? {
+            let next = inside(&(&x + step.component_mul(&local.scale)), lower, upper, 0.0);
+            if foreseen && whole && promised < stop.tolerance * cost && allowed(&all(&next))? {
                 return end(next, cost - promised, evaluations, Status::Cost, now);
             }
-            let found = normal(&whole(next.clone()))?;
+            let found = normal(&all(&next))?;
             evaluations += 1;
-            let length = norm(&step);
+            let (length, moved) = (step.norm(), (&next - &x).norm());
             let actual = found.as_ref().map_or(f64::NEG_INFINITY, |found| cost - 0.5 * found[last]);
             let ratio = if promised > 0.0 { actual / promised } else { 0.0 };
-            let moved = norm(&local.unscaled(&step));
-            let small = moved < stop.tolerance * (stop.tolerance + norm(&x));
-            let flat = actual < stop.tolerance * cost && ratio > POOR;
+            let small = moved < stop.tolerance * (stop.tolerance + x.norm());
+            let flat = actual < stop.tolerance * cost && ratio > POOR && !cut;
             if ratio < POOR {
-                radius = POOR * length;
-            } else if ratio > GOOD && length > FULL * radius {
-                radius *= 2.0;
+                // To the least value of the parabola through both costs with the slope at the first.
+                let slope = local.slope.dot(&step);
+                let share = if actual.is_finite() { 0.5 * slope / (slope + actual) } else { POOR };
+                radius = share.clamp(SMALLER[0], SMALLER[1]) * length;
+            } else if length > FULL * radius {
+                // The factor rises from 1 where half of the predicted decrease is reached (Nielsen, IMM-REP-1999-05).
+                radius /= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(LARGER, 1.0);
             }
             let better = actual > 0.0;
             if let (Some(found), true) = (found, better) {
@@ -163,287 +190,212 @@ pub fn minimise(
 }
 
 /// A point strictly within the bounds, by a share of their distance or by the next number.
-fn inside(x: &[f64], lower: &[f64], upper: &[f64], share: f64) -> Vec<f64> {
-    let point = |i: usize| {
-        let range = upper[i] - lower[i];
+fn inside(x: &DVector<f64>, lower: &DVector<f64>, upper: &DVector<f64>, share: f64) -> DVector<f64> {
+    x.zip_zip_map(lower, upper, |x, lower, upper| {
+        let range = upper - lower;
         let room = if range.is_finite() { share * range } else { 0.0 };
-        let (low, high) =
-            ((lower[i] + room).max(lower[i].next_up()), (upper[i] - room).min(upper[i].next_down()));
-        if low < high { x[i].clamp(low, high) } else { 0.5 * lower[i] + 0.5 * upper[i] }
-    };
-    (0..x.len()).map(point).collect()
+        let (low, high) = ((lower + room).max(lower.next_up()), (upper - room).min(upper.next_down()));
+        if low < high { x.clamp(low, high) } else { 0.5 * lower + 0.5 * upper }
+    })
 }
-
-/// How much of the way to a bound is gone at least.
-const ALMOST: f64 = 0.995;
-
-/// Steps may differ from the region's radius by this share.
-const LOOSE: f64 = 0.01;
-
-/// Least damping, for variables scaled to unit columns.
-const LEAST_DAMPING: f64 = 1e-14;
-
-/// Most trials of a damping.
-const MOST_TRIALS: usize = 80;
 
 /// A step in scaled variables.
-pub struct Step {
-    /// The step.
-    pub scaled: Vec<f64>,
-    /// The decrease of the cost that it promises.
-    pub promised: f64,
-    /// Whether neither the region nor a bound holds it back.
-    pub free: bool,
+struct Step {
+    scaled: DVector<f64>,
+    /// The decrease of the cost if the residuals are linear.
+    promised: f64,
+    /// Whether it leads to the least value within the bounds: neither the region nor a limit before a bound holds it back.
+    whole: bool,
+    /// Whether a limit before a bound holds it back.
+    cut: bool,
 }
 
-/// The problem about one point, in variables scaled by their columns and by the distance to the bounds.
-pub struct Local<'a> {
-    bounds: [&'a [f64]; 2],
+/// The limit at which a variable is held.
+#[derive(Copy, Clone, PartialEq, Eq)]
+enum Held {
+    Free,
+    Lower,
+    Upper,
+}
+
+/// The problem about one point, in variables scaled to unit columns.
+struct Local {
     /// From scaled to given variables.
-    scale: Vec<f64>,
-    /// Curvature in scaled variables, with what the bounds add.
-    curvature: Vec<f64>,
-    /// Slopes in scaled variables.
-    slope: Vec<f64>,
+    scale: DVector<f64>,
+    curvature: DMatrix<f64>,
+    slope: DVector<f64>,
+    /// How far a step may go: to the bounds, or a share of the way.
+    limits: [DVector<f64>; 2],
+    /// Whether a limit is a bound.
+    at_bound: [Vec<bool>; 2],
     /// The largest cosine between a column and the residual, times the room to the bound that the slope leads to as
     /// a share of the range.
-    pub steepest: f64,
+    steepest: f64,
 }
 
-impl<'a> Local<'a> {
-    /// From a normal matrix at `x`; `norms` are the largest that each column has had, and are brought up to date.
-    pub fn new(x: &[f64], bounds: [&'a [f64]; 2], normal: &[f64], norms: &mut [f64]) -> Self {
+impl Local {
+    /// From a normal matrix at `x`.
+    fn new(x: &DVector<f64>, bounds: [&DVector<f64>; 2], normal: &DMatrix<f64>) -> Self {
         let n = x.len();
-        let size = n + 1;
-        let (mut scale, mut more, mut slope) = (vec![1.0; n], vec![0.0; n], vec![0.0; n]);
+        let scale = DVector::from_fn(n, |i, _| {
+            let size = normal[(i, i)].sqrt();
+            if size > 0.0 { size.recip() } else { 1.0 }
+        });
+        let curvature = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] * scale[i] * scale[j]);
+        let slope = DVector::from_fn(n, |i, _| normal[(i, n)] * scale[i]);
+        let range = bounds[1] - bounds[0];
+        let residual = normal[(n, n)].sqrt();
         let mut steepest = 0.0_f64;
-        let size_of_residual = normal[size * size - 1].sqrt();
         for i in 0..n {
-            norms[i] = norms[i].max(normal[i * size + i].sqrt());
-            let column = if norms[i] > 0.0 { 1.0 / norms[i] } else { 1.0 };
-            let g = normal[i * size + n];
-            let distance = if g < 0.0 { bounds[1][i] - x[i] } else { x[i] - bounds[0][i] };
-            // The cosine between column and residual, small where a bound is near that the slope leads to.
-            let range = bounds[1][i] - bounds[0][i];
-            let room = if range.is_finite() { distance / range } else { 1.0 };
-            if size_of_residual > 0.0 {
-                steepest = steepest.max((g * column).abs() / size_of_residual * room);
+            // Small where a bound is near that the slope leads to.
+            let distance = if slope[i] < 0.0 { bounds[1][i] - x[i] } else { x[i] - bounds[0][i] };
+            let room = if range[i].is_finite() { distance / range[i] } else { 1.0 };
+            if residual > 0.0 {
+                steepest = steepest.max(slope[i].abs() / residual * room);
             }
-            scale[i] = column;
-            if g != 0.0 && distance.is_finite() {
-                scale[i] = (distance / column).sqrt() * column;
-                more[i] = g.abs() * column;
-            }
-            slope[i] = g * scale[i];
         }
-        let mut curvature = vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..n {
-                curvature[i * n + j] = normal[i * size + j] * scale[i] * scale[j];
-            }
-            curvature[i * n + i] += more[i];
-        }
-        Self { bounds, scale, curvature, slope, steepest }
+        let distances = bounds.map(|bound| bound - x);
+        let reached = |i: usize, distance: f64| !range[i].is_finite() || distance.abs() <= CLOSE * range[i];
+        let at_bound = distances.each_ref().map(|to| (0..n).map(|i| reached(i, to[i])).collect::<Vec<_>>());
+        let limits = [0, 1].map(|side| {
+            let share = |i: usize| if at_bound[side][i] { 1.0 } else { APPROACH };
+            DVector::from_fn(n, |i, _| share(i) * distances[side][i] / scale[i])
+        });
+        Self { scale, curvature, slope, limits, at_bound, steepest }
     }
 
     /// Radius of the first region: the size of the start.
-    pub fn first_radius(&self, x: &[f64]) -> f64 {
-        let radius = x.iter().zip(&self.scale).map(|(x, scale)| (x / scale).powi(2)).sum::<f64>().sqrt();
+    fn first_radius(&self, x: &DVector<f64>) -> f64 {
+        let radius = x.component_div(&self.scale).norm();
         if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
     }
 
-    /// A step in the given variables.
-    pub fn unscaled(&self, step: &[f64]) -> Vec<f64> {
-        step.iter().zip(&self.scale).map(|(step, scale)| step * scale).collect()
-    }
-
-    /// The best scaled step within the region and the bounds.
-    pub fn step(&self, x: &[f64], radius: f64) -> Option<Step> {
-        let mut newton = self.within(radius)?;
-        let (reach, hits) = self.reach(x, &newton);
-        if reach >= 1.0 {
-            let free = norm(&newton) < (1.0 - LOOSE) * radius;
-            return Some(Step { promised: -self.change(&newton), scaled: newton, free });
-        }
-        let back = ALMOST.max(1.0 - self.steepest);
-        let mut reflected = newton.clone();
-        for (value, hit) in reflected.iter_mut().zip(hits) {
-            if hit {
-                *value = -*value;
-            }
-        }
-        for value in &mut newton {
-            *value *= reach;
-        }
-        let mut best = self.reflection(x, &newton, reflected, [radius, reach, back]);
-        for value in &mut newton {
-            *value *= back;
-        }
-        let descent: Vec<f64> = self.slope.iter().map(|slope| -slope).collect();
-        let to_region = radius / norm(&descent);
-        let (to_bound, _) = self.reach(x, &descent);
-        let longest = if to_bound < to_region { back * to_bound } else { to_region };
-        let descent = self.along(&vec![0.0; x.len()], &descent, 0.0, longest);
-        for candidate in [newton, descent] {
-            if best.as_ref().is_none_or(|best| self.change(&candidate) < self.change(best)) {
-                best = Some(candidate);
-            }
-        }
-        best.map(|best| Step { promised: -self.change(&best), scaled: best, free: false })
-    }
-
-    /// The step to the bound and on along its reflection.
-    fn reflection(
-        &self,
-        x: &[f64],
-        to_bound: &[f64],
-        reflected: Vec<f64>,
-        [radius, reach, back]: [f64; 3],
-    ) -> Option<Vec<f64>> {
-        let at_bound = sum(x, &self.unscaled(to_bound));
-        let (free, _) = self.reach(&at_bound, &reflected);
-        // |to_bound + t reflected| = radius.
-        let (a, b) = (dot(&reflected, &reflected), dot(to_bound, &reflected));
-        let c = dot(to_bound, to_bound) - radius * radius;
-        let to_region = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
-        let longest = free.min(to_region);
-        if longest.is_nan() || longest <= 0.0 {
-            return None;
-        }
-        let (least, most) =
-            ((1.0 - back) * reach / longest, if longest == free { back * free } else { to_region });
-        (least <= most).then(|| self.along(to_bound, &reflected, least, most))
-    }
-
-    /// The best point of a part of a line.
-    fn along(&self, from: &[f64], direction: &[f64], least: f64, most: f64) -> Vec<f64> {
-        let bent = self.times(direction);
-        let (curved, sloping) = (dot(direction, &bent), dot(&self.slope, direction) + dot(from, &bent));
-        let point =
-            |t: f64| -> Vec<f64> { from.iter().zip(direction).map(|(from, d)| from + t * d).collect() };
-        let value = |t: f64| t * (sloping + 0.5 * t * curved);
-        let mut best = if value(most) < value(least) { most } else { least };
-        let flat = -sloping / curved;
-        if flat > least && flat < most && value(flat) < value(best) {
-            best = flat;
-        }
-        point(best)
-    }
-
-    /// How far the bounds allow to go along a scaled step, as a share of it, and which variables meet one there.
-    fn reach(&self, x: &[f64], step: &[f64]) -> (f64, Vec<bool>) {
-        let share = |i: usize| {
-            let step = step[i] * self.scale[i];
-            let bound = if step > 0.0 { self.bounds[1][i] } else { self.bounds[0][i] };
-            if step == 0.0 { f64::INFINITY } else { ((bound - x[i]) / step).max(0.0) }
-        };
-        let shares: Vec<f64> = (0..x.len()).map(share).collect();
-        let least = shares.iter().copied().fold(f64::INFINITY, f64::min);
-        (least, shares.iter().map(|share| *share == least).collect())
-    }
-
-    /// The change of the cost by a scaled step if the residuals are linear.
-    fn change(&self, step: &[f64]) -> f64 {
-        dot(&self.slope, step) + 0.5 * dot(step, &self.times(step))
-    }
-
-    fn times(&self, step: &[f64]) -> Vec<f64> {
-        self.curvature.chunks(step.len()).map(|row| dot(row, step)).collect()
-    }
-
-    /// The best scaled step within the region: the damping that makes it so long is found between bounds.
-    fn within(&self, radius: f64) -> Option<Vec<f64>> {
-        let mut damping = 0.0;
-        let mut found = self.damped(damping);
-        if found.is_none() {
-            // Some direction has no effect; the least damping keeps the step out of it.
-            damping = LEAST_DAMPING;
-            found = self.damped(damping);
-        }
-        let (mut low, mut high) = (damping, f64::INFINITY);
+    /// The best step within the region and the limits; nothing where no damping makes the problem convex.
+    fn step(&self, radius: f64) -> Option<Step> {
+        let mut held = vec![Held::Free; self.slope.len()];
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        let mut damping = LEAST_DAMPING;
+        // Whether no smaller damping makes the problem convex.
+        let mut least = true;
+        let mut best = None;
         for _ in 0..MOST_TRIALS {
-            let Some(length) = found.as_deref().map(norm) else {
-                damping = (10.0 * damping).max(LEAST_DAMPING);
-                found = self.damped(damping);
+            let Some((step, rate)) = self.damped(damping, &mut held) else {
+                low = damping;
+                damping *= 10.0;
                 continue;
             };
-            // Without more damping than the system needs anyway, a step may be shorter than the region.
-            let short_enough = length <= radius && damping == low;
-            if short_enough || (length / radius - 1.0).abs() <= LOOSE {
+            let length = step.norm();
+            let off = length / radius - 1.0;
+            let within = off <= LOOSE && least;
+            best = Some((step, within, held.clone()));
+            if within || off.abs() <= LOOSE {
                 break;
             }
-            if length > radius {
+            least = false;
+            if off > 0.0 {
                 low = damping;
             } else {
                 high = damping;
             }
-            damping = match (low > 0.0, high.is_finite()) {
-                (true, true) => (low * high).sqrt(),
-                (false, true) => 1e-3 * high,
-                (_, false) => (10.0 * damping).max(LEAST_DAMPING.max(1e-6 * norm(&self.slope) / radius)),
+            // Newton's method on one over the length.
+            let newton = damping + off * length * length / rate;
+            damping = if newton > low && newton < high {
+                newton
+            } else if high.is_finite() {
+                (low.max(1e-3 * high) * high).sqrt()
+            } else {
+                10.0 * damping
             };
-            found = self.damped(damping);
         }
-        found
+        best.map(|(scaled, within, held)| {
+            let cut = held.iter().enumerate().any(|(i, held)| match held {
+                Held::Free => false,
+                Held::Lower => !self.at_bound[0][i],
+                Held::Upper => !self.at_bound[1][i],
+            });
+            let promised = -scaled.dot(&(0.5 * (&self.curvature * &scaled) + &self.slope));
+            Step { scaled, promised, whole: within && !cut, cut }
+        })
     }
 
-    fn damped(&self, damping: f64) -> Option<Vec<f64>> {
+    /// The least value of the damped parabola within the limits, and half the rate at which the square of the step's
+    /// length falls with the damping; nothing where the parabola is not convex.
+    ///
+    /// An active-set method that begins with the variables that are `held`. Every step lowers the value, so that no set
+    /// comes twice.
+    fn damped(&self, damping: f64, held: &mut [Held]) -> Option<(DVector<f64>, f64)> {
         let n = self.slope.len();
+        let [lower, upper] = &self.limits;
         let mut matrix = self.curvature.clone();
-        let mut right: Vec<f64> = self.slope.iter().map(|slope| -slope).collect();
         for i in 0..n {
-            matrix[i * n + i] += damping;
+            matrix[(i, i)] += damping;
         }
-        solve(&mut matrix, &mut right)?;
-        right.iter().all(|step| step.is_finite()).then_some(right)
-    }
-}
-
-/// The sum of two vectors.
-pub fn sum(x: &[f64], step: &[f64]) -> Vec<f64> {
-    x.iter().zip(step).map(|(x, step)| x + step).collect()
-}
-
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
-}
-
-/// The Euclidean length.
-pub fn norm(x: &[f64]) -> f64 {
-    dot(x, x).sqrt()
-}
-
-/// Solves a symmetric positive definite system in place by Cholesky; nothing where it is not.
-fn solve(matrix: &mut [f64], right: &mut [f64]) -> Option<()> {
-    let n = right.len();
-    for j in 0..n {
-        for k in 0..j {
-            for i in j..n {
-                matrix[i * n + j] -= matrix[i * n + k] * matrix[j * n + k];
+        let value = |step: &DVector<f64>| step.dot(&(0.5 * (&matrix * step) + &self.slope));
+        let limit = |i: usize, held: Held| match held {
+            Held::Free => 0.0,
+            Held::Lower => lower[i],
+            Held::Upper => upper[i],
+        };
+        let mut step = DVector::from_fn(n, |i, _| limit(i, held[i]));
+        if value(&step) > 0.0 {
+            held.fill(Held::Free);
+            step.fill(0.0);
+        }
+        let mut rate = 0.0;
+        for _ in 0..10 * (n + 1) {
+            let free: Vec<usize> = (0..n).filter(|&i| held[i] == Held::Free).collect();
+            let mut target = step.clone();
+            if !free.is_empty() {
+                let factor = Cholesky::new(matrix.select_rows(&free).select_columns(&free))?;
+                let change = factor.solve(&(&self.slope + &matrix * &step).select_rows(&free));
+                for (&i, change) in free.iter().zip(&change) {
+                    target[i] -= change;
+                }
+                let own = factor.l_dirty().solve_lower_triangular(&target.select_rows(&free))?;
+                rate = own.norm_squared();
             }
+            let beyond = |i: usize| match target[i] {
+                target if target < lower[i] => Held::Lower,
+                target if target > upper[i] => Held::Upper,
+                _ => Held::Free,
+            };
+            let passed: Vec<usize> = free.into_iter().filter(|&i| beyond(i) != Held::Free).collect();
+            if passed.is_empty() {
+                step = target;
+                let slope = &self.slope + &matrix * &step;
+                let least = LEAVING * self.slope.amax();
+                let leaves = |i: usize| match held[i] {
+                    Held::Free => false,
+                    Held::Lower => slope[i] < -least,
+                    Held::Upper => slope[i] > least,
+                };
+                let leaving: Vec<usize> = (0..n).filter(|&i| leaves(i)).collect();
+                if leaving.is_empty() {
+                    break;
+                }
+                for i in leaving {
+                    held[i] = Held::Free;
+                }
+                continue;
+            }
+            // All limits at once where that is better, otherwise up to the first.
+            let mut next =
+                target.zip_zip_map(lower, upper, |target, lower, upper| target.max(lower).min(upper));
+            let mut met = passed.clone();
+            if value(&next) >= value(&step) {
+                let share = |i: usize| (limit(i, beyond(i)) - step[i]) / (target[i] - step[i]);
+                let least = passed.iter().map(|&i| share(i)).fold(f64::INFINITY, f64::min);
+                met.retain(|&i| share(i) <= least);
+                next = &step + least * (&target - &step);
+            }
+            for i in met {
+                held[i] = beyond(i);
+                next[i] = limit(i, held[i]);
+            }
+            step = next;
         }
-        let pivot = matrix[j * n + j];
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return None;
-        }
-        let root = pivot.sqrt();
-        for i in j..n {
-            matrix[i * n + j] /= root;
-        }
+        Some((step, rate))
     }
-    for i in 0..n {
-        for k in 0..i {
-            right[i] -= matrix[i * n + k] * right[k];
-        }
-        right[i] /= matrix[i * n + i];
-    }
-    for i in (0..n).rev() {
-        for k in i + 1..n {
-            right[i] -= matrix[k * n + i] * right[k];
-        }
-        right[i] /= matrix[i * n + i];
-    }
-    Some(())
 }
 
 #[cfg(test)]

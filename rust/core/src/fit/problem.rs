@@ -13,7 +13,7 @@ use crate::model::frequencies::every;
 use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::observe::joint::Reduced;
 use crate::observe::lines::{Rows, spread};
-use crate::observe::observed::{Measure, Modelled, Record, Seen};
+use crate::observe::observed::{Damping, Measure, Modelled, Record, Seen};
 use crate::observe::ties::At;
 use crate::threads::on_threads;
 use core::fmt::Debug;
@@ -66,11 +66,11 @@ pub struct OfJoint {
 
 /// Residuals that the caller computes.
 pub trait Residuals: Debug + Send + Sync {
-    /// Residuals and their derivatives by all variables; nothing where there are none.
+    /// Residuals and their derivatives by all variables.
     ///
     /// # Errors
-    /// What ends a fit.
-    fn rows(&self, x: &[f64]) -> Result<Option<Rows>>;
+    /// `Error::NoValue` at a point that has none, and errors that end a fit.
+    fn rows(&self, x: &[f64]) -> Result<Rows>;
 }
 
 /// What was measured, beside the model that it is compared with.
@@ -80,6 +80,13 @@ pub enum Observation {
     Whole(Modelled),
     /// Of a model reduced to one joint.
     Joint(OfJoint),
+    /// Residuals A (x - b) of the variables x.
+    Linear {
+        /// A, row by row.
+        matrix: Vec<f64>,
+        /// b.
+        centre: Vec<f64>,
+    },
     /// Computed by the caller.
     Given(Arc<dyn Residuals>),
 }
@@ -160,8 +167,8 @@ impl Problem {
             Observation::Whole(Modelled { seen: Seen::Receptance { w, records, .. }, .. }) => {
                 w.len() * records.len()
             }
-            Observation::Whole(_) | Observation::Given(_) => 0,
             Observation::Joint(one) => one.record.measured.len(),
+            Observation::Whole(_) | Observation::Linear { .. } | Observation::Given(_) => 0,
         };
         self.observed.iter().map(lines).sum()
     }
@@ -180,7 +187,18 @@ impl Problem {
             same_length("number of unknowns that the model is tied to", index, tied.count(), self.count())?;
         }
         match &one {
-            Observation::Whole(Modelled { tied, seen: Seen::Receptance { w, records, beyond, .. } }) => {
+            Observation::Whole(Modelled {
+                tied,
+                seen: Seen::Receptance { w, records, beyond, force, truncation, .. },
+            }) => {
+                if truncation.is_some() && !(beyond.is_empty() && force.is_empty()) {
+                    return Err(wrong(
+                        "truncated record",
+                        index,
+                        1.0,
+                        "one without tables of terminals and forces",
+                    ));
+                }
                 if w.is_empty() || records.is_empty() {
                     return Err(wrong("number of lines or records", index, 0.0, "at least one"));
                 }
@@ -188,11 +206,17 @@ impl Problem {
                     let expected = tied.terminals() * TERMINAL_ENTRIES * w.len();
                     same_length("receptances beyond terminals", index, beyond.len(), expected)?;
                 }
+                if !force.is_empty() {
+                    same_length("forces", index, force.len(), w.len())?;
+                }
                 for Record { measured, weights } in records {
                     one_a_line(measured.len(), weights.len(), w.len())?;
                 }
             }
-            Observation::Whole(Modelled { seen: Seen::Frequencies { modes, measured, weights }, .. }) => {
+            Observation::Whole(Modelled {
+                seen: Seen::Frequencies { modes, measured, weights, damping },
+                ..
+            }) => {
                 if modes.is_empty() || !modes.is_sorted() {
                     return Err(wrong("modes", index, modes.len() as f64, "ascending modes, at least one"));
                 }
@@ -202,6 +226,16 @@ impl Problem {
                 }
                 same_length("measured frequencies", index, measured.len(), modes.len())?;
                 same_length("weights", index, weights.len(), modes.len())?;
+                for Damping { place, ratio, weight } in damping {
+                    if *place >= modes.len() {
+                        let expected = format!("a mode below {}", modes.len());
+                        let value = *place as f64;
+                        return Err(Error::Index { what: "damping ratio's mode", index, value, expected });
+                    }
+                    if let Some(value) = [ratio, weight].into_iter().find(|value| !value.is_finite()) {
+                        return Err(wrong("damping ratio or its weight", index, *value, "a finite number"));
+                    }
+                }
             }
             Observation::Joint(one) => {
                 let count = self.count();
@@ -210,6 +244,19 @@ impl Problem {
                     return Err(Error::Index { what: "joint column", index, value, expected });
                 }
                 one.reduced()?;
+            }
+            Observation::Linear { matrix, centre } => {
+                let count = self.count();
+                same_length("centre of linear residuals", index, centre.len(), count)?;
+                if !matrix.len().is_multiple_of(count) {
+                    let value = matrix.len() as f64;
+                    return Err(wrong(
+                        "matrix of linear residuals",
+                        index,
+                        value,
+                        &format!("rows of {count}"),
+                    ));
+                }
             }
             Observation::Given(_) => {}
         }
@@ -222,7 +269,8 @@ impl Problem {
         let fewer = |one: &Observation| match one {
             Observation::Whole(Modelled {
                 tied,
-                seen: Seen::Receptance { measure, w, records, response, excitation, beyond },
+                seen:
+                    Seen::Receptance { measure, w, records, response, excitation, beyond, force, truncation },
             }) => {
                 let stride = stride(w.len(), lines);
                 let records = records.iter().map(|record| record.thinned(stride)).collect();
@@ -233,10 +281,12 @@ impl Problem {
                     response: *response,
                     excitation: *excitation,
                     beyond: thinned_rows(beyond, beyond.len() / w.len(), stride),
+                    force: every(force, stride),
+                    truncation: truncation.clone(),
                 };
                 Observation::Whole(Modelled { tied: tied.clone(), seen })
             }
-            Observation::Whole(_) | Observation::Given(_) => one.clone(),
+            Observation::Whole(_) | Observation::Linear { .. } | Observation::Given(_) => one.clone(),
             Observation::Joint(one) => {
                 let stride = stride(one.record.measured.len(), lines);
                 let reduction = Arc::new(one.reduction.thinned(stride));
@@ -258,28 +308,29 @@ impl Problem {
         let (values, slopes) = self.unknowns(x, free);
         let parts = self.each(threads, |one, threads| match one {
             Observation::Whole(one) => {
-                let Some(at) = one.tied.at(&values, &slopes) else { return Ok(None) };
+                let at = one.tied.at(&values, &slopes)?;
                 Ok(match one.seen {
                     Seen::Receptance { measure: Measure::Logarithm, .. } => {
-                        one.normal_of_lines(&at, threads)?.map(|sum| Part::Sum(sum, at))
+                        Part::Sum(one.normal_of_lines(&at, threads)?, at)
                     }
                     Seen::Receptance { measure: Measure::Percent, .. } => {
                         let every: Vec<usize> = (0..x.len()).collect();
-                        one.rows_of_lines(&at, &every, x.len(), threads)?.map(Part::Given)
+                        Part::Given(one.rows_of_lines(&at, &every, x.len(), threads)?)
                     }
-                    Seen::Frequencies { .. } => one.frequencies(&at)?.map(|rows| Part::Rows(rows, at)),
+                    Seen::Frequencies { .. } => Part::Rows(one.frequencies(&at)?, at),
                 })
             }
             Observation::Joint(one) => {
-                let Some(joint) = one.joint(&values) else { return Ok(None) };
+                let joint = one.joint(&values)?;
                 let (columns, mut place) = one.columns(&slopes);
-                let matrix = if_any(one.reduced()?.normal_matrix(&joint, &columns, threads))?;
+                let matrix = one.reduced()?.normal_matrix(&joint, &columns, threads)?;
                 place.push(x.len());
-                Ok(matrix.map(|matrix| Part::Some(matrix, place)))
+                Ok(Part::Some(matrix, place))
             }
-            Observation::Given(one) => Ok(one.rows(x)?.map(Part::Given)),
-        })?;
-        let Some(parts) = parts else { return Ok(None) };
+            Observation::Linear { matrix, centre } => Ok(Part::Given(linear(matrix, centre, x))),
+            Observation::Given(one) => Ok(Part::Given(one.rows(x)?)),
+        });
+        let Some(parts) = if_any(parts)? else { return Ok(None) };
         for part in &parts {
             match part {
                 Part::Sum(own, at) => spread(own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size),
@@ -334,42 +385,9 @@ impl Problem {
     pub fn rows(&self, x: &[f64], free: &[bool], threads: usize) -> Result<Option<Rows>> {
         let moving: Vec<usize> = (0..x.len()).filter(|&i| free[i]).collect();
         let (values, slopes) = self.unknowns(x, free);
-        let parts = self.each(threads, |one, threads| match one {
-            Observation::Whole(one) => {
-                let Some(at) = one.tied.at(&values, &slopes) else { return Ok(None) };
-                match one.seen {
-                    Seen::Receptance { .. } => one.rows_of_lines(&at, &moving, x.len(), threads),
-                    Seen::Frequencies { .. } => one.rows_of_frequencies(&at, &moving, x.len()),
-                }
-            }
-            Observation::Joint(one) => {
-                let Some(joint) = one.joint(&values) else { return Ok(None) };
-                let (columns, place) = one.columns(&slopes);
-                let Some(found) = if_any(one.reduced()?.rows(&joint, &columns, threads))? else {
-                    return Ok(None);
-                };
-                let mut jacobian = vec![0.0; found.residual.len() * moving.len()];
-                for (own, into) in
-                    found.jacobian.chunks(place.len().max(1)).zip(jacobian.chunks_mut(moving.len().max(1)))
-                {
-                    for (value, variable) in own.iter().zip(&place) {
-                        if let Ok(column) = moving.binary_search(variable) {
-                            into[column] += value;
-                        }
-                    }
-                }
-                Ok(Some(Rows { residual: found.residual, jacobian }))
-            }
-            Observation::Given(one) => Ok(one.rows(x)?.map(|rows| Rows {
-                jacobian: rows
-                    .jacobian
-                    .chunks(x.len())
-                    .flat_map(|row| moving.iter().map(|&i| row[i]))
-                    .collect(),
-                residual: rows.residual,
-            })),
-        })?;
-        let Some(parts) = parts else { return Ok(None) };
+        let own =
+            |one: &Observation, threads: usize| self.rows_of(one, (x, &values, &slopes), &moving, threads);
+        let Some(parts) = if_any(self.each(threads, own))? else { return Ok(None) };
         let mut rows = Rows::default();
         for part in parts {
             rows.residual.extend(part.residual);
@@ -381,6 +399,63 @@ impl Problem {
         }
         let finite = rows.residual.iter().chain(&rows.jacobian).all(|value| value.is_finite());
         Ok(finite.then_some(rows))
+    }
+
+    /// Residuals of an observation at a point (variables, values of the unknowns, derivatives of these by the variables),
+    /// and their derivatives by the moving variables.
+    fn rows_of(
+        &self,
+        one: &Observation,
+        (x, values, slopes): (&[f64], &[f64], &[f64]),
+        moving: &[usize],
+        threads: usize,
+    ) -> Result<Rows> {
+        let whole = match one {
+            Observation::Whole(one) => {
+                let at = one.tied.at(values, slopes)?;
+                return match one.seen {
+                    Seen::Receptance { .. } => one.rows_of_lines(&at, moving, x.len(), threads),
+                    Seen::Frequencies { .. } => one.rows_of_frequencies(&at, moving, x.len()),
+                };
+            }
+            Observation::Joint(one) => {
+                let joint = one.joint(values)?;
+                let (columns, place) = one.columns(slopes);
+                let found = one.reduced()?.rows(&joint, &columns, threads)?;
+                let mut jacobian = vec![0.0; found.residual.len() * moving.len()];
+                for (own, into) in
+                    found.jacobian.chunks(place.len().max(1)).zip(jacobian.chunks_mut(moving.len().max(1)))
+                {
+                    for (value, variable) in own.iter().zip(&place) {
+                        if let Ok(column) = moving.binary_search(variable) {
+                            into[column] += value;
+                        }
+                    }
+                }
+                return Ok(Rows { residual: found.residual, jacobian });
+            }
+            Observation::Linear { matrix, centre } => linear(matrix, centre, x),
+            Observation::Given(one) => one.rows(x)?,
+        };
+        let rows = whole.jacobian.chunks(x.len());
+        let jacobian = rows.flat_map(|row| moving.iter().map(|&i| row[i])).collect();
+        Ok(Rows { residual: whole.residual, jacobian })
+    }
+
+    /// The first observation that has no value at a point, and why.
+    ///
+    /// # Errors
+    /// As `normal_matrix`.
+    pub fn reason(&self, x: &[f64], threads: usize) -> Result<Option<(usize, Error)>> {
+        let (values, slopes) = self.unknowns(x, &vec![false; x.len()]);
+        for (index, one) in self.observed.iter().enumerate() {
+            match self.rows_of(one, (x, &values, &slopes), &[], threads) {
+                Ok(_) => {}
+                Err(error @ (Error::Threads { .. } | Error::Interrupted)) => return Err(error),
+                Err(error) => return Ok(Some((index, error))),
+            }
+        }
+        Ok(None)
     }
 
     /// Fits from each start, `starts` one after the other, with variables that are not `free` held where they start.
@@ -423,9 +498,10 @@ impl Problem {
         let (values, slopes) = unknowns(&self.variables, x);
         for one in &self.observed {
             let exists = match one {
-                Observation::Whole(one) => one.tied.at(&values, &slopes).is_some(),
-                Observation::Joint(one) => one.joint(&values).is_some(),
-                Observation::Given(one) => one.rows(x)?.is_some(),
+                Observation::Whole(one) => one.tied.at(&values, &slopes).is_ok(),
+                Observation::Joint(one) => one.joint(&values).is_ok(),
+                Observation::Linear { .. } => true,
+                Observation::Given(one) => if_any(one.rows(x))?.is_some(),
             };
             if !exists {
                 return Ok(false);
@@ -447,14 +523,14 @@ impl Problem {
     fn each<T: Send>(
         &self,
         threads: usize,
-        work: impl Fn(&Observation, usize) -> Result<Option<T>> + Sync,
-    ) -> Result<Option<Vec<T>>> {
+        work: impl Fn(&Observation, usize) -> Result<T> + Sync,
+    ) -> Result<Vec<T>> {
         // Many observations share the threads, one has them for its lines.
         let inside = if self.observed.len() > 1 { 1 } else { threads };
         let lines = |one: &Observation| match one {
             Observation::Whole(one) => one.seen.lines(),
             Observation::Joint(one) => one.record.measured.len() / REDUCED_LINES,
-            Observation::Given(_) => 0,
+            Observation::Linear { .. } | Observation::Given(_) => 0,
         };
         let lines: usize = self.observed.iter().map(lines).sum();
         let a_task = A_LINE * lines as f64 / self.observed.len().max(1) as f64;
@@ -469,7 +545,7 @@ impl Observation {
         match self {
             Self::Whole(one) => matches!(one.seen, Seen::Receptance { measure: Measure::Logarithm, .. }),
             Self::Joint(_) => true,
-            Self::Given(_) => false,
+            Self::Linear { .. } | Self::Given(_) => false,
         }
     }
 }
@@ -480,16 +556,19 @@ impl OfJoint {
         Reduced::new(&self.reduction, &self.record.measured, &self.record.weights)
     }
 
-    /// The joint; nothing where it is indefinite or has no stiffness.
-    fn joint(&self, values: &[f64]) -> Option<[f64; SPRING_COLUMNS]> {
+    /// The joint.
+    ///
+    /// # Errors
+    /// Values that make no joint.
+    fn joint(&self, values: &[f64]) -> Result<[f64; SPRING_COLUMNS]> {
         let mut joint = self.joint;
         for (column, variable) in joint.iter_mut().zip(&self.variables) {
             if let Some(variable) = *variable {
                 *column = values[variable];
             }
         }
-        Spring::new(&joint).check("joint", 0).ok()?;
-        Some(joint)
+        Spring::new(&joint).check("joint", 0)?;
+        Ok(joint)
     }
 
     /// The columns that move with their derivatives by their variables, and these variables.
@@ -510,6 +589,13 @@ impl Record {
 /// Every so many of some rows.
 fn thinned_rows(values: &[Complex64], columns: usize, stride: usize) -> Vec<Complex64> {
     values.chunks(columns.max(1)).step_by(stride).flatten().copied().collect()
+}
+
+/// Residuals A (x - b) with their derivatives.
+fn linear(matrix: &[f64], centre: &[f64], x: &[f64]) -> Rows {
+    let off: Vec<f64> = x.iter().zip(centre).map(|(x, b)| x - b).collect();
+    let each = matrix.chunks(x.len()).map(|row| row.iter().zip(&off).map(|(a, off)| a * off).sum());
+    Rows { residual: each.collect(), jacobian: matrix.to_vec() }
 }
 
 /// How many lines to go on by, so that about `wanted` of them are left.
@@ -560,7 +646,7 @@ fn outer(row: &[f64], sum: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::joint::reduction::{Form, reduce_joint};
-    use crate::line::response::receptance;
+    use crate::line::amplitude::receptance;
     use crate::model::assembly::{Model, Table, Tables};
     use crate::model::frequencies::Frequencies;
     use crate::model::request::Parameter;
@@ -569,8 +655,9 @@ mod tests {
     use crate::observe::ties::{Rate, Tied};
 
     const BAR: [f64; 14] = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0];
-    // Ten times one unknown as modulus, and a length that is 0.2 exp(0.01 u).
-    const ADDRESSES: [f64; 12] = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.2, 0.0, 0.01, 0.0, 0.0];
+    // Seven and three times one unknown as modulus, and a length that is 0.2 exp(0.01 u).
+    const ADDRESSES: [f64; 16] =
+        [0.0, 7.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.2, -1.0, 0.0, 0.0, 0.01, 0.0, 0.0];
     const SETTINGS: Settings = Settings { tolerance: 1e-10, least: 0.0, of_all: false };
     const LOGARITHMIC: [bool; 2] = [true, false];
     const BOUNDS: [[f64; 2]; 2] = [[9.0, -8.0], [11.0, 8.0]];
@@ -600,6 +687,8 @@ mod tests {
             response,
             excitation: response,
             beyond: Vec::new(),
+            force: Vec::new(),
+            truncation: None,
         };
         let tied = Tied::new(Motion::Bending, tables, &rates, &[BAR[5], BAR[2]], ADDRESSES.to_vec(), 2);
         let priors = vec![Prior { variable: 1, scale: 1.0, offset: 0.0 }];
@@ -684,9 +773,9 @@ mod tests {
     struct Plane;
 
     impl Residuals for Plane {
-        fn rows(&self, x: &[f64]) -> Result<Option<Rows>> {
+        fn rows(&self, x: &[f64]) -> Result<Rows> {
             let residual = vec![x[0] - 3.0, x[0] - 3.1, x[0] - 50.0, x[1]];
-            Ok(Some(Rows { residual, jacobian: vec![1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0] }))
+            Ok(Rows { residual, jacobian: vec![1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0] })
         }
     }
 
@@ -730,7 +819,8 @@ mod tests {
             address,
             rate: 1.0,
         });
-        let addresses = vec![0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let address = |unknown: f64| [unknown, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let addresses = [0.0, 1.0].map(address).concat();
         let tied = Tied::new(Motion::Bending, tables, &rates, &[1e5, 1e8], addresses, 2).unwrap();
         let records = vec![record.clone()];
         let seen = Seen::Receptance {
@@ -740,6 +830,8 @@ mod tests {
             response: tip,
             excitation: tip,
             beyond: Vec::new(),
+            force: Vec::new(),
+            truncation: None,
         };
         let mut whole = Problem::new(variables(), priors(), None).unwrap();
         whole.add(Observation::Whole(Modelled { tied: Arc::new(tied), seen })).unwrap();

@@ -113,6 +113,10 @@ pub fn reduce_joint(
         let expected = "at least one".to_owned();
         return Err(Error::Index { what: "number of frequency lines", index: 0, value: 0.0, expected });
     }
+    if !model.slips.is_empty() {
+        let (what, value) = ("number of joints in micro-slip", model.slips.len() as f64);
+        return Err(Error::Index { what, index: 0, value, expected: "none".to_owned() });
+    }
     let request = Request {
         excitations: vec![excitation, response],
         responses: vec![response],
@@ -287,7 +291,7 @@ fn entry<S: Simd>(
 mod tests {
     use super::*;
     use crate::joint::sweep::JointSweep;
-    use crate::line::response::receptance;
+    use crate::line::amplitude::receptance;
     use crate::model::assembly::{Table, Tables};
     use crate::model::request::Parameter;
     use crate::observe::joint::Reduced;

@@ -21,6 +21,8 @@ pub struct Prepared<const D: usize> {
     pub segments: Vec<Segment<D>>,
     /// Springs of the joints.
     pub joints: Vec<Spring>,
+    /// What slip adds to the stiffness of each joint at its stated level.
+    added: Vec<[Complex64; 2]>,
     /// Inertia and springs of each node that has any.
     points: Vec<(Vec<[f64; 2]>, Vec<Spring>)>,
     /// Branches taken as a whole.
@@ -113,9 +115,14 @@ impl<const D: usize> Prepared<D> {
         for (node, spring) in &model.grounds {
             points[*node].1.push(*spring);
         }
+        let mut added = vec![[Complex64::ZERO; 2]; model.joints.len()];
+        for slip in &model.slips {
+            added[slip.joint] = slip.added(model.joints[slip.joint].1.k, [slip.level; 2]);
+        }
         Self {
             segments: model.segments.iter().map(|row| Segment::new(row, model.motion)).collect(),
             joints: model.joints.iter().map(|joint| joint.1).collect(),
+            added,
             points,
             branches: Vec::new(),
             active: vec![true; model.segments.len()],
@@ -172,6 +179,11 @@ impl<const D: usize> Prepared<D> {
         into.coupled.clear();
         for (row, joint) in self.joints.iter().enumerate() {
             let mut stiffness = joint.stiffness::<S, D>(simd, into.iw);
+            if self.added[row] != [Complex64::ZERO; 2] {
+                for i in 0..D {
+                    stiffness[i][i] = stiffness[i][i] + C::splat(simd, self.added[row][i]);
+                }
+            }
             if !by_line.added.is_empty() {
                 for i in 0..D {
                     let more = lanes(simd, by_line.added, 2 * row + i, 2 * self.joints.len());

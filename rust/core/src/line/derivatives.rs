@@ -27,8 +27,10 @@ pub(crate) enum Gradient<const D: usize> {
     Section { row: usize, kinetic: [f64; D], compliance: [Complex64; D] },
     /// The length of a segment.
     Length { row: usize },
-    /// A column of a joint's spring.
-    Joint { row: usize, column: usize, spring: Spring },
+    /// A column of a joint's spring, and what a unit of it loses by slip.
+    Joint { row: usize, column: usize, spring: Spring, lost: Complex64 },
+    /// A column of a joint's slip, as the change of its stiffness.
+    Slip { row: usize, change: [Complex64; 2] },
     /// A column of a point mass.
     Mass { node: usize, direction: usize },
     /// A column of a spring to ground.
@@ -80,7 +82,17 @@ impl<const D: usize> Gradient<D> {
                 let (_, change) = section::derivatives::<D>(&model.segments[row], model.motion, Some(column));
                 Self::Section { row, kinetic: change.kinetic, compliance: change.compliance }
             }
-            Table::Joints => Self::Joint { row, column: column - 2, spring: model.joints[row].1 },
+            Table::Joints => {
+                let (column, spring) = (column - 2, model.joints[row].1);
+                let lost = model.slip_of(row).map_or([Complex64::ZERO; 2], |slip| slip.lost([slip.level; 2]));
+                let lost = lost.get(column).copied().unwrap_or_default();
+                Self::Joint { row, column, spring, lost }
+            }
+            Table::Slips => {
+                let slip = &model.slips[row];
+                let k = model.joints[slip.joint].1.k;
+                Self::Slip { row: slip.joint, change: slip.by_column(k, [slip.level; 2], column) }
+            }
             Table::Masses => Self::Mass { node: model.masses[row].0, direction: column - 1 },
             Table::Grounds => {
                 let (node, spring) = model.grounds[row];
@@ -113,7 +125,10 @@ impl<const D: usize> Gradient<D> {
 
     /// The joint that the parameter belongs to.
     pub(crate) fn joint(&self) -> Option<usize> {
-        if let Self::Joint { row, .. } = self { Some(*row) } else { None }
+        match self {
+            Self::Joint { row, .. } | Self::Slip { row, .. } => Some(*row),
+            _ => None,
+        }
     }
 
     /// The node that the parameter's point element sits on.
@@ -141,9 +156,21 @@ impl<const D: usize> Gradient<D> {
                 None => zero,
             },
             Self::Length { row } => sensitivities[*row].as_ref().map_or(zero, |found| found.length),
-            Self::Joint { row, column, spring } => {
+            Self::Joint { row, column, spring, lost } => {
                 let (left, right) = (&left.joints[*row].gap, &right.joints[*row].gap);
-                spring_derivative(spring, *column, block.iw, left, right)
+                let whole = spring_derivative(spring, *column, block.iw, left, right);
+                if *lost == Complex64::ZERO {
+                    return whole;
+                }
+                C::splat(zero.simd, *lost).neg_mul_add(spring_term(*column, left, right), whole)
+            }
+            Self::Slip { row, change } => {
+                let (left, right) = (&left.joints[*row].gap, &right.joints[*row].gap);
+                let mut sum = zero;
+                for i in 0..D {
+                    sum = C::splat(zero.simd, change[i]).mul_add(spring_term(i, left, right), sum);
+                }
+                sum
             }
             Self::Overlap { row, factors, rates } => {
                 let Some(found) = &overlaps[*row] else { return zero };

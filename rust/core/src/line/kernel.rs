@@ -60,7 +60,7 @@ pub enum Kernel<S: Simd, const D: usize> {
     },
     /// One step by waves.
     Waves(Wave<S, D>),
-    /// Not asked for: the segment lies in a branch that is taken as a whole.
+    /// Not computed: the segment lies in a branch that is taken as a whole.
     Skipped,
 }
 

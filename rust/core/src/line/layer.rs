@@ -2,7 +2,7 @@
 //!
 //! The state is (d, u, g, s): the motion d of the near beam (which ends here and goes on at the other end) relative
 //! to the one that lies behind, the motion u of the latter, the load g on the near beam and the load s on both. A
-//! stiff layer then stands beside nothing but the relative motion, and the small loads of the whole keep their
+//! stiff layer then multiplies only the relative motion, and the small loads of the whole keep their
 //! digits. What lies behind, (u, s), comes in at the far end, where the near beam ends with g = 0; at the near end
 //! the other beam ends with s = g, and the near one goes on with the displacement u + d and the load g. Each piece is
 //! crossed by the exponential of the eight equations, then the basis is made a graph over four of the eight rows
@@ -47,7 +47,7 @@ pub struct Line {
     transfer: [Eight; 8],
 }
 
-/// What a way through an overlap gives.
+/// Result of a way through an overlap.
 pub struct Passed {
     /// Displacements of the near beam, one column a way to move.
     pub u: Two,
@@ -55,16 +55,16 @@ pub struct Passed {
     pub f: Two,
     /// The independent variables of what lies behind, in the same columns.
     pub behind: Two,
-    /// Negative pivots, where they were asked for.
+    /// Negative pivots, if requested.
     pub negatives: usize,
-    /// Logarithm of what the changes of coordinates on the way multiply the determinant by, where it was asked for.
+    /// Logarithm of the factor on the determinant by the changes of coordinates on the way, if requested.
     pub log_determinant: Complex64,
-    /// States (rows) in the same columns, where they were asked for: at the far end of each piece, or at the near
+    /// States (rows) in the same columns, if requested: at the far end of each piece, or at the near
     /// one of each where the inner beam lies behind; from the far end on.
     pub states: Vec<[[Complex64; 2]; 8]>,
 }
 
-/// What is wanted besides the plane.
+/// Output requested besides the plane.
 #[derive(Copy, Clone, PartialEq, Eq)]
 pub enum Wanted {
     /// Nothing.
@@ -234,7 +234,7 @@ impl Line {
     }
 }
 
-/// The basis at the far end: the near beam's end moves freely, what lies behind as its plane says.
+/// The basis at the far end: the near beam's end moves freely, what lies behind by its plane.
 fn start([u, f]: &[Two; 2]) -> Basis {
     let mut basis = [[ZERO; 4]; 10];
     for i in 0..2 {

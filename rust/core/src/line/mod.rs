@@ -1,5 +1,6 @@
 //! Receptances and derivatives on blocks of frequency lines: sweeps over the tree.
 
+pub mod amplitude;
 pub mod block;
 pub mod combine;
 pub mod derivatives;

@@ -65,7 +65,7 @@ impl Lanes {
     ) {
         let simd = independent[0].simd;
         let passed = self.pass(behind, forward, Wanted::States(forward));
-        // The pivot of the way up once more: it says which columns the independent variables are.
+        // The pivot of the way up once more: it gives the columns of the independent variables.
         let (_, inverse) = chart::<S, D>(simd, &passed, forward, &self.weights_behind(!forward));
         let columns = small::apply(&inverse, independent);
         let mut lanes = [[Complex64::ZERO; MAX_LANES]; 2];

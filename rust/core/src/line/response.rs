@@ -49,12 +49,12 @@ pub(crate) struct Job<'a, const D: usize> {
     tip: Option<Tip>,
 }
 
-/// Receptance and derivatives of a model at frequency lines.
+/// Receptance and derivatives of a model at frequency lines, joints in micro-slip at their stated levels.
 ///
 /// # Errors
 /// A line that is not a positive frequency, a coordinate or parameter that the model does not have, a
 /// singular interface, or a resonance without damping met exactly.
-pub fn receptance(model: &Model, lines: &Frequencies, request: &Request, threads: usize) -> Result<Response> {
+pub fn linear(model: &Model, lines: &Frequencies, request: &Request, threads: usize) -> Result<Response> {
     let highest = check(model, lines, request)?;
     let solve = |whole_branches: bool| {
         let whole = whole_branches.then_some((highest, lines.len()));
@@ -182,7 +182,7 @@ impl<'a, const D: usize> Job<'a, D> {
     pub(crate) fn run(&self, lines: &Frequencies, threads: usize) -> Result<Response> {
         let [pairs, wide, forces] = self.a_line();
         let count = lines.len();
-        // Zeros that nobody has written yet where the memory is new: the threads that fill it share that work too.
+        // In new memory these zeros are not yet written: the threads that fill it share that work too.
         let zeros = |a_line: usize| bytemuck::zeroed_vec::<Complex64>(count * a_line);
         let (mut receptance, mut derivative, mut force) = (zeros(pairs), zeros(wide), zeros(forces));
         let arch = Arch::new();
@@ -382,7 +382,7 @@ impl<const D: usize> Job<'_, D> {
     }
 }
 
-/// Lines of like frequency from the first on: those far apart want kernels and charts of their own.
+/// Lines of like frequency from the first on: those far apart need kernels and charts of their own.
 fn together(lines: &[Complex64]) -> &[Complex64] {
     let like = |line: &&Complex64| {
         let ratio = line.norm_sqr() / lines[0].norm_sqr();

@@ -12,7 +12,7 @@ use crate::simd::lane::C;
 use crate::simd::small::{self, Mat};
 use pulp::Simd;
 
-/// Weights that differ by more than this factor want charts of their own.
+/// Weights that differ by more than this factor need charts of their own.
 const MOST_WEIGHTS_APART: f64 = 100.0;
 
 /// The plane after a step, and the way back: the independent variables before it from those after it.
@@ -60,7 +60,7 @@ pub struct Field<S: Simd, const D: usize> {
     pub terminals: Vec<[C<S>; D]>,
 }
 
-/// Which states are wanted on the way back.
+/// States requested on the way back.
 #[derive(Copy, Clone, PartialEq, Eq)]
 pub struct Within {
     /// Those of the segments.
@@ -69,13 +69,13 @@ pub struct Within {
     pub overlaps: bool,
 }
 
-/// Sees each elimination of a node on the way up.
+/// Observer of each elimination of a node on the way up.
 pub trait Observer<S: Simd, const D: usize> {
     /// A node was passed: its plane's basis (u rows), the near node's u rows, and the compliance `uf` of
     /// what lies between (near u per far load).
     fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>);
 
-    /// What is wanted of overlaps besides the plane.
+    /// Output of overlaps requested besides the plane.
     fn wanted(&self) -> Wanted {
         Wanted::Plane
     }

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::model::overlap::{self, Overlap};
 use crate::model::section::{self, Motion};
+use crate::model::slip::{SLIP_COLUMNS, Slip};
 use crate::model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Terminal};
 
 /// Kinds of element, in the order of the tables.
@@ -22,8 +23,12 @@ pub enum Table {
     Terminals,
     /// Modes of terminals.
     Modes,
+    /// Micro-slip of joints.
+    Slips,
 }
 
+/// Number of tables.
+pub const TABLES: usize = 8;
 /// Columns of the joint table: nodes a, b, then the spring's seven.
 pub const JOINT_COLUMNS: usize = 9;
 /// Columns of the mass table: node, mass, inertia (for rods: node, inertia of the motion, unused).
@@ -159,6 +164,8 @@ pub struct Model {
     pub terminals: Vec<Terminal>,
     /// Modes of terminals, each with the row of its terminal.
     pub modes: Vec<(usize, Mode)>,
+    /// Micro-slip of joints.
+    pub slips: Vec<Slip>,
 }
 
 /// The tables, row by row.
@@ -178,18 +185,21 @@ pub struct Tables<'a> {
     pub terminals: &'a [f64],
     /// Modes, `MODE_COLUMNS`.
     pub modes: &'a [f64],
+    /// Slips, `SLIP_COLUMNS`.
+    pub slips: &'a [f64],
 }
 
 impl<'a> Tables<'a> {
     /// The tables in the order of `Table`.
-    pub fn each(self) -> [&'a [f64]; 7] {
-        let Self { segments, joints, masses, grounds, overlaps, terminals, modes } = self;
-        [segments, joints, masses, grounds, overlaps, terminals, modes]
+    pub fn each(self) -> [&'a [f64]; TABLES] {
+        let Self { segments, joints, masses, grounds, overlaps, terminals, modes, slips } = self;
+        [segments, joints, masses, grounds, overlaps, terminals, modes, slips]
     }
 
     /// Tables in the order of `Table`.
-    pub fn of([segments, joints, masses, grounds, overlaps, terminals, modes]: &'a [Vec<f64>; 7]) -> Self {
-        Self { segments, joints, masses, grounds, overlaps, terminals, modes }
+    pub fn of(tables: &'a [Vec<f64>; TABLES]) -> Self {
+        let [segments, joints, masses, grounds, overlaps, terminals, modes, slips] = tables;
+        Self { segments, joints, masses, grounds, overlaps, terminals, modes, slips }
     }
 }
 
@@ -231,6 +241,20 @@ fn read_modes(table: &[f64], terminals: usize) -> Result<Vec<(usize, Mode)>> {
         modes.push((terminal as usize, Mode::new(&values[1..], row)?));
     }
     Ok(modes)
+}
+
+fn read_slips(table: &[f64], joints: &[([usize; 2], Spring)]) -> Result<Vec<Slip>> {
+    let mut slips: Vec<Slip> = Vec::new();
+    for (row, values) in table.chunks_exact(SLIP_COLUMNS).enumerate() {
+        let joint = values[0];
+        let known = joint >= 0.0 && joint.fract() == 0.0 && joint < joints.len() as f64;
+        if !known || slips.iter().any(|slip| slip.joint == joint as usize) {
+            let (quantity, expected) = ("joint", "a row of the table of joints that no other slip has");
+            return Err(Error::Quantity { element: "slip", row, quantity, value: joint, expected });
+        }
+        slips.push(Slip::new(values, row, joint as usize, joints[joint as usize].1.k)?);
+    }
+    Ok(slips)
 }
 
 impl Model {
@@ -283,11 +307,13 @@ impl Model {
         }
         let terminals = read_terminals(tables.terminals)?;
         let modes = read_modes(tables.modes, terminals.len())?;
+        let slips = read_slips(tables.slips, &joints)?;
         if edges.is_empty() {
             return Err(Error::Topology("there is no segment and no joint".into()));
         }
         let nodes = 1 + edges.iter().flatten().copied().max().unwrap_or(0);
-        let model = Self { motion, nodes, segments, joints, masses, grounds, overlaps, terminals, modes };
+        let model =
+            Self { motion, nodes, segments, joints, masses, grounds, overlaps, terminals, modes, slips };
         model.check_tree(edges.len())?;
         Ok(model)
     }
@@ -343,7 +369,8 @@ impl Model {
         out
     }
 
-    /// What hangs on one node of a joint when the joint is taken away, and the new number of each node in it.
+    /// What hangs on one node of a joint when the joint is taken away, and the new number of each node in it; without
+    /// micro-slip.
     pub fn side(&self, joint: usize, node: usize) -> (Self, Vec<Option<usize>>) {
         let mut number = vec![None; self.nodes];
         let (mut count, mut stack) = (0, vec![node]);
@@ -400,8 +427,14 @@ impl Model {
             overlaps,
             terminals,
             modes,
+            slips: Vec::new(),
         };
         (side, number)
+    }
+
+    /// The micro-slip of a joint.
+    pub fn slip_of(&self, joint: usize) -> Option<&Slip> {
+        self.slips.iter().find(|slip| slip.joint == joint)
     }
 
     /// Whether a node carries a terminal.

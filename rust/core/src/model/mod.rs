@@ -1,8 +1,10 @@
 //! Tables, lines and requests, checked.
 
 pub mod assembly;
+pub mod damping;
 pub mod frequencies;
 pub mod overlap;
 pub mod request;
 pub mod section;
+pub mod slip;
 pub mod terminals;

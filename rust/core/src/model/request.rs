@@ -5,6 +5,7 @@ use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model,
 use crate::model::frequencies::Frequencies;
 use crate::model::overlap::{self, Beside, Overlap};
 use crate::model::section::{Segment, column};
+use crate::model::slip::SLIP_COLUMNS;
 use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS, TERMINAL_ENTRIES};
 use core::ops::Range;
 use num_complex::Complex64;
@@ -38,7 +39,7 @@ pub struct Request {
     pub responses: Vec<Coordinate>,
     /// By what to differentiate.
     pub parameters: Vec<Parameter>,
-    /// A joint whose force is wanted under each excitation.
+    /// A joint whose force is requested under each excitation.
     pub joint: Option<usize>,
     /// Complex stiffness that each joint has besides its columns, `(n_freq, n_joints, 2)` for y and theta, as that of
     /// an amplitude may differ from line to line; empty where none has any.
@@ -46,6 +47,8 @@ pub struct Request {
     /// Receptance of each terminal besides its modes and its constant, as a table gives it, `(n_freq, n_terminals, 3)`;
     /// empty where none has any.
     pub beyond: Vec<Complex64>,
+    /// Amplitude of the force in N on each line, which sets the levels of joints in micro-slip; empty for stated levels.
+    pub force: Vec<f64>,
 }
 
 /// What differs from line to line besides the columns of the elements, on some lines.
@@ -186,10 +189,19 @@ pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Resul
             Table::Overlaps => (model.overlaps.len(), overlap::column::LENGTH..overlap::column::POINTS),
             Table::Terminals => (model.terminals.len(), 1..TERMINAL_COLUMNS),
             Table::Modes => (model.modes.len(), 1..MODE_COLUMNS),
+            Table::Slips => (model.slips.len(), 1..SLIP_COLUMNS),
         };
         if parameter.row >= rows {
             let expected = format!("a row below {rows}");
             return Err(Error::Index { what: "parameter row", index, value: parameter.row as f64, expected });
+        }
+        if parameter.table == Table::Slips
+            && parameter.column == 4
+            && model.slips[parameter.row].has_no_slope()
+        {
+            let (element, quantity) = ("slip", "level");
+            let expected = "more than zero: with an exponent below 1 it has no derivative there";
+            return Err(Error::Quantity { element, row: parameter.row, quantity, value: 0.0, expected });
         }
         // The shear models of an overlap's beams stand among its numbers.
         let choice = parameter.table == Table::Overlaps

@@ -14,30 +14,49 @@ use crate::line::layer::{Passed, Wanted};
 use crate::line::sweep::Observer;
 use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::{EMPTY, Frequencies};
-use crate::model::request::{ByLine, check_added};
+use crate::model::request::ByLine;
 use crate::modes::natural::{check_no_terminals, within_reach};
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// The logarithm of the determinant on each line, up to a constant and multiples of 2 pi i.
-///
-/// `added` is as in a request. A line at which it is zero or not a number has NaN.
-///
-/// # Errors
-/// Unusable lines, added stiffness of another length, or waves that are too short for the lengths of the segments.
-pub fn log_determinant(model: &Model, lines: &Frequencies, added: &[Complex64]) -> Result<Vec<Complex64>> {
-    let highest = lines.highest()?;
-    check_no_terminals(model)?;
-    check_added(model, lines, added)?;
-    match model.motion.degrees() {
-        1 => Job::<1>::new(model).run(lines, highest, added),
-        _ => Job::<2>::new(model).run(lines, highest, added),
+/// The determinant of a model. Joints in micro-slip are at their stated levels.
+pub(crate) enum Determinant {
+    /// Of rods.
+    Rods(Job<1>),
+    /// Of beams.
+    Beams(Job<2>),
+}
+
+impl Determinant {
+    /// Prepares what all lines share.
+    ///
+    /// # Errors
+    /// Terminals.
+    pub fn new(model: &Model) -> Result<Self> {
+        check_no_terminals(model)?;
+        Ok(match model.motion.degrees() {
+            1 => Self::Rods(Job::new(model)),
+            _ => Self::Beams(Job::new(model)),
+        })
+    }
+
+    /// Its logarithm on each line w in rad/s, up to a constant and multiples of 2 pi i; NaN where it is zero.
+    ///
+    /// # Errors
+    /// Unusable lines, or waves that are too short for the lengths of the segments.
+    pub fn logarithm(&self, w: &[Complex64]) -> Result<Vec<Complex64>> {
+        let lines = Frequencies::complex(w, 1.0);
+        let highest = lines.highest()?;
+        match self {
+            Self::Rods(job) => job.run(&lines, highest),
+            Self::Beams(job) => job.run(&lines, highest),
+        }
     }
 }
 
-struct Job<const D: usize> {
+pub(crate) struct Job<const D: usize> {
     prepared: Prepared<D>,
     plan: Vec<Step>,
 }
@@ -45,7 +64,6 @@ struct Job<const D: usize> {
 struct Lines<'a, const D: usize> {
     job: &'a Job<D>,
     w: &'a [Complex64],
-    by_line: ByLine<'a>,
     out: &'a mut [Complex64],
 }
 
@@ -92,14 +110,11 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Lines { job, w, by_line, out } = self;
+        let Lines { job, w, out } = self;
         let mut block = Block::empty(simd);
         let mut records = Vec::with_capacity(4 * job.plan.len());
-        let (mut start, lines) = (0, w.len());
         for (w, out) in w.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES)) {
-            let own = by_line.some(&(start..start + w.len()), lines);
-            start += w.len();
-            job.prepared.block(simd, w, true, own, &mut block);
+            job.prepared.block(simd, w, true, ByLine::default(), &mut block);
             let mut logarithms = Logarithms { sum: [Complex64::ZERO; MAX_LANES] };
             block.upwards(simd, &job.plan, &[], &mut records, &mut logarithms);
             if let Some(top) = records.last() {
@@ -121,17 +136,15 @@ impl<const D: usize> Job<D> {
         Self { prepared, plan }
     }
 
-    fn run(&self, lines: &Frequencies, highest: f64, added: &[Complex64]) -> Result<Vec<Complex64>> {
+    fn run(&self, lines: &Frequencies, highest: f64) -> Result<Vec<Complex64>> {
         within_reach(&self.prepared, highest)?;
         let arch = Arch::new();
         let mut out = vec![Complex64::ZERO; lines.len()];
         let mut room = EMPTY;
-        let all = ByLine { added, ..ByLine::default() };
         for range in lines.tasks() {
             interrupt::check()?;
-            let by_line = all.some(&range, lines.len());
             let w = lines.some(range.clone(), &mut room);
-            arch.dispatch(Lines { job: self, w, by_line, out: &mut out[range] });
+            arch.dispatch(Lines { job: self, w, out: &mut out[range] });
         }
         Ok(out)
     }

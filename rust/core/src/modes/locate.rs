@@ -1,8 +1,8 @@
-//! Where modes lie, from how many there are below some frequencies.
+//! Brackets of modes, from counts below some frequencies.
 //!
 //! Counts put each mode between two frequencies. The determinant of the impedance at the root, which is zero at the
-//! mode, says where between: near it this is a fraction of linear functions of w^2, whose pole is where the root would
-//! be a node. Next points lie close around that guess, so that counts still have the last word, and several modes
+//! mode, refines this: near it this is a fraction of linear functions of w^2, whose pole is where the root would
+//! be a node. Next points lie close around that guess, so that counts confirm it, and several modes
 //! are narrowed at a time, a lane a point.
 
 use crate::error::{Error, Result};
@@ -38,7 +38,7 @@ const ONE_SIDED: f64 = 0.03;
 /// A guess whose points narrow the bracket to no less than this share is followed by a plain division.
 const SLOW: f64 = 0.25;
 
-/// Which modes are wanted.
+/// Requested modes.
 #[derive(Copy, Clone)]
 pub(crate) enum Wanted<'a> {
     /// Those below the upper limit, at most so many.
@@ -114,7 +114,7 @@ impl<'a> Locating<'a> {
         self.sought.iter().flatten().filter_map(|one| one.found).collect()
     }
 
-    /// Takes what was seen at the points, counts and determinants, and says where to look next.
+    /// Takes counts and determinants at the points, and returns the next points.
     pub fn see(&mut self, seen: &[(usize, f64)]) -> Result<()> {
         for (w, (count, determinant)) in core::mem::take(&mut self.points).into_iter().zip(seen) {
             let at = self.samples.partition_point(|sample| sample.w < w);
@@ -131,7 +131,7 @@ impl<'a> Locating<'a> {
         Ok(())
     }
 
-    /// Whether counts enclose all that is wanted; else the next points are farther out.
+    /// Whether counts enclose all requested modes; else the next points are farther out.
     fn surrounded(&mut self) -> Result<bool> {
         let (first, last) = (self.samples[0], self.samples[self.samples.len() - 1]);
         if first.count > self.rigid {

@@ -25,13 +25,16 @@ use pulp::{Arch, Simd, WithSimd};
 /// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
 const MOST_PIECES: f64 = 3e3;
 
+/// Most modes that may be asked for by their number.
+const MOST_MODES: usize = 100_000;
+
 /// Least upper limit [rad/s]: what is far below it still has a square.
 const LEAST: f64 = 1e-100;
 
 /// Expected modes are counted up to this many times the highest one first.
 const MARGIN: f64 = 1.05;
 
-/// A mode this many times above where it is expected says nothing but that the point is far off.
+/// A mode this many times above where it is expected only shows that the point is far from the optimum.
 const FARTHEST: f64 = 1e3;
 
 /// Natural frequencies with derivatives.
@@ -57,6 +60,10 @@ pub fn natural_frequencies(
     parameters: &[Parameter],
 ) -> Result<NaturalFrequencies> {
     let Some(upper) = upper else {
+        if most > MOST_MODES {
+            let text = format!("{most} modes are asked for, expected at most {MOST_MODES}");
+            return Err(Error::NaturalFrequency(text));
+        }
         let modes: Vec<usize> = (0..most).collect();
         let wanted = Wanted::These { modes: &modes, near: &[], farthest: f64::INFINITY };
         return find(model, first_limit(model, most), wanted, parameters);
@@ -148,26 +155,11 @@ pub(crate) fn check_no_terminals(model: &Model) -> Result<()> {
     Err(Error::NaturalFrequency(text.into()))
 }
 
-/// The model without what loses energy.
+/// The model without damping.
 fn undamped(model: &Model) -> Model {
-    use crate::model::section::column::{CORE_MATERIAL, MATERIAL};
-    let mut model = model.clone();
-    for row in &mut model.segments {
-        row[MATERIAL + 3] = 0.0;
-        row[CORE_MATERIAL + 3] = 0.0;
-    }
-    for overlap in &mut model.overlaps {
-        for row in &mut overlap.beams {
-            row[MATERIAL + 3] = 0.0;
-            row[CORE_MATERIAL + 3] = 0.0;
-        }
-        overlap.c = [0.0; 2];
-        overlap.loss_factor = 0.0;
-    }
-    let springs = model.joints.iter_mut().map(|joint| &mut joint.1);
-    for spring in springs.chain(model.grounds.iter_mut().map(|ground| &mut ground.1)) {
-        spring.c = [0.0; 3];
-        spring.loss_factor = 0.0;
+    let mut model = model.with_damping(0.0);
+    for slip in &mut model.slips {
+        *slip = slip.lossless();
     }
     model
 }

@@ -27,8 +27,8 @@ impl Modelled {
         moving: &[usize],
         count: usize,
         threads: usize,
-    ) -> Result<Option<Rows>> {
-        let Seen::Receptance { w, records, measure, .. } = &self.seen else { return Ok(None) };
+    ) -> Result<Rows> {
+        let Seen::Receptance { w, records, measure, .. } = &self.seen else { return Ok(Rows::default()) };
         let (lines, wide) = (w.len(), moving.len());
         let slopes = picked(at, moving, count);
         let parts = self.lines(at, threads, |Lines { range, h, dh, records }| {
@@ -51,7 +51,6 @@ impl Modelled {
             });
             (range, change, own.collect::<Vec<_>>())
         })?;
-        let Some(parts) = parts else { return Ok(None) };
         let numbers = match measure {
             Measure::Logarithm => 2,
             Measure::Percent => 1,
@@ -79,17 +78,12 @@ impl Modelled {
                 }
             }
         }
-        Ok(Some(rows))
+        Ok(rows)
     }
 
-    pub(crate) fn rows_of_frequencies(
-        &self,
-        at: &At,
-        moving: &[usize],
-        count: usize,
-    ) -> Result<Option<Rows>> {
+    pub(crate) fn rows_of_frequencies(&self, at: &At, moving: &[usize], count: usize) -> Result<Rows> {
         let slopes = picked(at, moving, count);
-        let Some(found) = self.frequencies(at)? else { return Ok(None) };
+        let found = self.frequencies(at)?;
         let mut rows = Rows::default();
         for row in found {
             let Some((residual, entries)) = row.split_last() else { continue };
@@ -100,7 +94,7 @@ impl Modelled {
             };
             rows.jacobian.extend((0..moving.len()).map(by));
         }
-        Ok(Some(rows))
+        Ok(rows)
     }
 }
 
@@ -111,13 +105,13 @@ fn picked(at: &At, moving: &[usize], count: usize) -> Vec<f64> {
 
 impl Modelled {
     /// A^T A over the entries, factors and the residual, the upper triangle row by row.
-    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Result<Option<Vec<f64>>> {
+    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Result<Vec<f64>> {
         let arch = Arch::new();
         let parts =
             self.lines(at, threads, |Lines { h, dh, records, .. }| arch.dispatch(Sum { h, dh, records }))?;
         // Added in the order of the lines, whichever thread was first.
-        let Some(parts) = parts else { return Ok(None) };
-        Ok(parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect()))
+        let sum = parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect());
+        Ok(sum.unwrap_or_default())
     }
 }
 

@@ -5,3 +5,4 @@ pub mod lines;
 pub mod observed;
 pub mod sweep;
 pub mod ties;
+pub mod truncation;

@@ -119,7 +119,7 @@ impl<'a> ModelSweep<'a> {
 
     /// The receptance of a candidate; nothing where it is no model or has no finite value.
     fn receptance(&self, values: &[f64]) -> Option<Vec<Complex64>> {
-        let model = self.tied.at(values, &vec![1.0; values.len()])?.model;
+        let model = self.tied.at(values, &vec![1.0; values.len()]).ok()?.model;
         let highest = check(&model, &self.frequencies, &self.request).ok()?;
         let lines = self.frequencies.len();
         [true, false].into_iter().find_map(|whole| {

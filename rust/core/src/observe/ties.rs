@@ -1,13 +1,14 @@
 //! From the fitted variables to the tables of a model, with derivatives.
 //!
 //! The values u of the unknowns are the variables or ten to their power. An address of a model has the value
-//! v = b exp(E u) + S u, b a multiple of an unknown or a number (laws, tolerances), and an entry of a table grows with
-//! the addresses at fixed rates. Addresses may also be factors of what was recorded, see `observed`.
+//! v = b exp(E u) + S u, b a number or a sum of multiples of one or two unknowns (laws, tolerances), and an entry of a
+//! table grows with the addresses at fixed rates. Addresses may also be factors of what was recorded, see `observed`.
 
 use crate::error::{Error, Result};
-use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table, Tables};
+use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, TABLES, Table, Tables};
 use crate::model::request::Parameter;
 use crate::model::section::Motion;
+use crate::model::slip::SLIP_COLUMNS;
 use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS};
 use crate::model::{overlap, section};
 
@@ -20,6 +21,8 @@ pub enum Factor {
     Delay,
     /// Rate in 1/s of an exponential window, and how often what was recorded is integrated.
     DecayRate(i32),
+    /// Time in s after the hit at which the record ended.
+    End,
 }
 
 /// How fast an entry of a table grows with an address.
@@ -37,19 +40,17 @@ pub struct Rate {
 #[derive(Clone, Debug)]
 pub struct Tied {
     /// The tables less the contribution of the addresses.
-    fixed: [Vec<f64>; 7],
+    fixed: [Vec<f64>; TABLES],
     motion: Motion,
     /// The distinct entries that move.
     pub entries: Vec<Parameter>,
     /// Entry, address and rate.
     rates: Vec<(usize, usize, f64)>,
-    /// A row an address: the unknown of b or -1, by what it is multiplied or b as a number, E, S.
+    /// A row an address: the unknown of b or -1, its multiple or b as a number, a second unknown or -1, its multiple, E, S.
     addresses: Vec<f64>,
     count: usize,
     /// Factors of what was recorded, and their addresses.
     factors: Vec<(Factor, usize)>,
-    /// Entries through which frequency acts, and its power in what they are multiplied by.
-    powers: Vec<(Parameter, f64)>,
 }
 
 /// Tables of a model and the derivatives of their moving entries by the variables, row by row.
@@ -60,8 +61,6 @@ pub struct At {
     pub entries: Vec<Parameter>,
     /// Factors of what was recorded.
     pub factors: Vec<(Factor, f64)>,
-    /// Entries a and numbers n a with w dH/dw = sum n a dH/da.
-    pub by_frequency: Vec<(Parameter, f64)>,
     /// `(entries and then factors, variables)`.
     pub slopes: Vec<f64>,
 }
@@ -79,16 +78,18 @@ impl Tied {
         addresses: Vec<f64>,
         count: usize,
     ) -> Result<Self> {
-        let width = 2 + 2 * count;
+        let width = BEFORE + 2 * count;
         let expected = || format!("rows of {width} columns for {count} unknowns");
         if !addresses.len().is_multiple_of(width) {
             let value = addresses.len() as f64;
             return Err(Error::Index { what: "addresses", index: 0, value, expected: expected() });
         }
         for (index, row) in addresses.chunks(width).enumerate() {
-            if row[0] >= count as f64 || row[0].is_nan() {
+            if let Some(&value) =
+                [row[0], row[2]].iter().find(|value| value.is_nan() || **value >= count as f64)
+            {
                 let expected = format!("an unknown below {count}, or -1");
-                return Err(Error::Index { what: "address", index, value: row[0], expected });
+                return Err(Error::Index { what: "address", index, value, expected });
             }
         }
         let known = addresses.len() / width;
@@ -97,9 +98,8 @@ impl Tied {
             return Err(Error::Index { what: "number of present values", index: 0, value, expected });
         }
         let fixed = tables.each().map(<[f64]>::to_vec);
-        let (factors, powers) = (Vec::new(), Vec::new());
-        let (entries, rated) = (Vec::new(), Vec::new());
-        let mut tied = Self { fixed, motion, entries, rates: rated, addresses, count, factors, powers };
+        let (entries, rated, factors) = (Vec::new(), Vec::new(), Vec::new());
+        let mut tied = Self { fixed, motion, entries, rates: rated, addresses, count, factors };
         for (index, rate) in rates.iter().enumerate() {
             if rate.address >= known {
                 let expected = format!("an address below {known}");
@@ -128,24 +128,17 @@ impl Tied {
         self.fixed[Table::Terminals as usize].len() / TERMINAL_COLUMNS
     }
 
-    /// The same with factors at addresses, and entries through which frequency acts with their powers.
+    /// The same with factors at addresses.
     ///
     /// # Errors
-    /// An entry or an address that does not exist.
-    pub fn with_factors(
-        mut self,
-        factors: Vec<(Factor, usize)>,
-        powers: Vec<(Parameter, f64)>,
-    ) -> Result<Self> {
-        let known = self.addresses.len() / (2 + 2 * self.count);
+    /// An address that does not exist.
+    pub fn with_factors(mut self, factors: Vec<(Factor, usize)>) -> Result<Self> {
+        let known = self.addresses.len() / (BEFORE + 2 * self.count);
         if let Some((index, wrong)) = factors.iter().enumerate().find(|(_, factor)| factor.1 >= known) {
             let expected = format!("an address below {known}");
             return Err(Error::Index { what: "factor", index, value: wrong.1 as f64, expected });
         }
-        for (index, (entry, _)) in powers.iter().enumerate() {
-            self.check_entry(index, *entry)?;
-        }
-        (self.factors, self.powers) = (factors, powers);
+        self.factors = factors;
         Ok(self)
     }
 
@@ -157,12 +150,14 @@ impl Tied {
         Err(Error::Index { what: "entry", index, value: row as f64, expected })
     }
 
-    /// The model at a point; nothing where it is none. `slopes` are the derivatives of the values by the variables,
-    /// zero for what is held.
-    pub fn at(&self, values: &[f64], slopes: &[f64]) -> Option<At> {
+    /// The model at a point. `slopes` are the derivatives of the values by the variables, zero for those that are held.
+    ///
+    /// # Errors
+    /// Values that make no model.
+    pub fn at(&self, values: &[f64], slopes: &[f64]) -> Result<At> {
         let mut tables = self.fixed.clone();
         let mut by_variable = vec![0.0; self.entries.len() * self.count];
-        let width = 2 + 2 * self.count;
+        let width = BEFORE + 2 * self.count;
         let mut by_address = vec![0.0; self.addresses.len() / width * self.count];
         let rows = self.addresses.chunks(width).enumerate();
         let found: Vec<f64> = rows
@@ -170,8 +165,9 @@ impl Tied {
                 address(row, values, slopes, &mut by_address[i * self.count..(i + 1) * self.count])
             })
             .collect();
-        if found.iter().any(|value| !value.is_finite()) {
-            return None;
+        if let Some(index) = found.iter().position(|value| !value.is_finite()) {
+            let expected = "a finite number: a law or an error leaves the range of numbers".to_owned();
+            return Err(Error::Index { what: "value of address", index, value: found[index], expected });
         }
         let slopes_of = |address: usize| &by_address[address * self.count..(address + 1) * self.count];
         for &(entry, address, rate) in &self.rates {
@@ -182,14 +178,6 @@ impl Tied {
                 *into += rate * slope;
             }
         }
-        let by_frequency = self
-            .powers
-            .iter()
-            .map(|&(entry, n)| {
-                (entry, n * tables[entry.table as usize][entry.row * columns(entry.table) + entry.column])
-            })
-            .filter(|(_, weight)| *weight != 0.0)
-            .collect();
         let mut entries = Vec::with_capacity(self.entries.len());
         let mut moving = Vec::with_capacity(by_variable.len());
         for (entry, slopes) in self.entries.iter().zip(by_variable.chunks(self.count.max(1))) {
@@ -202,27 +190,33 @@ impl Tied {
         for (_, address) in &self.factors {
             moving.extend_from_slice(slopes_of(*address));
         }
-        let model = Model::new(self.motion, Tables::of(&tables)).ok()?;
-        Some(At { model, entries, factors, by_frequency, slopes: moving })
+        let model = Model::new(self.motion, Tables::of(&tables))?;
+        Ok(At { model, entries, factors, slopes: moving })
     }
 }
 
+/// Columns of an address before E and S.
+const BEFORE: usize = 4;
+
 /// Value of an address; its derivatives by the variables go into `by`.
 fn address(row: &[f64], values: &[f64], slopes: &[f64], by: &mut [f64]) -> f64 {
-    let (exponents, shifts) = row[2..].split_at(values.len());
+    let (exponents, shifts) = row[BEFORE..].split_at(values.len());
     // Few unknowns act on an address.
     let some = |x: &[f64]| x.iter().any(|x| *x != 0.0);
     let dot = |x: &[f64]| {
         if some(x) { x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>() } else { 0.0 }
     };
     let factor = dot(exponents).exp();
-    let own = (row[0] >= 0.0).then_some(row[0] as usize);
-    let start = own.map_or(row[1], |own| row[1] * values[own]);
+    let unknown = |column: usize| (row[column] >= 0.0).then_some((row[column] as usize, row[column + 1]));
+    let multiples = [unknown(0), unknown(2)];
+    let number = if multiples[0].is_none() { row[1] } else { 0.0 };
+    let start =
+        number + multiples.iter().flatten().map(|&(own, multiple)| multiple * values[own]).sum::<f64>();
     for (i, by) in by.iter_mut().enumerate() {
         *by = (start * factor * exponents[i] + shifts[i]) * slopes[i];
     }
-    if let Some(own) = own {
-        by[own] += row[1] * factor * slopes[own];
+    for (own, multiple) in multiples.into_iter().flatten() {
+        by[own] += multiple * factor * slopes[own];
     }
     start * factor + dot(shifts)
 }
@@ -237,5 +231,6 @@ fn columns(table: Table) -> usize {
         Table::Overlaps => overlap::column::COUNT,
         Table::Terminals => TERMINAL_COLUMNS,
         Table::Modes => MODE_COLUMNS,
+        Table::Slips => SLIP_COLUMNS,
     }
 }

@@ -39,9 +39,9 @@ pub struct Branch<const D: usize> {
     near: Segment<D>,
 }
 
-/// Replaces the beginning of each branch of a plan by its series where that serves.
+/// Replaces the beginning of each branch of a plan by its series where that applies.
 ///
-/// `needed` holds for nodes, segments and joints whose states somebody wants to see.
+/// `needed` holds for nodes, segments and joints whose states are requested.
 pub fn shorten<const D: usize>(
     model: &Model,
     segments: &[Segment<D>],
@@ -88,7 +88,7 @@ fn reach<const D: usize>(
                 span += segments[row].span(highest);
                 span <= MOST_SPAN
             }
-            Step::Joint { row, .. } => model.joints[row].1.is_plain(),
+            Step::Joint { row, .. } => model.joints[row].1.is_plain() && model.slip_of(row).is_none(),
             Step::Point { node } => model.has_plain_point(node) && !model.has_terminal(node),
             Step::Leaf { .. } | Step::Overlap { .. } | Step::Join | Step::Branch { .. } => false,
         };

@@ -1,0 +1,546 @@
+"""Writing of a campaign file: tables of elements and unknowns, and the extended model of a diagnosis."""
+
+from __future__ import annotations
+
+import copy
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance import units
+from receptance._files import write_whole
+from receptance.campaign.builder import addresses_of
+from receptance.campaign.element_tables import PLAIN_NUMBER
+from receptance.campaign.problems import Problems
+from receptance.campaign.quantities import kind_of
+from receptance.campaign.series import expand_series
+from receptance.campaign.tolerances import tolerances_of
+from receptance.diagnosis.model import Model
+from receptance.identification.laws import Law, Move
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered, on_lines
+from receptance.identification.task import Observation, place_of
+from receptance.identification.unknowns import Prior, Unknown, covered
+from receptance.model.beams import Material, Part
+from receptance.model.coordinates import Coordinate
+from receptance.model.distributed import SpreadJoint
+from receptance.model.fields import Choice, Count, Element, Member, Number
+from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.terminals import ModalPart
+from receptance.units import Quantity
+
+if TYPE_CHECKING:
+    from receptance.campaign.campaign import Campaign
+    from receptance.diagnosis import Verdict
+    from receptance.identification.laws import Tolerance
+    from receptance.model.assembly import Assembly
+
+__all__ = [
+    "Materials",
+    "attachment_table",
+    "element_table",
+    "extended_text",
+    "quantity",
+    "quantity_at",
+    "unknown_table",
+    "write_extended",
+]
+
+
+def quantity(value: float, kind: Quantity) -> str | float:
+    """Return the text of a quantity in SI units, with all digits."""
+    return f"{float(value)!r} {kind.unit}" if kind.unit else float(value)
+
+
+def quantity_at(address: str, value: float) -> str | float:
+    """Return the text of the value of a parameter."""
+    return quantity(value, kind_of(address))
+
+
+class Materials:
+    """Names of materials in a file, and tables of materials that are added to it.
+
+    Parameters
+    ----------
+    known : iterable of str
+        Names of the materials that the file has.
+
+    Attributes
+    ----------
+    added : dict
+        Tables of new materials by name.
+    """
+
+    def __init__(self, known: Iterable[str]) -> None:
+        self._known = set(known)
+        self._made: list[tuple[Material, str]] = []
+        self.added: dict[str, dict[str, Any]] = {}
+
+    def name_of(self, material: Material) -> str:
+        """Return the name of a material in the file, which is added if it is new."""
+        if material.name in self._known:
+            return material.name
+        for made, name in self._made:
+            if made == material:
+                return name
+        base = name = material.name or "material"
+        number = 2
+        while name in self._known or name in self.added:
+            name, number = f"{base} {number}", number + 1
+        self._made.append((material, name))
+        self.added[name] = _field_table(material, self)
+        return name
+
+
+def element_table(element: Any, materials: Materials) -> dict[str, Any]:
+    """Return the table of a part, a joint or a modal part, without tolerances.
+
+    Raises
+    ------
+    ValueError
+        A kind of element that cannot be written.
+    """
+    if isinstance(element, Part):
+        return {"segments": [_field_table(one, materials) for one in element.segments]}
+    if isinstance(element, SpreadJoint):
+        return {"kind": "spread", **_field_table(element, materials)}
+    if type(element) is PointJoint:
+        return _field_table(element, materials)
+    if isinstance(element, ColletJoint):
+        return {"kind": "collet", **_field_table(element, materials)}
+    if isinstance(element, ModalPart):
+        if element.band_hz is not None:
+            raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
+        return {"modes": [_field_table(mode, materials) for mode in element.modes], **_field_table(element, materials)}
+    raise ValueError(f"{element!r} cannot be written as a table of a campaign")
+
+
+def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
+    """Return the table of a mass, a resonator or a ground spring at a point.
+
+    Raises
+    ------
+    ValueError
+        The ground spring is distributed along a part.
+    """
+    if isinstance(point, GroundSpring) and point.length:
+        raise ValueError(f"{point!r} is distributed along a part and cannot be written as a table of a campaign")
+    position = point.position if isinstance(point.position, str) else quantity(point.position, units.LENGTH)
+    kind = {PointMass: "mass", GroundSpring: "ground", Resonator: "resonator"}[type(point)]
+    return {"kind": kind, "part": point.part, "position": position, **_field_table(point, Materials(()))}
+
+
+def _field_table(element: Element, materials: Materials) -> dict[str, Any]:
+    """Return the fields of an element that differ from their defaults."""
+    table: dict[str, Any] = {}
+    for name, field in element.declared.items():
+        value = getattr(element, name)
+        if value == getattr(type(element), name, MISSING):
+            continue
+        if isinstance(field, Number):
+            table[name] = quantity(value, field.quantity)
+        elif isinstance(field, Member):
+            table[name] = materials.name_of(value) if field.kind is Material else _field_table(value, materials)
+        elif isinstance(field, (Choice, Count)):
+            table[name] = value
+    return table
+
+
+def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
+    """Return the table of an unknown with a start value.
+
+    Raises
+    ------
+    ValueError
+        The unknown is a law across assemblies.
+    """
+    if isinstance(unknown, Law):
+        raise ValueError(f"{unknown!r} cannot be written as a table of a campaign")
+    plain = isinstance(unknown, Move) or unknown.multiple != 1.0
+    kind = PLAIN_NUMBER if plain else kind_of(unknown.address)
+    start = min(max(start, unknown.lower), unknown.upper)
+    table: dict[str, Any] = {
+        key: quantity(value, kind) for key, value in (("lower", unknown.lower), ("upper", unknown.upper))
+    }
+    table |= {"start": quantity(start, kind), "scale": unknown.scale}
+    if unknown.prior is not None:
+        table["prior"] = _prior(unknown.prior, unknown.scale == "log", kind)
+    if unknown.configurations is not None:
+        table["assemblies"] = list(unknown.configurations)
+    if isinstance(unknown, Move):
+        table |= {"moves": dict(unknown.moves), "relative": unknown.relative}
+        return {**table, **({"power_of": unknown.of, "reference": unknown.reference} if unknown.of else {})}
+    if unknown.name != unknown.address:
+        table["name"] = unknown.name
+    if unknown.multiple != 1.0:
+        table["multiple"] = unknown.multiple
+    return {**table, **({"also": dict(unknown.also)} if unknown.also else {})}
+
+
+def _prior(prior: Prior, logarithmic: bool, kind: Quantity) -> dict[str, Any]:
+    spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else quantity(prior.standard_deviation, kind)
+    return {"value": quantity(prior.mean, kind), "spread": spread}
+
+
+_SAME = 1e-6
+"""Relative difference of chi-square up to which the file and the diagnosed model are the same."""
+_ORDERS = (1, 2, -1, -2)
+_OTHER = {"sensors": "attachments", "attachments": "sensors"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Extended:
+    """An observation before and after the causes change it.
+
+    Attributes
+    ----------
+    given, found : MeasuredFRF or MeasuredFrequencies
+        The observation of the campaign, and that with the causes.
+    tolerances : tuple of Tolerance
+        Errors with the causes.
+    temporary : tuple of str
+        Attachments that causes add during this measurement only.
+    """
+
+    given: MeasuredFRF | MeasuredFrequencies
+    found: MeasuredFRF | MeasuredFrequencies
+    tolerances: tuple[Tolerance, ...]
+    temporary: tuple[str, ...]
+
+    @property
+    def assembly(self) -> Assembly:
+        """The assembly with the causes."""
+        return self.found.assembly
+
+    def added(self, *, temporary: bool) -> list[str]:
+        """Return the attachments that causes add, during this measurement only or always."""
+        own = [name for name in self.assembly.attachments if name not in self.given.assembly.attachments]
+        return [name for name in own if (name in self.temporary) == temporary]
+
+
+def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
+    """Return the model that a diagnosis has extended as the text of a campaign file.
+
+    The file is identified and predicted like any other. Start values are the results of the diagnosis.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    verdict : Verdict
+        Result of its diagnosis.
+    folder : Path
+        Folder of the new file; paths of data files are relative to it.
+
+    Raises
+    ------
+    ValueError
+        There is no extended model, or a campaign file cannot describe it.
+    """
+    import tomli_w
+
+    data = _extended(campaign, verdict, folder)
+    _check(verdict, data, folder)
+    return tomli_w.dumps(data)
+
+
+def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Path:
+    """Write the model that a diagnosis has extended as a campaign file, completely or not at all.
+
+    Parameters and errors are those of `extended_text`; `path` is that of the new file, which is returned.
+    """
+    target = Path(path)
+    write_whole({target: extended_text(campaign, verdict, target.parent).encode("utf-8")})
+    return target
+
+
+def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
+    if verdict.explanation is None or verdict.extended is None:
+        raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
+    # A cause may act at one level only, so that each level has its own tables.
+    data = expand_series(tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig")), Problems({})).data
+    measured = {
+        name: _applied(verdict, name, one.observation, one.effects) for name, one in campaign.measurements.items()
+    }
+    assemblies = {name: _of_assembly(campaign, verdict, name) for name in campaign.assemblies}
+    _write_structure(data, campaign, assemblies, {a for u in _unknowns(verdict) for a in addresses_of(u)})
+    end = _early_end(campaign, verdict)
+    seen = {one.label for one in verdict.selection.base.model.observations}
+    for name, one in measured.items():
+        _write_measurement(data, name, one, name in seen)
+        if end is not None and isinstance(one.given, MeasuredFRF):
+            data["measurements"][name]["ends"] = quantity(end, units.TIME)
+    _write_unknowns(data, verdict)
+    _rebase_files(data, campaign.file.parent, folder)
+    data["settings"] = {**data.get("settings", {}), "starts": 1}
+    data["settings"].pop("strategy", None)
+    data["settings"].pop("objective", None)
+    names = " and ".join(cause.id for cause, _ in verdict.explanation.steps)
+    data["title"] = f"{campaign.title}, extended by {names}"
+    alike = f"; indistinguishable causes: {', '.join(verdict.ambiguous_between)}" if verdict.ambiguous_between else ""
+    own = data.get("description", "")
+    data["description"] = f"{own} Written by `receptance diagnose` ({verdict.verdict}: {names}{alike}).".strip()
+    order = ["format", "title", "description", "settings", "prediction"]
+    return {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
+
+
+def _unknowns(verdict: Verdict) -> tuple[Any, ...]:
+    assert verdict.explanation is not None
+    return verdict.explanation.fit.model.unknowns
+
+
+def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
+    """Return the end of truncated records, if a cause has identified it from all of them together."""
+    assert verdict.explanation is not None
+    given = {name: getattr(one.observation, "ends", None) for name, one in campaign.measurements.items()}
+    found = [one for one in verdict.explanation.fit.model.observations if isinstance(one, MeasuredFRF)]
+    return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
+
+
+def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Any) -> _Extended:
+    """Apply the causes of the best explanation to an observation, one after the other."""
+    explanation = verdict.explanation
+    assert explanation is not None
+    base = verdict.selection.base.model
+    model = replace(base, observations=(observation,), tolerances=tuple(tolerances_of(effects, name or None)))
+    temporary: list[str] = []
+    for step in explanation.steps:
+        before = set(model.observations[0].assembly.attachments)
+        model = step.transfer(model)
+        if step.cause.group == "measurement":
+            temporary += [one for one in model.observations[0].assembly.attachments if one not in before]
+    return _Extended(observation, model.observations[0], model.tolerances, tuple(temporary))
+
+
+def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
+    """Apply the causes of the best explanation to an assembly without sensors."""
+    assembly = campaign.assemblies[name]
+    own = [one.observation for one in campaign.measurements.values() if one.assembly == name]
+    like = next((one for one in own if isinstance(one, MeasuredFRF)), own[0] if own else None)
+    if like is None:
+        like = next(iter(campaign.measurements.values())).observation
+        if isinstance(like, MeasuredFRF):
+            response, excitation = campaign.places.get(name, (Coordinate(), Coordinate()))
+            like = altered(like, response=response, excitation=excitation)
+    conditions = {key: one.value for key, one in campaign.conditions.get(name, {}).items()}
+    bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=conditions)
+    return _applied(verdict, "", bare, campaign.effects.get(name, {}))
+
+
+def _write_structure(
+    data: dict[str, Any], campaign: Campaign, assemblies: Mapping[str, _Extended], unknown: set[str]
+) -> None:
+    """Write the elements that causes have changed, and the values in which assemblies differ."""
+    materials = Materials(campaign.table.materials)
+    tables: dict[str, tuple[Assembly, dict[str, Any]]] = {}
+    for one in assemblies.values():
+        for name, element in one.assembly.elements.items():
+            if name not in tables and any(_differs(name, other) for other in assemblies.values()):
+                tables[name] = (one.assembly, element_table(element, materials))
+    for name, (_, table) in tables.items():
+        section = "parts" if "segments" in table else "modal_parts" if "modes" in table else "joints"
+        data.setdefault(section, {})[name] = table
+    for title, one in assemblies.items():
+        _write_assembly(data, title, one, {name: base for name, (base, _) in tables.items()}, unknown)
+    data["materials"].update(materials.added)
+
+
+def _differs(name: str, one: _Extended) -> bool:
+    new, old = one.assembly.elements.get(name), one.given.assembly.elements.get(name)
+    if new is None:
+        return False
+    return old is None or type(new) is not type(old) or new != old
+
+
+def _write_assembly(
+    data: dict[str, Any], title: str, one: _Extended, bases: Mapping[str, Assembly], unknown: set[str]
+) -> None:
+    table, assembly = data["assemblies"][title], one.assembly
+    owners = {name for name in assembly.elements if name in bases}
+    table["chain"] = list(assembly.elements)
+    added = one.added(temporary=False)
+    for name in added:
+        data.setdefault("attachments", {})[name] = attachment_table(assembly.attachments[name])
+    if added:
+        table["attachments"] = [*table.get("attachments", []), *added]
+    _write_moved(data, one)
+    identified = {own for address in unknown for own in covered(address, assembly)}
+    for key in ("set", "tolerance"):
+        kept = table.get(key, {})
+        table[key] = {
+            address: written
+            for address, written in kept.items()
+            if address.split(".", 1)[0] not in owners and not covered(address, assembly) & identified
+        }
+    for address in assembly.parameters:
+        owner = address.split(".", 1)[0]
+        if owner not in owners or address in identified:
+            continue
+        if owner not in bases[owner].elements or address not in bases[owner].parameters:
+            raise ValueError(f"{owner} has other parameters in {title}, which a campaign file cannot describe")
+        value = assembly.get(address)
+        if value != bases[owner].get(address):
+            table["set"][address] = quantity_at(address, value)
+    for error in one.tolerances:
+        for address, deviation in error.moves.items():
+            if address.split(".", 1)[0] in owners and address not in identified:
+                written = quantity_at(address, abs(deviation))
+                table["tolerance"][address] = {"value": written, "name": error.name}
+    fresh = {k: v for k, v in one.found.conditions.items() if k not in one.given.conditions}
+    if fresh:
+        table["conditions"] = {**table.get("conditions", {}), **fresh}
+    for key in ("set", "tolerance"):
+        if not table[key]:
+            del table[key]
+
+
+def _write_moved(data: dict[str, Any], one: _Extended) -> None:
+    """Write attachments whose position changes with the beginning of their part; sensors follow the response."""
+    for name, point in one.assembly.attachments.items():
+        if name in data.get("attachments", {}) and one.given.assembly.attachments.get(name, point) != point:
+            data["attachments"][name] = attachment_table(point)
+
+
+def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bool) -> None:
+    table = data["measurements"][name]
+    if seen:
+        table["role"] = "identify"
+    for attached in one.added(temporary=True):
+        _write_temporary(data, name, attached, one)
+    _write_moved(data, one)
+    given, found = one.given, one.found
+    if not isinstance(given, MeasuredFRF) or not isinstance(found, MeasuredFRF):
+        return
+    for side in ("response", "excitation"):
+        old, new = getattr(given, side), getattr(found, side)
+        if (old.part, old.position) != (new.part, new.position):
+            at = new.position if isinstance(new.position, str) else quantity(new.position, units.LENGTH)
+            table[side] = {**table.get(side, {}), "part": new.part, "position": at}
+    times = _integrations(given, found)
+    if times:
+        table["integrate"] = int(table.get("integrate", 0)) + times
+
+
+def _write_temporary(data: dict[str, Any], name: str, attached: str, one: _Extended) -> None:
+    """Write an attachment of one measurement, as its sensor if it is a mass at the response coordinate."""
+    table, point = data["measurements"][name], one.assembly.attachments[attached]
+    made = attachment_table(point)
+    place = one.found.response if isinstance(one.found, MeasuredFRF) else Coordinate()
+    section = "attachments"
+    if (
+        made["kind"] == "mass"
+        and (point.part, point.position) == (place.part, place.position)
+        and "sensor" not in table
+    ):
+        section, made = "sensors", {key: made[key] for key in ("mass", "inertia") if key in made}
+        table["sensor"] = attached
+    else:
+        table["attachments"] = [*table.get("attachments", []), attached]
+    if data.get(section, {}).get(attached, made) != made or attached in data.get(_OTHER[section], {}):
+        raise ValueError(
+            f"{attached} is at different places in different measurements, which a campaign file cannot describe"
+        )
+    data.setdefault(section, {})[attached] = made
+
+
+def _integrations(given: MeasuredFRF, found: MeasuredFRF) -> int:
+    """Return the number of integrations by which a cause has changed the motion of a measurement."""
+    if np.array_equal(given.receptance, found.receptance):
+        return 0
+    angular = 2j * np.pi * given.frequency_hz
+    for order in _ORDERS:
+        if np.allclose(found.receptance * angular**order, given.receptance, rtol=1e-9, atol=0.0):
+            return order
+    raise ValueError(f"{given!r}: a cause changes its data in a way that a campaign file cannot describe")
+
+
+def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
+    """Write the unknowns with the results of the diagnosis as start values."""
+    assert verdict.explanation is not None
+    values = verdict.explanation.fit.values
+    known = {unknown.name: unknown for unknown in verdict.selection.base.model.unknowns}
+    written = dict(data.get("unknowns", {}))
+    tables: dict[str, Any] = {}
+    for unknown in _unknowns(verdict):
+        old = known.pop(unknown.name, None)
+        key = unknown.name if isinstance(unknown, Move) else unknown.address
+        raw = None if old is None else written.pop(old.name if isinstance(old, Move) else old.address, None)
+        same = old is not None and (old.reached, old.tied) == (unknown.reached, unknown.tied)
+        if raw is not None and same:
+            tables[key] = _restarted(raw, unknown, values)
+        elif raw is not None and isinstance(unknown, Law) and old is not None and not unknown.tied:
+            tables[key] = {**_restarted(raw, unknown, values), "name": unknown.name}
+        else:
+            tables[key] = unknown_table(unknown, values[unknown.name])
+    # Unknowns that no measurement depends on remain unchanged.
+    data["unknowns"] = {**written, **tables}
+
+
+def _restarted(raw: dict[str, Any], unknown: Any, values: Mapping[str, float]) -> dict[str, Any]:
+    if unknown.name not in values:  # a law with a value for each assembly
+        return raw
+    start = min(max(values[unknown.name], unknown.lower), unknown.upper)
+    plain = isinstance(unknown, Move) or unknown.multiple != 1.0
+    if isinstance(unknown, Law) and unknown.follows:
+        raw = {**raw, "follows": dict(unknown.follows)}
+    return {**raw, "start": start if plain else quantity_at(unknown.address, start)}
+
+
+def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
+    """Make the paths of data files relative to the folder of the new file."""
+
+    def moved(name: str) -> str:
+        return Path(os.path.relpath((before / name).resolve(), after.resolve())).as_posix()
+
+    for table in data["measurements"].values():
+        for key in ("file", "coherence"):
+            written = table.get(key)
+            if isinstance(written, str):
+                table[key] = moved(written)
+            elif isinstance(written, list):
+                table[key] = [moved(name) for name in written]
+
+
+def _on_diagnosed_lines(model: Model, diagnosed: Model) -> Model:
+    """Return the written model on the lines of the diagnosis, which leaves out noisy ones."""
+    seen = {one.label: one for one in diagnosed.observations}
+    kept: list[Observation] = []
+    for one in model.observations:
+        other = seen.get(one.label)
+        if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
+            good = np.isin(one.frequency_hz, other.frequency_hz)
+            kept.append(on_lines(one, good))
+        elif other is not None:
+            kept.append(one)
+    places = [place_of(one, i) for i, one in enumerate(kept)]
+    tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
+    return replace(model, observations=tuple(kept), tolerances=tolerances)
+
+
+def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
+    """Raise a ValueError if the written campaign is not the model that was diagnosed."""
+    from receptance.campaign.loading import from_data
+    from receptance.campaign.run import campaign_model
+
+    explanation = verdict.explanation
+    assert explanation is not None
+    again = from_data(folder / "extended.toml", copy.deepcopy(data))
+    fit = explanation.fit
+    task = _on_diagnosed_lines(campaign_model(again, again.to_identify)[0], fit.model).task()
+    problem = task.problem()
+    names = set(task.variables.names)
+    if names != set(fit.values):
+        odd = ", ".join(sorted(names ^ set(fit.values)))
+        raise ValueError(f"the extended model cannot be written as a campaign: {odd} would differ")
+    x = task.variables.from_values(np.array([fit.values[name] for name in task.variables.names]))
+    residual = problem.residual(x)
+    chi_square = float(residual @ residual)
+    if not abs(chi_square - fit.chi_square) <= _SAME * fit.chi_square + _SAME:
+        raise ValueError(
+            "the extended model cannot be written as a campaign: its chi-square would be "
+            f"{chi_square:.6g} instead of {fit.chi_square:.6g}"
+        )

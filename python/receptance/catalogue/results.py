@@ -1,0 +1,342 @@
+"""Results of a catalogue: the most flexible mode of each tool, CSV files of modes and stable depths, lobes, FRFs."""
+
+from __future__ import annotations
+
+import csv
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance._files import inert, streamed
+from receptance.frf import FRF
+from receptance.identification.covariance import UNINFORMATIVE
+from receptance.report import Column, Provenance, Result, Table
+from receptance.stability import Lobes, Milling, stability_lobes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.campaign import Campaign, CampaignCut
+    from receptance.catalogue.prediction import ToolPrediction
+    from receptance.report.table import Cell
+
+__all__ = [
+    "CatalogueSummary",
+    "ToolCut",
+    "ToolSummary",
+    "as_frf",
+    "file_names",
+    "summaries",
+    "tool_lobes",
+    "write_depths",
+    "write_modes",
+]
+
+_MODE_COLUMNS = (
+    "name",
+    "holder",
+    "teeth",
+    "mode",
+    "frequency [Hz]",
+    "frequency lower [Hz]",
+    "frequency upper [Hz]",
+    "damping [%]",
+    "damping lower [%]",
+    "damping upper [%]",
+    "dynamic stiffness [N/um]",
+    "dynamic stiffness lower [N/um]",
+    "dynamic stiffness upper [N/um]",
+    "most flexible",
+)
+_MODE_UNITS = np.array([1.0, 1e2, 1e-6])
+"""Units of the columns: natural frequency in Hz, damping ratio in percent, dynamic stiffness in N/um."""
+_DEPTH_COLUMNS = (
+    "name",
+    "holder",
+    "teeth",
+    "cut",
+    "rank",
+    "speed [rpm]",
+    "stable depth [mm]",
+    "probability",
+    "limit [mm]",
+    "speed lower [rpm]",
+    "speed upper [rpm]",
+    "always stable [mm]",
+)
+_ROWS = 20
+"""Largest number of tools in the table of a summary."""
+_WIDEST = 100.0
+"""Ratio of the ends of an interval from which on it is too wide to be useful."""
+_LONGEST_NAME = 100
+_RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""File names that Windows reserves for devices."""
+
+
+@dataclass(frozen=True)
+class ToolSummary:
+    """The most flexible mode of a tool.
+
+    Attributes
+    ----------
+    name, holder : str
+        The tool and its holder.
+    modes : int
+        Number of modes that were found.
+    values, interval : ndarray or None
+        `(3,)` natural frequency in Hz, damping ratio and dynamic stiffness in N/m of the most flexible mode, and
+        `(3, 2)` its interval; None without a mode.
+    notes : tuple of str
+        Notes for the user.
+    """
+
+    name: str
+    holder: str
+    modes: int
+    values: NDArray[np.float64] | None
+    interval: NDArray[np.float64] | None
+    notes: tuple[str, ...]
+
+
+def summaries(predictions: Iterable[ToolPrediction]) -> Iterator[ToolSummary]:
+    """Yield the summary of each prediction, which need not be kept in memory."""
+    for one in predictions:
+        most = one.most_flexible
+        values, interval = (None, None) if most is None else (one.modes[most], one.modes_interval[most])
+        yield ToolSummary(one.row.name, one.row.holder, len(one.modes), values, interval, one.notes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatalogueSummary(Result):
+    """The most flexible mode of every tool of a catalogue.
+
+    Attributes
+    ----------
+    tools : tuple of ToolSummary
+        The tools in the order of the catalogue.
+    level : float
+        Level of the intervals.
+    notes : tuple of str
+        Notes for the user.
+    provenance : Provenance
+        Campaign and versions of the software.
+    """
+
+    tools: tuple[ToolSummary, ...]
+    level: float
+    notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Catalogue"
+
+    def tables(self) -> list[Table]:
+        """Return the most flexible mode of the first tools."""
+        columns: list[Column | str] = ["tool", "holder"]
+        for name, unit, form in (
+            ("frequency", "Hz", ".0f"),
+            ("damping", "%", ".2f"),
+            ("dynamic stiffness", "N/\u00b5m", ".3g"),
+        ):
+            columns += [Column(name, unit, form), Column("interval", form=form)]
+        rows: list[list[Cell]] = []
+        for one in self.tools[:_ROWS]:
+            if one.values is None or one.interval is None:
+                rows.append([one.name, one.holder, "none", None, None, None, None, None])
+                continue
+            cells: list[Cell] = []
+            for value, ends, unit in zip(one.values.tolist(), one.interval, _MODE_UNITS.tolist(), strict=True):
+                low, high = (unit * ends).tolist()
+                cells += [unit * value, (low, high) if high < _WIDEST * low else UNINFORMATIVE]
+            rows.append([one.name, one.holder, *cells])
+        more = len(self.tools) - len(rows)
+        note = f"and {more} more" if more else ""
+        return [Table("The most flexible mode of each tool", columns, rows, note)]
+
+    def data(self) -> dict[str, Any]:
+        """Return the number of modes and the most flexible mode of each tool."""
+        names = ("frequency_hz", "damping_ratio", "dynamic_stiffness")
+        tools = [
+            {
+                "name": one.name,
+                "holder": one.holder,
+                "modes": one.modes,
+                "most_flexible": None
+                if one.values is None or one.interval is None
+                else {
+                    name: {"value": value, "interval": ends}
+                    for name, value, ends in zip(names, one.values, one.interval, strict=True)
+                },
+                "notes": one.notes,
+            }
+            for one in self.tools
+        ]
+        return {"level": self.level, "tools": tools}
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw dynamic stiffness over natural frequency; see `Result.plot`."""
+        from receptance.catalogue.figure import draw_catalogue
+
+        return draw_catalogue(self.tools, self.provenance.title, ax)
+
+
+def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[ToolPrediction]:
+    """Write a CSV row for each mode of each tool, and yield the predictions unchanged.
+
+    The file appears when the last prediction was yielded. Frequencies are in Hz, damping ratios in percent, dynamic
+    stiffnesses in N/um, each with its interval.
+    """
+    with streamed(path) as file:
+        rows = csv.writer(file)
+        rows.writerow(_MODE_COLUMNS)
+        for one in predictions:
+            row, interval = one.row, one.modes_interval
+            for number, values in enumerate(one.modes):
+                cells = np.column_stack([values, interval[number]]) * _MODE_UNITS[:, None]
+                rows.writerow(
+                    [
+                        inert(row.name),
+                        inert(row.holder),
+                        "" if row.teeth is None else row.teeth,
+                        number + 1,
+                        *(f"{cell:.6g}" for cell in cells.ravel()),
+                        "yes" if number == one.most_flexible else "",
+                    ]
+                )
+            yield one
+
+
+@dataclass(frozen=True)
+class ToolCut:
+    """A cut of a campaign that the tools of a catalogue make, each with its own number of teeth.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    name : str
+        Name of the cut.
+
+    Raises
+    ------
+    CampaignError
+        The campaign has no such cut, or no spindle speeds.
+    """
+
+    campaign: Campaign
+    name: str
+
+    def __post_init__(self) -> None:
+        self.campaign.select_cuts([self.name])
+        self.campaign.spindle_speeds()
+
+    @property
+    def cut(self) -> CampaignCut:
+        """The cut of the campaign."""
+        return self.campaign.cuts[self.name]
+
+
+def tool_lobes(one: ToolPrediction, cut: ToolCut) -> Lobes:
+    """Return the lobes of a tool that was predicted with draws, by the mean force, with the same tip in x and y.
+
+    The number of teeth is that of the row, or that of the cut if the row has none.
+
+    Raises
+    ------
+    ValueError
+        There are fewer draws than the probability needs.
+    """
+    settings = cut.campaign.table.stability
+    own = cut.cut
+    if isinstance(own.cut, Milling) and one.row.teeth is not None:
+        own = replace(own, cut=replace(own.cut, teeth=one.row.teeth))
+    identity = np.eye(2 if isinstance(own.cut, Milling) else 1)
+    lobes = stability_lobes(
+        own.cut,
+        one.frequency_hz,
+        one.receptance[:, None, None] * identity,
+        speeds_rpm=cut.campaign.spindle_speeds(),
+        draws=one.drawn[:, :, None, None] * identity,
+        cuts=own.drawn(len(one.drawn), settings.seed),
+    )
+    return replace(own.label(lobes), probability=settings.probability)
+
+
+def write_depths(path: Path, predictions: Iterable[ToolPrediction], cut: ToolCut) -> Iterator[ToolPrediction]:
+    """Write recommended speeds and depths of each tool as CSV, and yield the predictions unchanged.
+
+    The file appears when the last prediction was yielded.
+    """
+    with streamed(path) as file:
+        rows = csv.writer(file)
+        rows.writerow(_DEPTH_COLUMNS)
+        for one in predictions:
+            found = tool_lobes(one, cut)
+            limits = dict(zip(found.speeds_rpm.tolist(), found.depth.tolist(), strict=True))
+            teeth = getattr(found.cut, "teeth", "")
+            for rank, best in enumerate(found.best_cuts):
+                values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
+                ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(found.certain_depth)))
+                cells = [f"{value:.6g}" for value in (*values, *ends)]
+                name, holder, cut_name = map(inert, (one.row.name, one.row.holder, found.name))
+                rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
+            yield one
+
+
+def as_frf(one: ToolPrediction) -> FRF:
+    """Return the predicted receptance as an FRF for other programs.
+
+    It has no variance: the variance of an FRF is noise that is independent between lines, which errors of a prediction
+    are not.
+    """
+    return FRF(
+        frequency_hz=one.frequency_hz,
+        values=one.receptance,
+        label=one.row.name,
+        source="predicted by receptance",
+        notes=("predicted, not measured",),
+    )
+
+
+def file_names(names: Iterable[str]) -> dict[str, str]:
+    """Return a different file name, without an ending, for each tool.
+
+    Characters that file systems do not accept become underscores. Names that are then equal, or differ by case alone,
+    are numbered; a name that needs no change is kept.
+
+    Examples
+    --------
+    >>> from receptance.catalogue.results import file_names
+    >>> file_names(["a/b", "a?b", "T.", "T"])
+    {'a/b': 'a_b', 'a?b': 'a_b-2', 'T.': 'T-2', 'T': 'T'}
+    """
+    plain = {name: _portable(name) for name in names}
+    counts = Counter(map(_folded, plain.values()))
+    # A name without an equal keeps its own, so numbers never lead to one that exists.
+    taken = {folded for folded, count in counts.items() if count == 1}
+    chosen: dict[str, str] = {}
+    for name in sorted(plain, key=lambda name: plain[name] != name):
+        base, unique, number = plain[name], plain[name], 1
+        while counts[_folded(base)] > 1 and _folded(unique) in taken:
+            number += 1
+            unique = f"{base}-{number}"
+        taken.add(_folded(unique))
+        chosen[name] = unique
+    return {name: chosen[name] for name in plain}
+
+
+def _portable(name: str) -> str:
+    """Return a name with the characters that all file systems accept."""
+    plain = re.sub(r"[^\w.+-]+", "_", unicodedata.normalize("NFC", name))[:_LONGEST_NAME].strip("._") or "tool"
+    return f"_{plain}" if _RESERVED.fullmatch(plain) else plain
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFKC", name).casefold()

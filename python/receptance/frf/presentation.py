@@ -1,0 +1,225 @@
+"""Figure, summary table and xarray data set of an FRF."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.model.coordinates import Unplaced
+from receptance.report import Table
+from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface, title_left
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+    from numpy.typing import NDArray
+
+    from receptance.frf import FRF
+
+__all__ = ["dataset", "draw_frf", "summary_table"]
+
+_DIMENSIONS = ("frequency_hz", "response", "excitation")
+"""Dimensions of the xarray data set."""
+_MAX_NAMED = 8
+"""Most entries named in the legend; of more entries only the number is given."""
+_OPACITY = 0.24
+"""Opacity of the 95 % band."""
+_PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
+"""Lower end of the phase axis in degrees, in the middle of the range that a drive point does not reach."""
+
+
+def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
+    """Draw magnitude, phase and, if known, coherence of all entries of an FRF.
+
+    Lines outside the usable band are shaded. If the variance is known, a pale band around the magnitude is the 95 %
+    interval.
+
+    Parameters
+    ----------
+    frf : FRF
+        One or several entries.
+    ax : Axes, optional
+        As in `Result.plot`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
+    rows = 3 if frf.coherence is not None else 2
+    figure = surface(ax, 9.0, 5.4 + 1.4 * (rows - 2))
+    heights = [3.0, 1.4, 1.0][:rows]
+    panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    units = {unit for row in frf.units for unit in row}
+    unit = units.pop().replace("^2", "²") if len(units) == 1 else "SI units"
+    set_up(panels[0], "", "", f"|{frf.form}| ({unit})")
+    set_up(panels[1], "", "", "phase (°)")
+    for number, entry in enumerate(np.ndindex(frf.shape[1:])):
+        _draw_entry(panels, frf, entry, COLOURS[number % len(COLOURS)], number < _MAX_NAMED)
+    panels[0].set_yscale("log")
+    panels[1].set_yticks([-180, -90, 0, 90, 180])
+    panels[1].set_ylim(_PHASE_FROM[frf.form] - 5.0, _PHASE_FROM[frf.form] + 365.0)
+    if rows == 3:
+        set_up(panels[2], "", "", "coherence")
+        panels[2].set_ylim(0.0, 1.05)
+    panels[-1].set_xlabel("frequency (Hz)", color=INK)
+    panels[-1].set_xlim(*_limits(frf.frequency_hz))
+    for axes in panels:
+        _shade(axes, frf)
+    _title(figure, panels[0], frf)
+    return finished(figure)
+
+
+def _draw_entry(panels: NDArray[np.object_], frf: FRF, entry: tuple[int, ...], colour: str, named: bool) -> None:
+    i, j = entry
+    f, h = frf.frequency_hz, frf.values[:, i, j]
+    size = np.where(h == 0.0, np.nan, np.abs(h))
+    # A single line would be invisible without a marker.
+    marker = "o" if f.size == 1 else ""
+    panels[0].plot(f, size, color=colour, linewidth=1.1, marker=marker, label=_name(frf, i, j) if named else None)
+    if frf.log_variance is not None:
+        half = np.where(np.isfinite(frf.log_variance[:, i, j]), frf.log_interval()[:, i, j], np.nan)
+        half = np.minimum(half, np.log(1e3))
+        panels[0].fill_between(f, size * np.exp(-half), size * np.exp(half), color=colour, alpha=_OPACITY, linewidth=0)
+    phase = (np.degrees(np.angle(h)) - _PHASE_FROM[frf.form]) % 360.0 + _PHASE_FROM[frf.form]
+    # No line is drawn across a jump by a full turn.
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
+    panels[1].plot(
+        np.insert(f, jumps, np.nan), np.insert(phase, jumps, np.nan), color=colour, linewidth=1.1, marker=marker
+    )
+    if frf.coherence is not None:
+        panels[2].plot(f, frf.coherence[:, i, j], color=colour, linewidth=0.9, marker=marker)
+
+
+def _name(frf: FRF, row: int, column: int) -> str:
+    """Return the name of an entry in the legend: its labels, coordinates or numbers."""
+    response, excitation = frf.responses[row], frf.excitations[column]
+    if frf.labels is not None and (frf.labels[0][row] or frf.labels[1][column]):
+        return f"{frf.labels[0][row]} over {frf.labels[1][column]}"
+    load = "force" if excitation.direction == "y" else "moment"
+    if isinstance(response, Unplaced) or isinstance(excitation, Unplaced):
+        return f"{response.direction} {row} over {load} {column}" if frf.values[0].size > 1 else ""
+    return f"{response.describe()} over {load}{excitation.describe().removeprefix(excitation.direction)}"
+
+
+def _limits(frequency_hz: NDArray[np.float64]) -> tuple[float, float]:
+    first, last = float(frequency_hz[0]), float(frequency_hz[-1])
+    return (first, last) if last > first else (0.9 * first - 1.0, 1.1 * last + 1.0)
+
+
+def _shade(axes: Axes, frf: FRF) -> None:
+    """Shade the lines outside the usable band, up to the middle between them and the next usable line."""
+    if frf.usable is None:
+        return
+    f = frf.frequency_hz
+    middle = 0.5 * (f[1:] + f[:-1])
+    edges = np.r_[f[0], middle, f[-1]]
+    turns = np.flatnonzero(np.diff(np.r_[True, frf.usable, True].astype(np.int8)))
+    for begin, end in zip(turns[::2], turns[1::2], strict=True):
+        axes.axvspan(float(edges[begin]), float(edges[end]), color=PALE, alpha=0.25, linewidth=0, zorder=0)
+
+
+def _title(figure: Figure | SubFigure, axes: Axes, frf: FRF) -> None:
+    _, n_out, n_in = frf.shape
+    title = frf.label or frf.form.capitalize()
+    details = []
+    if n_out * n_in > _MAX_NAMED:
+        details.append(f"{n_out} responses x {n_in} excitations")
+    if frf.averages is not None:
+        details.append(f"{frf.averages} averages")
+    if frf.decay_rate:
+        details.append(f"exponential window {frf.decay_rate:g}/s")
+    if frf.log_variance is not None:
+        details.append("pale: 95 % interval")
+    if frf.usable is not None and not frf.usable.all():
+        details.append("grey: outside the usable band")
+    title_left(figure, "  ·  ".join([title, *details]), 11.0)
+    if any(_name(frf, i, j) for i, j in np.ndindex(n_out, n_in)):
+        axes.legend(fontsize=8.5, frameon=False, loc="best")
+
+
+def summary_table(frf: FRF) -> Table:
+    """Return lines, form, coordinates, averages, quality and notes of an FRF."""
+    rows = [
+        ("lines", f"{frf.frequency_hz.size}, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz{_spacing(frf)}"),
+        ("form", f"{frf.form} in {', '.join(sorted({unit for row in frf.units for unit in row}))}"),
+    ]
+    names = frf.labels or ((), ())
+    for title, side, labels in zip(("responses", "excitations"), (frf.responses, frf.excitations), names, strict=True):
+        names_of_side = [
+            place.describe() + (f" ({labels[index]})" if labels and labels[index] else "")
+            for index, place in enumerate(side)
+        ]
+        rows.append((title, "; ".join(names_of_side)))
+    if frf.decay_rate:
+        rows.append(("exponential window", f"decay rate {frf.decay_rate:g} 1/s on force and response"))
+    if frf.averages is not None:
+        rows.append(("averages", str(frf.averages)))
+    if frf.coherence is not None:
+        rows.append(("coherence", f"median {np.median(frf.coherence):.4g}, lowest {frf.coherence.min():.4g}"))
+    if frf.standard_deviation is not None:
+        rows.append(("standard deviation", f"median {100.0 * np.median(frf.standard_deviation):.3g} %"))
+    if frf.usable is not None:
+        rows.append(("usable", f"{np.count_nonzero(frf.usable)} lines{_band(frf)}"))
+    if frf.source:
+        rows.append(("source", frf.source))
+    rows += [("note", note) for note in frf.notes]
+    return Table(f"FRF {frf.label}".rstrip(), ("property", "value"), rows)
+
+
+def _spacing(frf: FRF) -> str:
+    steps = np.diff(frf.frequency_hz)
+    if not steps.size:
+        return ""
+    even = bool(np.ptp(steps) <= 1e-6 * steps.max())
+    return f", {steps.mean():.6g} Hz apart" if even else f", {steps.min():.6g} to {steps.max():.6g} Hz apart"
+
+
+def _band(frf: FRF) -> str:
+    inside = frf.frequency_hz[frf.usable]
+    return f", {inside[0]:g} to {inside[-1]:g} Hz" if inside.size else ""
+
+
+def dataset(frf: FRF) -> xarray.Dataset:
+    """Return the FRF as an xarray data set; see `FRF.to_xarray`."""
+    import xarray  # slow to import
+
+    arrays: dict[str, Any] = {"frf": (_DIMENSIONS, frf.values, {"long_name": frf.form})}
+    units = {unit for row in frf.units for unit in row}
+    if len(units) == 1:
+        arrays["frf"][2]["units"] = units.pop()
+    long_names = {
+        "coherence": "coherence",
+        "log_variance": "variance of the real and of the imaginary part of the logarithm",
+        "degrees_of_freedom": "degrees of freedom of the variance",
+    }
+    for name, long_name in long_names.items():
+        if getattr(frf, name) is not None:
+            arrays[name] = (_DIMENSIONS, getattr(frf, name), {"long_name": long_name, "units": "1"})
+    for name in ("correlated_lines", "usable"):
+        if getattr(frf, name) is not None:
+            arrays[name] = (_DIMENSIONS[0], getattr(frf, name))
+    coordinates: dict[str, Any] = {
+        "frequency_hz": (_DIMENSIONS[0], frf.frequency_hz, {"long_name": "frequency", "units": "Hz"}),
+        "unit": (_DIMENSIONS[1:], np.array(frf.units)),
+    }
+    names = frf.labels or (None, None)
+    for title, side, labels in zip(_DIMENSIONS[1:], (frf.responses, frf.excitations), names, strict=True):
+        coordinates[title] = (title, [place.describe() for place in side])
+        coordinates[f"{title}_direction"] = (title, [place.direction for place in side])
+        if labels is not None:
+            coordinates[f"{title}_label"] = (title, list(labels))
+    attributes = {
+        "form": frf.form,
+        "decay_rate": frf.decay_rate,
+        "responses": [repr(place) for place in frf.responses],
+        "excitations": [repr(place) for place in frf.excitations],
+        "label": frf.label,
+        "source": frf.source,
+        "notes": list(frf.notes),
+    }
+    if frf.averages is not None:
+        attributes["averages"] = frf.averages
+    return xarray.Dataset(arrays, coordinates, attributes)

@@ -1,0 +1,153 @@
+"""Measured receptances on common lines: selected where they share lines, otherwise resampled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.frf.resampling import curvature_warning, interpolate
+from receptance.identification.observations import MeasuredFRF, altered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["check_observations", "common_lines", "masked_lines"]
+
+_SAME = 1e-9
+"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
+_GAP = 1.5
+"""Times the median spacing of lines: nothing is interpolated across a wider gap."""
+_SPLINE_LINES = 4
+"""Least number of lines of a cubic spline."""
+_FEW = 0.5
+"""Resample if the common lines are fewer than this share of the lines, and of the lines after resampling."""
+_SHOWN = 5
+"""Number of masked lines that are listed by their frequency."""
+
+
+def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tuple[MeasuredFRF, ...]:
+    """Return the observations as a tuple; raise unless all are receptances with standard deviations."""
+    found = (observations,) if isinstance(observations, MeasuredFRF) else tuple(observations)
+    if not found:
+        raise ValueError("observations is empty, expected at least one MeasuredFRF")
+    for index, one in enumerate(found):
+        if not isinstance(one, MeasuredFRF):
+            raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF")
+        if one.standard_deviation is None:
+            raise ValueError(
+                f"{one!r} has no standard deviation, which the uncertainty of the result needs; give it one"
+            )
+    return found
+
+
+def common_lines(
+    observed: tuple[MeasuredFRF, ...],
+) -> tuple[tuple[MeasuredFRF, ...], NDArray[Any], list[NDArray[np.intp]], int]:
+    """Return observations on common lines.
+
+    If few lines are common, because the records had different lengths, all are resampled first.
+
+    Returns
+    -------
+    observed : tuple of MeasuredFRF
+        The given observations or resampled ones.
+    lines : ndarray
+        `(n,)` frequencies in Hz of the common lines.
+    rows : list of ndarray
+        Index of these lines in each observation.
+    dropped : int
+        Number of lines that are not common.
+    """
+    lines = _shared(observed)
+    if lines.size < _FEW * min(one.frequency_hz.size for one in observed):
+        other = _resampled(observed)
+        if other and other[0].frequency_hz.size * _FEW > lines.size:
+            observed, lines = other, other[0].frequency_hz
+    if not lines.size:
+        raise ValueError(
+            f"there is no line that all of {', '.join(map(repr, observed))} have, and no band that all of them cover "
+            "with the same exponential window; all receptances are needed on each line"
+        )
+    rows = [_nearest(lines, one.frequency_hz)[0] for one in observed]
+    return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
+
+
+def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[Any]:
+    lines: NDArray[Any] = observed[0].frequency_hz
+    for one in observed[1:]:
+        lines = lines[_nearest(lines, one.frequency_hz)[1]]
+    return lines
+
+
+def _resampled(observed: tuple[MeasuredFRF, ...]) -> tuple[MeasuredFRF, ...]:
+    """Return observations on the lines of the one with the widest spacing that all cover; empty if there are none."""
+    widest = max(observed, key=_spacing)
+    lines = widest.frequency_hz
+    kept = np.ones(lines.size, dtype=np.bool_)
+    for one in observed:
+        kept &= _covered(lines, one)
+    return tuple(_resample(one, lines[kept], widest) for one in observed) if kept.any() else ()
+
+
+def _spacing(one: MeasuredFRF) -> float:
+    return float(np.median(np.diff(one.frequency_hz.real))) if one.frequency_hz.size > 1 else np.inf
+
+
+def _covered(lines: NDArray[Any], one: MeasuredFRF) -> NDArray[np.bool_]:
+    """Return which lines an observation covers, gaps and other exponential windows excluded."""
+    own = one.frequency_hz
+    nearest, same = _nearest(lines, own)
+    if own.size < _SPLINE_LINES:
+        return same
+    after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
+    inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
+    dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(one)
+    window = np.abs(lines.imag - own.imag[nearest]) <= _SAME * np.abs(lines)
+    found: NDArray[np.bool_] = same | (inside & dense & window)
+    return found
+
+
+def _resample(one: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
+    if one is widest:
+        rows = np.isin(one.frequency_hz, lines)
+        fields: dict[str, Any] = {
+            name: value[rows]
+            for name, value in vars(one).items()
+            if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape
+        }
+        return altered(one, **fields)
+    owner = repr(one)
+    own = one.frequency_hz.real
+    # Lines on the edge of the band may lie outside by rounding.
+    place = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
+    values, bend = place.spline(one.receptance)
+    spread = one.standard_deviation
+    fields = {
+        name: place.linear(value)
+        for name, value in vars(one).items()
+        if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape and not np.iscomplexobj(value)
+    }
+    fields |= {"frequency_hz": lines, "receptance": values}
+    notes = [*one.notes, f"{one.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}"]
+    sharp = curvature_warning(place, values, bend, None if spread is None else place.linear(spread**2))
+    notes += [f"{one.label or owner}: {sharp}"] if sharp else []
+    return altered(one, **fields, notes=tuple(notes))
+
+
+def _nearest(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return which of ascending other lines is nearest to each line, and whether it is the same but for rounding."""
+    after = np.clip(np.searchsorted(others.real, lines.real), 1, max(others.size - 1, 1))
+    after = np.minimum(after, others.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(others[after] - lines) < np.abs(others[before] - lines), after, before)
+    return nearest, np.abs(others[nearest] - lines) <= _SAME * np.abs(lines)
+
+
+def masked_lines(masked: NDArray[Any], count: int) -> str:
+    """Return the note on the lines, of so many, whose equations have no finite and unique solution."""
+    shown = ", ".join(f"{line:g}" for line in masked.real[:_SHOWN])
+    more = f" and {masked.size - _SHOWN} more" if masked.size > _SHOWN else ""
+    reason = "their equations have no finite and unique solution"
+    return f"{masked.size} of {count} lines are masked, {reason}: {shown} Hz{more}"

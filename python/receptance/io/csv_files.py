@@ -1,0 +1,255 @@
+"""FRFs, coherences and time series in CSV files and other tables with a header."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance._files import inert
+from receptance.frf import FRF
+from receptance.io.build import complex_values, make_coherence, make_frf, sampling, to_si
+from receptance.io.description import about_text, arrays_of, measurement_of
+from receptance.io.errors import FileFormatError
+from receptance.io.measurements import Coherence, Measurement, TimeSeries
+from receptance.io.options import SI, ReadOptions, Resolved, one_unit_message, resolve_frf
+from receptance.io.table import EXAMPLE, MARK, QUALITIES, Table, column_in_unit, column_unit, read_table
+from receptance.io.text import check_ascending
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["csv_bytes", "read_csv"]
+
+_PARTS = ("real", "imaginary", "magnitude", "phase")
+
+
+def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
+    """Return the FRF, coherence or time records in a table of numbers.
+
+    Raises
+    ------
+    FileFormatError
+        A header without quantities or units, or rows that are not numbers; the message names the line.
+    """
+    table = read_table(data, options)
+    frequency, time = table.of("frequency"), table.of("time")
+    try:
+        if time:
+            return [_time_series(table, time[0], options)]
+        return [_by_frequency(table, frequency[0], options)]
+    except FileFormatError as error:
+        line = error.line if error.line is not None else table.header or None
+        raise FileFormatError(error.problem, line=line, place=error.place) from None
+
+
+def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
+    channels = [index for index in range(len(table.columns)) if index != time]
+    if not channels:
+        raise FileFormatError("there is a time column and no other")
+    if table.about is not None and table.about["receptance"] == "time series":
+        made = measurement_of({"values": table.values[:, channels]}, table.about, options)
+        assert isinstance(made, TimeSeries)
+        return made
+    names = [table.columns[index].name for index in channels]
+    if isinstance(options.unit, str) and options.unit != SI and len(names) > 1:
+        raise FileFormatError(one_unit_message(names, options.unit))
+    units, notes = [], list(table.notes)
+    for index in channels:
+        column = table.columns[index]
+        given = options.channel_unit(column.name)
+        if (given is None or given == SI) and not column.unit:
+            raise FileFormatError(
+                f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
+                f"unit={{{column.name!r}: 'N'}}"
+            )
+        unit = column.unit if given is None or given == SI else given
+        if column.unit and unit != column.unit:
+            notes.append(f"{column.name}: the unit in the file, {column.unit!r}, was overridden by {unit!r}")
+        units.append(unit or "")
+    rate, start = sampling(column_in_unit(table, time, "s"), options)
+    try:
+        return TimeSeries(
+            values=table.values[:, channels],
+            channels=names,
+            units=units,
+            sample_rate_hz=rate,
+            start_s=start,
+            notes=notes,
+        )
+    except ValueError as error:
+        raise FileFormatError(str(error)) from None
+
+
+def _by_frequency(table: Table, frequency: int, options: ReadOptions) -> FRF | Coherence:
+    lines = column_in_unit(table, frequency, "Hz")
+    check_ascending(lines.tolist(), table.lines)
+    entries = list(dict.fromkeys(column.entry for column in table.columns if column.role in _PARTS))
+    own = table.about["receptance"] if table.about is not None else ""
+    if entries:
+        return _described_frf(table, lines, entries, options) if own == "frf" else _frf(table, lines, entries, options)
+    coherence = table.of("coherence")
+    if not coherence:
+        raise FileFormatError(f"no column is an FRF or a coherence; expected a header such as {EXAMPLE}")
+    values = np.stack([_coherence(table, index) for index in coherence], axis=1)
+    if table.about is not None and own == "coherence":
+        made = measurement_of({"frequency_hz": lines, "values": values}, table.about, options)
+        assert isinstance(made, Coherence)
+        return made
+    return make_coherence(frequency_hz=lines, values=values[:, :, None], notes=_unread(table))
+
+
+def _coherence(table: Table, index: int) -> NDArray[np.float64]:
+    """Return a column from 0 to 1; percent are converted if the column has this unit."""
+    return column_in_unit(table, index, "1") if table.columns[index].unit else table.values[:, index]
+
+
+def _unread(table: Table) -> list[str]:
+    unread = [f"column {column.name!r} was not read" for column in table.columns if column.role == "channel"]
+    return [*table.notes, *unread]
+
+
+def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:
+    parts = [_entry(table, entry, options) for entry in entries]
+    kinds = [resolved.kind for _, resolved in parts]
+    if len({(kind.form, kind.excitation) for kind in kinds}) > 1:
+        raise FileFormatError("the columns have different forms, or are per force and per moment; use several files")
+    of_coherence = {table.columns[index].entry: index for index in table.of("coherence")}
+    coherence = None
+    if of_coherence:
+        if set(of_coherence) != set(entries):
+            raise FileFormatError("the coherence columns do not match the FRF columns, expected one for each")
+        coherence = np.stack([_coherence(table, of_coherence[entry]) for entry in entries], axis=1)[:, :, None]
+    notes = [*_unread(table), *dict.fromkeys(note for _, resolved in parts for note in resolved.notes)]
+    return make_frf(
+        frequency_hz=lines,
+        values=np.stack([values for values, _ in parts], axis=1)[:, :, None],
+        form=kinds[0].form,
+        directions=([kind.response for kind in kinds], [kinds[0].excitation]),
+        coherence=coherence,
+        labels=(entries, [""]) if any(entries) else None,
+        notes=notes,
+        options=options,
+    )
+
+
+def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.complex128], Resolved]:
+    """Return the values of one response and excitation, their kind and factor to SI."""
+    found: dict[str, int] = {}
+    for index, column in enumerate(table.columns):
+        if column.role in _PARTS and column.entry == entry:
+            if column.role in found:
+                raise FileFormatError(
+                    f"there are two columns {column.name!r}; add the response, such as "
+                    f"'{column.name} tip' and '{column.name} nose'"
+                )
+            found[column.role] = index
+    if set(found) not in ({"real", "imaginary"}, {"magnitude", "phase"}):
+        names = ", ".join(repr(table.columns[index].name) for index in found.values())
+        raise FileFormatError(f"found {names}, expected a real and an imaginary part, or a magnitude and a phase")
+    first = table.columns[found["real" if "real" in found else "magnitude"]]
+    declared = column_unit(first)
+    if "real" in found:
+        other = column_unit(table.columns[found["imaginary"]])
+        if (
+            declared is not None
+            and other is not None
+            and declared != other
+            and ((declared.dimension, declared.factor) != (other.dimension, other.factor))
+        ):
+            raise FileFormatError(f"the real part is in {declared.text!r}, the imaginary part in {other.text!r}")
+        values = complex_values(table.values[:, found["real"]], table.values[:, found["imaginary"]])
+    else:
+        _check_magnitude(table, found["magnitude"])
+        values = table.values[:, found["magnitude"]] * np.exp(1j * column_in_unit(table, found["phase"], "rad"))
+    resolved = resolve_frf(
+        options,
+        declared=declared,
+        form=first.form,
+        directions=None,
+        undeclared=f"column {first.name!r} has no unit, such as {first.name} [m/s^2/N]",
+    )
+    return to_si(values, resolved.factor), resolved
+
+
+def _check_magnitude(table: Table, index: int) -> None:
+    negative = np.flatnonzero(table.values[:, index] < 0.0)
+    if negative.size:
+        row = int(negative[0])
+        raise FileFormatError(
+            f"column {table.columns[index].name!r} is {table.values[row, index]:g}, expected zero or more: a magnitude "
+            "is not negative; if these are levels in dB, export linear values",
+            line=table.lines[row],
+        )
+
+
+def _described_frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:
+    """Return an FRF written by this library, with the fields in the line before the header."""
+    assert table.about is not None
+    values = []
+    for entry in entries:
+        column, resolved = _entry(table, entry, ReadOptions())
+        if resolved.factor != 1.0 or resolved.kind.form != table.about.get("form"):
+            raise FileFormatError(
+                f"the header states {resolved.kind.form}, not in SI or other than {table.about.get('form')!r} in the "
+                "line '# receptance:' above; remove that line if the header is correct"
+            )
+        values.append(column)
+    arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines, "values": np.stack(values, axis=1)}
+    for role in ("coherence", *QUALITIES.values()):
+        columns = table.of(role)
+        if columns:
+            arrays[role] = table.values[:, columns]
+    made = measurement_of(arrays, table.about, options)
+    assert isinstance(made, FRF)
+    return made
+
+
+_NAMES = {field: name for name, field in QUALITIES.items()}
+
+
+def csv_bytes(measurement: Measurement) -> bytes:
+    """Return the contents of a CSV file; all fields are stored, numbers with all digits."""
+    columns = _time_columns(measurement) if isinstance(measurement, TimeSeries) else _frequency_columns(measurement)
+    stream = io.StringIO()
+    stream.write(f"{MARK}{about_text(measurement, rows=len(columns[0][1]))}\n")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([inert(name) for name, _ in columns])
+    writer.writerows(zip(*([repr(x) for x in values.tolist()] for _, values in columns), strict=True))
+    return stream.getvalue().encode()
+
+
+def _time_columns(series: TimeSeries) -> list[tuple[str, NDArray[Any]]]:
+    columns = [("time [s]", series.time_s)]
+    for index, (name, unit) in enumerate(zip(series.channels, series.units, strict=True)):
+        columns.append((" ".join(f"{name} [{unit}]".split()), series.values[:, index]))
+    return columns
+
+
+def _frequency_columns(measurement: FRF | Coherence) -> list[tuple[str, NDArray[Any]]]:
+    arrays = arrays_of(measurement)
+    columns: list[tuple[str, NDArray[Any]]] = [("frequency [Hz]", arrays.pop("frequency_hz"))]
+    values = arrays.pop("values")
+    pairs = [(row, column) for row in range(values.shape[1]) for column in range(values.shape[2])]
+    for row, column in pairs:
+        entry = f" {row + 1}/{column + 1}" if len(pairs) > 1 else ""
+        one = values[:, row, column]
+        if isinstance(measurement, FRF):
+            unit = measurement.units[row][column]
+            columns.append((f"{measurement.form} real{entry} [{unit}]", one.real))
+            columns.append((f"{measurement.form} imaginary{entry} [{unit}]", one.imag))
+        else:
+            columns.append((f"coherence{entry} [1]", one))
+    for field, array in arrays.items():
+        name = _NAMES.get(field, field)
+        if array.dtype.kind == "b":
+            array = array.astype(np.int64)
+        if array.ndim == 1:
+            columns.append((f"{name} [1]", array))
+            continue
+        for row, column in pairs:
+            entry = f" {row + 1}/{column + 1}" if len(pairs) > 1 else ""
+            columns.append((f"{name}{entry} [1]", array[:, row, column]))
+    return columns

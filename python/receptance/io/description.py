@@ -1,0 +1,282 @@
+"""A measurement as named arrays and one JSON text, `about`, with all other fields.
+
+NPZ, MAT and HDF5 files store both as variables, CSV files as columns and a comment; universal files use the JSON form
+of coordinates.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.frf import FRF
+from receptance.frf.plausibility import DRIVE_POINT_NOTE
+from receptance.io.build import file_coherence
+from receptance.io.errors import FileFormatError
+from receptance.io.measurements import Coherence, Measurement, TimeSeries
+from receptance.io.options import SI, ReadOptions
+from receptance.model.coordinates import Coordinate, Unplaced
+from receptance.units import parse_unit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = [
+    "ABOUT",
+    "about_text",
+    "arrays_of",
+    "coordinate_from_list",
+    "coordinate_to_list",
+    "kind_of",
+    "measurement_of",
+    "parse_about",
+]
+
+ABOUT = "about"
+_VERSION = 1
+_QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
+_KINDS = {"frf": "an FRF", "time series": "a time series", "coherence": "a coherence"}
+
+
+def kind_of(measurement: Measurement) -> str:
+    """Return "frf", "time series" or "coherence"."""
+    return (
+        "frf" if isinstance(measurement, FRF) else "time series" if isinstance(measurement, TimeSeries) else "coherence"
+    )
+
+
+def arrays_of(measurement: Measurement) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a measurement by name, without those that are None or have their default."""
+    if isinstance(measurement, TimeSeries):
+        return {"values": measurement.values}
+    arrays: dict[str, NDArray[Any]] = {"frequency_hz": measurement.frequency_hz, "values": measurement.values}
+    if isinstance(measurement, FRF):
+        if measurement.coherence is not None:
+            arrays["coherence"] = measurement.coherence
+        for name in _QUALITY:
+            array = getattr(measurement, name)
+            if array is not None and not (name == "correlated_lines" and np.all(array == 1.0)):
+                arrays[name] = array
+    return arrays
+
+
+def about_text(measurement: Measurement, **more: int) -> str:
+    """Return all fields but the arrays as JSON, with further numbers for a format."""
+    about: dict[str, Any] = {"receptance": kind_of(measurement), "version": _VERSION, **more}
+    if isinstance(measurement, FRF):
+        about["form"] = measurement.form
+        about["unit"] = measurement.units
+        about["responses"] = [coordinate_to_list(place) for place in measurement.responses]
+        about["excitations"] = [coordinate_to_list(place) for place in measurement.excitations]
+        about["decay_rate"] = measurement.decay_rate
+        about["averages"] = measurement.averages
+        about["labels"] = measurement.labels
+    elif isinstance(measurement, TimeSeries):
+        about["channels"] = measurement.channels
+        about["units"] = measurement.units
+        about["quantities"] = measurement.quantities
+        about["sample_rate_hz"] = measurement.sample_rate_hz
+        about["start_s"] = measurement.start_s
+    else:
+        about["shape"] = measurement.values.shape[1:]
+        about["labels"] = measurement.labels
+    about["label"], about["source"], about["notes"] = measurement.label, measurement.source, measurement.notes
+    return json.dumps(about, allow_nan=False)
+
+
+def coordinate_to_list(coordinate: Coordinate) -> list[Any]:
+    """Return a coordinate for JSON: part, position (None if unknown) and direction."""
+    position = None if isinstance(coordinate, Unplaced) else coordinate.position
+    return [coordinate.part, position, coordinate.direction]
+
+
+def parse_about(text: Any) -> dict[str, Any] | None:
+    """Return the fields written by `about_text`, or None for another text.
+
+    Raises
+    ------
+    FileFormatError
+        A damaged text, or one of a later version of this library.
+    """
+    if not isinstance(text, str) or not text.lstrip().startswith('{"receptance"'):
+        return None
+    try:
+        about: dict[str, Any] = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"the JSON text {ABOUT!r} is damaged: {error}") from None
+    if about.get("receptance") not in list(_KINDS):
+        raise FileFormatError(
+            f"{ABOUT!r} names the kind {about.get('receptance')!r}, expected one of {', '.join(_KINDS)}"
+        )
+    if about.get("version") != _VERSION:
+        raise FileFormatError(
+            f"{ABOUT!r} has version {about.get('version')!r}, expected {_VERSION}: written by a later version"
+        )
+    return about
+
+
+def measurement_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> Measurement:
+    """Return the measurement with these arrays and fields.
+
+    Raises
+    ------
+    FileFormatError
+        Missing or invalid fields, or a contradiction to the options.
+    """
+    kind = about["receptance"]
+    try:
+        if kind == "frf":
+            return _frf(arrays, about, options)
+        if kind == "time series":
+            return _time_series(arrays, about, options)
+        return Coherence(
+            frequency_hz=_real(arrays, "frequency_hz").ravel(),
+            values=_cube(_real(arrays, "values"), about),
+            labels=_labels(about),
+            **_texts(about),
+        )
+    except FileFormatError:
+        raise
+    except (TypeError, ValueError, OverflowError) as error:
+        raise FileFormatError(f"this is not {_KINDS[kind]}: {error}") from None
+
+
+def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> FRF:
+    lines = _real(arrays, "frequency_hz").ravel()
+    sides = {name: tuple(map(coordinate_from_list, _list(about, name))) for name in ("responses", "excitations")}
+    shape = (lines.size, len(sides["responses"]), len(sides["excitations"]))
+    known: dict[str, Any] = {}
+    for name in ("coherence", *_QUALITY):
+        if name in arrays:
+            array = arrays[name] if name == "usable" else _real(arrays, name)
+            known[name] = array.ravel() if name in ("usable", "correlated_lines") else _shaped(name, array, shape)
+    if "usable" in known:
+        known["usable"] = known["usable"].astype(np.bool_)
+    if "coherence" in known:
+        known["coherence"] = None if options.ignore_coherence else file_coherence(lines, known["coherence"])
+    values = arrays.get("values")
+    if values is None or values.dtype.kind not in "iufc":
+        raise FileFormatError("there is no numeric array 'values'")
+    frf = FRF(
+        frequency_hz=lines,
+        values=_shaped("values", values, shape),
+        form=about.get("form", ""),
+        responses=sides["responses"],
+        excitations=sides["excitations"],
+        decay_rate=about.get("decay_rate", 0.0),
+        averages=about.get("averages"),
+        labels=_labels(about),
+        **known,
+        **_texts(about, without=DRIVE_POINT_NOTE),
+    )
+    _check_given(frf, options)
+    placed = {"responses": options.responses, "excitations": options.excitations}
+    changes = {name: side for name, side in placed.items() if side is not None}
+    return frf.with_coordinates(**changes) if changes else frf
+
+
+def _check_given(frf: FRF, options: ReadOptions) -> None:
+    """Raise if the given unit or quantity contradicts the file."""
+    units = {unit for row in frf.units for unit in row}
+    given = options.unit if isinstance(options.unit, str) else None
+    if options.quantity not in (None, frf.form) or (
+        given not in (None, SI)
+        and any(
+            (parse_unit(given).dimension, 1.0) != (parse_unit(u).dimension, parse_unit(given).factor) for u in units
+        )
+    ):
+        raise FileFormatError(
+            f"the file holds a {frf.form} in {', '.join(sorted(units))}, but quantity={options.quantity!r} "
+            f"and unit={options.unit!r} were given; leave them out"
+        )
+
+
+def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> TimeSeries:
+    channels = tuple(map(str, _list(about, "channels")))
+    values = _real(arrays, "values")
+    if values.ndim != 2 or values.shape[1] != len(channels):
+        values = _shaped("values", values, (values.size // max(len(channels), 1), len(channels)))
+    units = [str(unit) for unit in _list(about, "units")]
+    for name, unit in zip(channels, units, strict=False):
+        given = options.channel_unit(name)
+        if given not in (None, SI, unit):
+            raise FileFormatError(f"channel {name!r} of the file is in {unit!r}, but unit={given!r} was given")
+    rate = about.get("sample_rate_hz", math.nan)
+    if options.sample_rate_hz is not None and not math.isclose(options.sample_rate_hz, rate, rel_tol=1e-9):
+        raise FileFormatError(
+            f"the file has {rate!r} samples per second, but sample_rate_hz={options.sample_rate_hz!r} was given"
+        )
+    return TimeSeries(
+        values=values,
+        channels=channels,
+        units=units,
+        sample_rate_hz=rate,
+        start_s=about.get("start_s", 0.0),
+        **_texts(about),
+    )
+
+
+def _texts(about: Mapping[str, Any], *, without: str | None = None) -> dict[str, Any]:
+    """Return label, source and notes, without the notes with a prefix, which the constructor adds again."""
+    texts: dict[str, Any] = {name: str(about.get(name, "")) for name in ("label", "source")}
+    return texts | {
+        "notes": tuple(
+            str(note) for note in _list(about, "notes") if without is None or not str(note).startswith(without)
+        )
+    }
+
+
+def _list(about: Mapping[str, Any], name: str) -> Sequence[Any]:
+    found = about.get(name)
+    if not isinstance(found, list):
+        raise FileFormatError(f"{name} in {ABOUT!r} is {found!r}, expected a list")
+    return found
+
+
+def _labels(about: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    labels = about.get("labels")
+    if labels is None:
+        return None
+    if not (isinstance(labels, list) and len(labels) == 2 and all(isinstance(side, list) for side in labels)):
+        raise FileFormatError(f"labels in {ABOUT!r} is {labels!r}, expected a list of two lists")
+    return tuple(map(str, labels[0])), tuple(map(str, labels[1]))
+
+
+def coordinate_from_list(place: Any) -> Coordinate:
+    """Return the coordinate of `coordinate_to_list`, or raise a FileFormatError."""
+    if not (isinstance(place, list) and len(place) == 3 and isinstance(place[0], str)):
+        raise FileFormatError(f"a coordinate in {ABOUT!r} is {place!r}, expected [part, position, direction]")
+    part, position, direction = place
+    if position is None and direction in ("y", "theta"):
+        return Unplaced(direction)
+    good = position == "end" or (isinstance(position, (int, float)) and not isinstance(position, bool))
+    if not good or (position != "end" and not math.isfinite(position)):
+        raise FileFormatError(f"a coordinate's position in {ABOUT!r} is {position!r}, expected metres or 'end'")
+    return Coordinate(part, position, direction)
+
+
+def _real(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
+    array = arrays.get(name)
+    if array is None:
+        raise FileFormatError(f"there is no array {name!r}; the arrays are {', '.join(arrays) or 'none'}")
+    if array.dtype.kind not in "iuf":
+        raise FileFormatError(f"the array {name!r} has dtype {array.dtype}, expected real numbers")
+    return array
+
+
+def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return an array in its full shape; MATLAB drops trailing dimensions of 1."""
+    if array.size != math.prod(shape):
+        raise FileFormatError(f"the array {name!r} has shape {array.shape}, expected {shape}")
+    return array if array.shape == shape else array.reshape(shape)
+
+
+def _cube(array: NDArray[Any], about: Mapping[str, Any]) -> NDArray[Any]:
+    sides = _list(about, "shape")
+    if len(sides) != 2 or any(not isinstance(side, int) or side < 1 for side in sides):
+        raise FileFormatError(f"shape in {ABOUT!r} is {sides!r}, expected the numbers of responses and excitations")
+    return _shaped("values", array, (array.size // math.prod(sides), *sides))

@@ -1,0 +1,429 @@
+"""Reading and writing of measurement files: detection of the format, and the public functions."""
+
+from __future__ import annotations
+
+import gzip
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from receptance._files import open_file, read_whole, write_whole
+from receptance.errors import ReceptanceWarning
+from receptance.frf import FRF
+from receptance.io.build import warn_caller
+from receptance.io.csv_files import csv_bytes, read_csv
+from receptance.io.errors import FileFormatError
+from receptance.io.limits import check_lines, decompress, time_limit
+from receptance.io.mat_hdf5 import hdf5_bytes, mat_bytes, read_hdf5, read_mat
+from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_note
+from receptance.io.npz import npz_bytes, read_npz
+from receptance.io.options import ReadKeywords, ReadOptions
+from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
+from receptance.io.uff.datasets import is_uff
+from receptance.io.uff.read import read_uff
+from receptance.io.uff.write import uff_bytes
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+__all__ = ["ENDINGS", "FORMATS", "read", "read_all", "read_frf", "read_time_series", "write"]
+
+FORMATS = {
+    "uff": "universal file (data set 58)",
+    "csv": "table with a header",
+    "npz": "NumPy",
+    "mat": "MATLAB",
+    "hdf5": "HDF5",
+    "cutpro": "CutPro .frf",
+    "dataphysics": "Data Physics ASCII export",
+}
+"""Formats by their name in `read` and `write`."""
+ENDINGS = {
+    ".uff": "uff",
+    ".unv": "uff",
+    ".ufb": "uff",
+    ".58": "uff",
+    ".csv": "csv",
+    ".npz": "npz",
+    ".mat": "mat",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".frf": "cutpro",
+}
+"""Formats by file name extension."""
+_TABLE_ENDINGS = (".txt", ".tsv", ".asc", ".dat")
+"""Further extensions of tables, which are read but not written."""
+_TEXT_READERS: dict[str, Callable[[bytes, ReadOptions], list[Measurement]]] = {
+    "uff": read_uff,
+    "csv": read_csv,
+    "cutpro": read_cutpro,
+    "dataphysics": read_dataphysics,
+}
+_ARRAY_WRITERS = {"npz": npz_bytes, "mat": mat_bytes, "hdf5": hdf5_bytes}
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_GZIP_SIGNATURE = b"\x1f\x8b"
+
+
+def read(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> Measurement:
+    """Return the one measurement in a file: an FRF, a time series or a coherence.
+
+    The format is detected from the contents. Quantity and unit are taken from the file or the options, never guessed.
+
+    Parameters
+    ----------
+    path : path
+        The file; text formats may be compressed with gzip.
+    format : str, optional
+        "uff", "csv", "npz", "mat", "hdf5", "cutpro" or "dataphysics".
+    quantity : str, optional
+        "receptance", "mobility" or "accelerance", for an FRF whose file does not state it, or states it wrongly.
+    unit : str or mapping, optional
+        Unit of the numbers in the file, such as "m/s^2/N" or "g/lbf"; for time series one unit, or a mapping from
+        channel to unit; "SI" if the file states the quantity.
+    responses, excitations : Coordinate or sequence, optional
+        Where motion was measured and loads acted, which few files state.
+    coherence : path, optional
+        Another file with the coherence of the FRF.
+    ignore_coherence : bool, optional
+        Read an FRF without its coherence.
+    variables : mapping, optional
+        For NPZ, MAT and HDF5 files of other programs, the names of the variables: for an FRF of "frequency_hz", of
+        "values" (or "real" and "imaginary", or "magnitude" and "phase_deg" or "phase_rad") and of "coherence", for a
+        time series of "time_s" and each channel. "NAME[:,1]" is the second column of a variable.
+    columns : sequence of str, optional
+        Header of a table without header.
+    sample_rate_hz : float, optional
+        For time series whose file does not state it, or not with enough digits.
+
+    Raises
+    ------
+    FileFormatError
+        A file that cannot be read; the message names the place, the finding and the remedy. It is a ValueError.
+    TypeError, ValueError
+        Invalid options.
+    OSError
+        A file that cannot be opened, a pipe or a device, or more than 1 GiB.
+
+    Warns
+    -----
+    ReceptanceWarning
+        A low coherence, a text that may be truncated, and the warnings of `FRF`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import FRF
+    >>> from receptance.io import read, write
+    >>> write("tip.csv", FRF(frequency_hz=[10.0, 20.0], values=[1e-6 - 1e-8j, 2e-6 - 3e-8j]))
+    >>> read("tip.csv")
+    FRF(receptance in m/N, 1 x 1, 2 lines from 10 to 20 Hz)
+    """
+    found = read_all(path, format=format, **options)
+    if len(found) > 1:
+        listed = "; ".join(f"{index}: {measurement!r}" for index, measurement in enumerate(found[:6]))
+        raise FileFormatError(
+            f"the file holds {len(found)} measurements ({listed}{', ...' if len(found) > 6 else ''}); read_all returns "
+            "all of them",
+            file=Path(path).name,
+        )
+    return found[0]
+
+
+def read_frf(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> FRF:
+    """Return the one FRF in a file and ignore other contents; see `read`.
+
+    Raises
+    ------
+    FileFormatError
+        As `read`, and a file with no FRF or with several.
+
+    Examples
+    --------
+    >>> from receptance import FRF
+    >>> from receptance.io import read_frf, write
+    >>> write("tip.npz", FRF(frequency_hz=[10.0, 20.0], values=[1e-6, 2e-6], form="mobility"))
+    >>> read_frf("tip.npz").form
+    'mobility'
+    """
+    found = read_all(path, format=format, **options)
+    frfs = [measurement for measurement in found if isinstance(measurement, FRF)]
+    _expect_one(path, frfs, found, "FRF")
+    return frfs[0]
+
+
+def read_time_series(
+    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
+) -> TimeSeries:
+    """Return the one time series in a file and ignore other contents; see `read`.
+
+    Raises
+    ------
+    FileFormatError
+        As `read`, and a file with no time series or with several.
+
+    Examples
+    --------
+    >>> from receptance.io import TimeSeries, read_time_series, write
+    >>> hit = TimeSeries(values=[[0.0, 0.0], [9.0, 1.0]], channels=["f", "a"], units=["N", "g"], sample_rate_hz=51200.0)
+    >>> write("hit.h5", hit)
+    >>> read_time_series("hit.h5").quantities
+    ('force', 'acceleration')
+    """
+    found = read_all(path, format=format, **options)
+    series = [measurement for measurement in found if isinstance(measurement, TimeSeries)]
+    _expect_one(path, series, found, "time series")
+    return series[0]
+
+
+def _expect_one(path: str | PathLike[str], wanted: Sequence[Any], found: Sequence[Any], kind: str) -> None:
+    if len(wanted) != 1:
+        listed = "; ".join(repr(measurement) for measurement in found[:6])
+        raise FileFormatError(
+            f"there is {'no' if not wanted else 'more than one'} {kind} in the file; it holds {listed}",
+            file=Path(path).name,
+        )
+
+
+def read_all(
+    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
+) -> list[Measurement]:
+    """Return all measurements in a file; see `read` for the options.
+
+    Examples
+    --------
+    >>> from receptance import FRF
+    >>> from receptance.io import read_all, write
+    >>> two = [FRF(frequency_hz=[10.0, 20.0], values=[1e-6, 2e-6], label=label) for label in ("before", "after")]
+    >>> write("both.uff", two)
+    >>> [frf.label for frf in read_all("both.uff")]
+    ['before', 'after']
+    """
+    path = Path(path)
+    coherence_file = options.pop("coherence", None)
+    checked = ReadOptions.checked(options)
+    if format is not None and format not in FORMATS:
+        raise ValueError(f"format is {format!r}, expected one of {', '.join(FORMATS)}")
+    try:
+        found = _read(path, format, checked)
+        if coherence_file is not None:
+            if not any(isinstance(measurement, FRF) for measurement in found):
+                raise FileFormatError(f"coherence was given, but there is no FRF in the file: it holds {found[0]!r}")
+            found = [_with_coherence(one, Path(coherence_file)) if isinstance(one, FRF) else one for one in found]
+    except FileFormatError as error:
+        raise error.with_file(path.name) from None
+    return found
+
+
+def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurement]:
+    with open_file(path) as file:
+        start = file.read(4096)
+    kind = format or _detect_format(path, start)
+    if kind in ("mat", "hdf5") and not start.startswith(_GZIP_SIGNATURE):
+        found = _read_mat_or_hdf5(path, kind, start, options)
+    else:
+        data = read_whole(path)
+        if data.startswith(_GZIP_SIGNATURE):
+            data = decompress(data)
+            kind = format or _detect_format(path.with_suffix(""), data[:4096])
+        if kind in ("mat", "hdf5"):
+            with tempfile.TemporaryDirectory() as folder:
+                expanded = Path(folder) / "expanded"
+                expanded.write_bytes(data)
+                found = _read_mat_or_hdf5(expanded, kind, data[:4096], options)
+        else:
+            with time_limit(len(data)):
+                if kind == "npz":
+                    found = read_npz(data, options)
+                else:
+                    check_lines(data)
+                    found = _TEXT_READERS[kind](data, options)
+    _check_options_apply(found, kind, options)
+    return [_with_source(measurement, f"{path.name} ({FORMATS[kind]})") for measurement in found]
+
+
+def _detect_format(path: Path, start: bytes) -> str:
+    """Return the format from the first bytes, or from the extension where these are ambiguous."""
+    if start.startswith(_GZIP_SIGNATURE):
+        return "gzip"
+    if start.startswith(_HDF5_SIGNATURE) or start[512:520] == _HDF5_SIGNATURE:
+        return "hdf5"
+    if start.startswith(b"PK\x03\x04"):
+        return "npz"
+    if start.startswith(b"MATLAB "):
+        return "mat"
+    if is_uff(start):
+        return "uff"
+    if is_dataphysics(start):
+        return "dataphysics"
+    if not start:
+        raise FileFormatError("the file is empty")
+    ending = path.suffix.lower()
+    kind = ENDINGS.get(ending, "csv" if ending in _TABLE_ENDINGS else "")
+    if not kind:
+        known = ", ".join(f"{name} ({text})" for name, text in FORMATS.items())
+        raise FileFormatError(
+            f"the format is recognised neither by the contents nor by the extension; give format=, one of {known}"
+        )
+    return kind
+
+
+def _read_mat_or_hdf5(path: Path, kind: str, start: bytes, options: ReadOptions) -> list[Measurement]:
+    if kind == "mat":
+        if not start.startswith(b"MATLAB 5.0"):
+            raise FileFormatError("this is not a MAT file of version 5 to 7 (save it with -v7)", byte=0)
+        return read_mat(path, options)
+    if not (start.startswith(_HDF5_SIGNATURE) or start[512:520] == _HDF5_SIGNATURE):
+        raise FileFormatError("this is not an HDF5 file: the HDF5 signature is missing", byte=0)
+    return read_hdf5(path, options)
+
+
+def _check_options_apply(found: Sequence[Measurement], kind: str, options: ReadOptions) -> None:
+    """Raise if an option was given that does not apply to the contents of the file."""
+    series = [measurement for measurement in found if isinstance(measurement, TimeSeries)]
+    frfs = [measurement for measurement in found if isinstance(measurement, FRF)]
+    for names, applicable, contents in (
+        (("quantity", "responses", "excitations"), bool(frfs), "FRF"),
+        (("sample_rate_hz",), bool(series), "time series"),
+    ):
+        for name in names:
+            if getattr(options, name) is not None and not applicable:
+                raise FileFormatError(
+                    f"{name} was given, but there is no {contents} in the file: it holds {found[0]!r}"
+                )
+    if isinstance(options.unit, Mapping):
+        channels = {channel: None for one in series for channel in one.channels}
+        unknown = [name for name in options.unit if name not in channels]
+        if unknown:
+            listed = ", ".join(map(repr, channels)) or f"none: it holds {found[0]!r}"
+            raise FileFormatError(f"unit names the channel {unknown[0]!r}; the channels of the file are {listed}")
+    for name, kinds in (("variables", ("npz", "mat", "hdf5")), ("columns", ("csv",))):
+        if getattr(options, name) is not None and kind not in kinds:
+            raise FileFormatError(f"{name} was given, but the file is a {FORMATS[kind]}")
+
+
+def _with_source(measurement: Measurement, source: str) -> Measurement:
+    if not measurement.source:
+        # The instance was created by the reader and is not shared yet.
+        object.__setattr__(measurement, "source", source)
+    return measurement
+
+
+def _with_coherence(frf: FRF, path: Path) -> FRF:
+    """Return an FRF with the coherence of another file."""
+    if frf.coherence is not None:
+        raise FileFormatError(f"the file has its own coherence, but coherence={str(path)!r} was given")
+    try:
+        candidates = [one for one in _read(path, None, ReadOptions()) if isinstance(one, Coherence)]
+    except FileFormatError as error:
+        raise error.with_file(path.name) from None
+    matching = [
+        one
+        for one in candidates
+        if one.values.shape == frf.values.shape
+        and np.allclose(one.frequency_hz, frf.frequency_hz, rtol=1e-6)
+        and (one.labels is None or frf.labels is None or one.labels == frf.labels)
+    ]
+    if len(matching) != 1:
+        listed = "; ".join(repr(one) for one in candidates[:6]) or "none"
+        raise FileFormatError(
+            f"{'none' if not matching else 'more than one'} of its coherences has the lines and points of {frf!r}; "
+            f"they are {listed}",
+            file=path.name,
+        )
+    low = low_coherence_note(matching[0].values)
+    if low:
+        warn_caller(low)
+    notes = (*frf.notes, f"coherence of {path.name}", *([low] if low else []))
+    return frf.with_(coherence=matching[0].values, notes=notes)
+
+
+def write(
+    path: str | PathLike[str],
+    measurements: Measurement | Sequence[Measurement],
+    *,
+    format: str | None = None,
+    binary: bool | None = None,
+) -> None:
+    """Write measurements to a file, completely or not at all.
+
+    NPZ, MAT and HDF5 store all fields bit for bit, CSV all fields with all digits. A universal file stores several
+    measurements with 13 digits (all digits in binary), but no variances; `.frf` and Data Physics' text store one FRF
+    without coherence and variance.
+
+    Parameters
+    ----------
+    path : path
+        The extension determines the format; text is compressed with a further `.gz`.
+    measurements : FRF, TimeSeries, Coherence or sequence
+        Contents of the file.
+    format : str, optional
+        As for `read`, if the extension does not determine it.
+    binary : bool, optional
+        For universal files; by default only with the extension `.ufb`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Contents that the format cannot store, or an unknown extension.
+    OSError
+        A file that cannot be written.
+
+    Warns
+    -----
+    ReceptanceWarning
+        Fields that the format does not store.
+
+    Examples
+    --------
+    >>> from receptance import FRF
+    >>> from receptance.io import read, write
+    >>> frf = FRF(frequency_hz=[10.0, 20.0], values=[1e-6 - 1e-8j, 2e-6 - 3e-8j], averages=5)
+    >>> write("tip.ufb", frf)
+    >>> read("tip.ufb").averages
+    5
+    """
+    path = Path(path)
+    many = [measurements] if isinstance(measurements, (FRF, TimeSeries, Coherence)) else list(measurements)
+    for measurement in many:
+        if not isinstance(measurement, (FRF, TimeSeries, Coherence)):
+            raise TypeError(f"cannot write {measurement!r}, expected an FRF, a TimeSeries or a Coherence")
+    if not many:
+        raise ValueError("measurements is empty, expected at least one to write")
+    compressed = path.suffix.lower() == ".gz"
+    ending = (path.with_suffix("") if compressed else path).suffix.lower()
+    kind = format or ENDINGS.get(ending)
+    if kind not in FORMATS:
+        known = ", ".join(ENDINGS)
+        raise ValueError(
+            f"{path.name}: unknown extension, expected one of {known}, or format=, one of {', '.join(FORMATS)}"
+        )
+    if binary is not None and kind != "uff":
+        raise ValueError(f"binary applies to universal files, {path.name} is a {FORMATS[kind]}")
+    content, lost = _content(many, kind, binary if binary is not None else ending == ".ufb")
+    if lost:
+        warnings.warn(
+            f"{path.name}: a {FORMATS[kind]} does not hold {'; '.join(lost)} (.npz, .mat, .h5 and .csv do)",
+            ReceptanceWarning,
+            stacklevel=2,
+        )
+    write_whole({path: gzip.compress(content, 6, mtime=0) if compressed else content})
+
+
+def _content(measurements: Sequence[Measurement], kind: str, binary: bool) -> tuple[bytes, list[str]]:
+    """Return the contents of a file, and the fields that it does not store."""
+    if kind == "uff":
+        return uff_bytes(measurements, binary=binary)
+    if kind in _ARRAY_WRITERS:
+        return _ARRAY_WRITERS[kind](measurements), []
+    if len(measurements) > 1:
+        raise ValueError(f"a {FORMATS[kind]} holds one measurement, there are {len(measurements)}; write several files")
+    if kind == "csv":
+        return csv_bytes(measurements[0]), []
+    frf = measurements[0]
+    if not isinstance(frf, FRF):
+        raise ValueError(f"a {FORMATS[kind]} holds an FRF, this is {frf!r}")
+    return cutpro_bytes(frf) if kind == "cutpro" else dataphysics_bytes(frf)

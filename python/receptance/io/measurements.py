@@ -1,0 +1,296 @@
+"""Coherences and time series as read from files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from receptance import _checks
+from receptance.frf import FRF
+from receptance.frf.validation import check_coherence, check_labels, check_lines
+from receptance.units import channel_kind, parse_unit
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_note"]
+
+_LOW_COHERENCE = 0.5
+"""Below, more of the response is unexplained than explained."""
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Coherence:
+    """Ordinary coherence between excitations and responses, without its FRF.
+
+    Parameters
+    ----------
+    frequency_hz : array_like
+        `(n,)` lines in Hz.
+    values : array_like
+        `(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1.
+    labels : pair of sequences of str, optional
+        Names of the responses and of the excitations.
+    label : str, optional
+        Free-text label.
+    source : str, optional
+        File and reader.
+    notes : sequence of str, optional
+        Notes for the user.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Mismatched arrays, lines that are not ascending, or a coherence outside 0 to 1.
+
+    Examples
+    --------
+    >>> from receptance.io import Coherence
+    >>> Coherence(frequency_hz=[1.0, 2.0, 3.0], values=[0.4, 0.98, 0.99])
+    Coherence(3 lines from 1 to 3 Hz, median 0.98)
+    """
+
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[np.float64]
+    labels: tuple[tuple[str, ...], tuple[str, ...]] | None
+    label: str
+    source: str
+    notes: tuple[str, ...]
+
+    def __init__(
+        self,
+        *,
+        frequency_hz: ArrayLike,
+        values: ArrayLike,
+        labels: tuple[Sequence[str], Sequence[str]] | None = None,
+        label: str = "",
+        source: str = "",
+        notes: Sequence[str] = (),
+    ) -> None:
+        owner = f"Coherence {label!r}" if label else "Coherence"
+        lines = check_lines(owner, frequency_hz)
+        array = _checks.numbers(owner, "values", values, "iuf", "real numbers").astype(np.float64)
+        if array.ndim == 1:
+            array = array[:, None, None]
+        if array.ndim != 3 or array.shape[0] != lines.size or 0 in array.shape:
+            raise ValueError(
+                f"{owner}: values has shape {array.shape} for {lines.size} lines, expected ({lines.size},) or "
+                f"({lines.size}, responses, excitations)"
+            )
+        undefined = np.flatnonzero(np.isnan(array).any(axis=(1, 2)))
+        if undefined.size:
+            raise ValueError(f"{owner}: the coherence at {lines[undefined[0]]:g} Hz is nan, expected 0 to 1")
+        array, remark = check_coherence(owner, array, lines)
+        _checks.set_fields(
+            self,
+            {
+                "frequency_hz": lines,
+                "values": array,
+                "labels": check_labels(owner, labels, (array.shape[1], array.shape[2])),
+                "label": str(label),
+                "source": str(source),
+                "notes": (*map(str, notes), *([remark] if remark else [])),
+            },
+        )
+
+    def __len__(self) -> int:
+        return int(self.frequency_hz.size)
+
+    def __repr__(self) -> str:
+        title = f"{self.label!r}, " if self.label else ""
+        low, high = self.frequency_hz[[0, -1]]
+        return f"Coherence({title}{len(self)} lines from {low:g} to {high:g} Hz, median {np.median(self.values):.2g})"
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class TimeSeries:
+    """Time series of one or several channels with a common sample rate.
+
+    Parameters
+    ----------
+    values : array_like
+        `(n_samples,)` or `(n_samples, n_channels)` real and finite, in the given units.
+    channels : sequence of str
+        Names, all different.
+    sample_rate_hz : float
+        Samples per second.
+    units : sequence of str
+        One per channel, such as "N", "g", "mm/s", "V". Forces, moments and motions are converted to SI; other
+        quantities are kept in their unit.
+    start_s : float, optional
+        Time of the first sample.
+    label : str, optional
+        Free-text label.
+    source : str, optional
+        File and reader.
+    notes : sequence of str, optional
+        Notes for the user.
+
+    Attributes
+    ----------
+    values : ndarray
+        `(n_samples, n_channels)`, SI.
+    quantities : tuple of str
+        Per channel "force", "moment", "displacement", "velocity", "acceleration", "rotation", "angular velocity",
+        "angular acceleration", or "" for other quantities.
+    units : tuple of str
+        Unit of `values` per channel: "N", "N m", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", or as given for
+        other quantities.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Values that are not finite or not real, or names and units that do not match them.
+
+    Examples
+    --------
+    >>> from receptance.io import TimeSeries
+    >>> hit = TimeSeries(
+    ...     values=[[0.0, 0.0], [120.0, 0.5], [4.0, -0.25]],
+    ...     channels=["hammer", "tip"],
+    ...     units=["N", "g"],
+    ...     sample_rate_hz=51200.0,
+    ... )
+    >>> hit
+    TimeSeries(hammer [N], tip [m/s^2]: 3 samples at 51200 Hz)
+    >>> hit.channel("tip")
+    array([ 0.        ,  4.903325 , -2.4516625])
+    """
+
+    values: NDArray[np.float64]
+    channels: tuple[str, ...]
+    sample_rate_hz: float
+    quantities: tuple[str, ...]
+    units: tuple[str, ...]
+    start_s: float
+    label: str
+    source: str
+    notes: tuple[str, ...]
+
+    def __init__(
+        self,
+        *,
+        values: ArrayLike,
+        channels: Sequence[str],
+        sample_rate_hz: float,
+        units: Sequence[str],
+        start_s: float = 0.0,
+        label: str = "",
+        source: str = "",
+        notes: Sequence[str] = (),
+    ) -> None:
+        owner = f"TimeSeries {label!r}" if label else "TimeSeries"
+        names = _texts(owner, "channels", channels)
+        given = _texts(owner, "units", units)
+        array = _checks.numbers(owner, "values", values, "iuf", "real numbers").astype(np.float64)
+        if array.ndim == 1:
+            array = array[:, None]
+        if array.ndim != 2 or 0 in array.shape or array.shape[1] != len(names):
+            raise ValueError(
+                f"{owner}: values has shape {array.shape}, expected (n_samples, {len(names)}) for the channels {names}"
+            )
+        bad = np.argwhere(~np.isfinite(array))
+        if bad.size:
+            row, column = bad[0]
+            raise ValueError(
+                f"{owner}: sample {row} of {names[column]!r} is {array[row, column]}, expected a finite number"
+            )
+        if len(set(names)) != len(names):
+            raise ValueError(f"{owner}: channels are {names}, expected different names")
+        if len(given) != len(names):
+            raise ValueError(f"{owner}: there are {len(given)} units for {len(names)} channels")
+        quantities, si_units, factors = zip(*map(_si_unit, given), strict=True)
+        array = array * np.array(factors)
+        if not np.all(np.isfinite(array)):
+            raise ValueError(f"{owner}: values overflow in SI units")
+        _checks.set_fields(
+            self,
+            {
+                "values": array,
+                "channels": names,
+                "sample_rate_hz": _checks.positive(owner, "sample_rate_hz", sample_rate_hz, unit="Hz"),
+                "quantities": quantities,
+                "units": si_units,
+                "start_s": _checks.number(owner, "start_s", start_s, unit="s"),
+                "label": str(label),
+                "source": str(source),
+                "notes": _texts(owner, "notes", notes),
+            },
+        )
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """`(n_samples,)` times in s."""
+        return self.start_s + np.arange(self.values.shape[0]) / self.sample_rate_hz
+
+    @property
+    def duration_s(self) -> float:
+        """Number of samples over the sample rate."""
+        return len(self) / self.sample_rate_hz
+
+    def __len__(self) -> int:
+        return int(self.values.shape[0])
+
+    def channel(self, which: str | int) -> NDArray[np.float64]:
+        """Return the `(n_samples,)` values of one channel, by name or by number from 0."""
+        if isinstance(which, str):
+            if which not in self.channels:
+                raise ValueError(f"there is no channel {which!r}; the channels are {', '.join(self.channels)}")
+            which = self.channels.index(which)
+        return self.values[:, which]
+
+    def __repr__(self) -> str:
+        listed = [f"{name} [{unit}]" for name, unit in zip(self.channels, self.units, strict=True)]
+        shown = ", ".join(listed if len(listed) <= 6 else [*listed[:5], f"and {len(listed) - 5} more"])
+        title = f"{self.label!r}, " if self.label else ""
+        return f"TimeSeries({title}{shown}: {len(self)} samples at {self.sample_rate_hz:.6g} Hz)"
+
+
+Measurement: TypeAlias = FRF | TimeSeries | Coherence
+"""Contents of a file."""
+
+
+def low_coherence_note(coherence: NDArray[np.float64]) -> str | None:
+    """Return a note on a coherence with a median below one half, or None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.io.measurements import low_coherence_note, Measurement
+    >>> low_coherence_note(np.full(100, 0.31))[:34]
+    'the median coherence is 0.31 over '
+    """
+    median = float(np.nanmedian(coherence))
+    if median >= _LOW_COHERENCE:
+        return None
+    below = float(np.mean(coherence < _LOW_COHERENCE))
+    return (
+        f"the median coherence is {median:.2f} over {coherence.shape[0]} lines, and below {_LOW_COHERENCE} on "
+        f"{below:.0%} of them: on half of the lines the force explains less than {median:.0%} of the response; the "
+        "rest is noise, a second source, leakage or a structure that changes between hits. Such an FRF does not "
+        "determine a joint: measure again (another hammer tip, more averages, sensor range, cables), or use only lines "
+        "of high coherence"
+    )
+
+
+def _texts(owner: str, quantity: str, given: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(given, str):
+        raise TypeError(f"{owner}: {quantity} is {given!r}, expected a list of texts")
+    texts = tuple(given)
+    for text in texts:
+        if not isinstance(text, str):
+            raise TypeError(f"{owner}: {quantity} holds {text!r}, expected texts")
+    return texts
+
+
+def _si_unit(text: str) -> tuple[str, str, float]:
+    """Return quantity, SI unit and factor; units of other quantities than motions and loads are kept."""
+    try:
+        unit = parse_unit(text)
+    except ValueError:
+        return "", text, 1.0
+    kind = channel_kind(unit)
+    return ("", text, 1.0) if kind is None else (kind[0], kind[1], unit.factor)

@@ -1,1 +1,0 @@
-"""CSV: tables with a header that names quantity and unit of each column."""

@@ -1,0 +1,207 @@
+"""FRFs in three columns of text: CutPro's `.frf` and the ASCII export of Data Physics' SignalCalc.
+
+Both hold frequency in Hz, real and imaginary part. A `.frf` file is a receptance in m/N without a header, with free
+text behind the first row; an export has nine header lines with channels and units.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance.frf import FRF
+from receptance.io.build import complex_values, make_frf, to_si
+from receptance.io.errors import FileFormatError
+from receptance.io.measurements import Measurement
+from receptance.io.options import ReadOptions, Resolved, resolve_frf
+from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
+from receptance.units import UnitError, parse_unit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["cutpro_bytes", "dataphysics_bytes", "is_dataphysics", "read_cutpro", "read_dataphysics"]
+
+_COLUMNS = ("the frequency", "the real part", "the imaginary part")
+_CUTPRO_ROWS = re.compile(r"(?P<label>.*?) ?\[(?P<rows>[0-9]{1,9}) rows\]\s*")
+"""Label with the number of rows, as written by this library."""
+_EXPORT_CHANNELS = "Ref Chan:Resp Chan"
+_EXPORT_COLUMNS = ("Frequency", "Real", "Imaginary")
+_EXPORT_HEADER = 9
+_EXPORT_ROWS = re.compile(r"Channel Comment\t(?P<rows>[0-9]{1,9}) rows : ")
+"""Comment with the number of rows, as written by this library."""
+_EXPORT_UNITS = re.compile(r"\((?P<response>[^()]+)\)\((?P<reference>[^()]+)\)")
+
+
+def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
+    """Return the contents of a `.frf` file, and the fields that it does not store."""
+    _check_one_entry(frf)
+    if frf.unit.split("/")[0] != "m" or not frf.unit.endswith("/N"):
+        raise ValueError(f"a .frf file holds displacement per force, this FRF is in {frf.unit}")
+    lost = [name for name in ("coherence", "log_variance", "usable", "labels") if getattr(frf, name) is not None]
+    if frf.decay_rate:
+        lost.append("decay_rate (the values belong to complex lines)")
+    if frf.form != "receptance":
+        lost.append(f"the {frf.form} itself: it is written as a receptance")
+    rows = _rows(frf.to("receptance"))
+    # Free text behind the first row is part of the format; the number of rows reveals a truncated file.
+    rows[0] += "\t" + f"{' '.join(frf.label.split())} [{len(rows)} rows]".lstrip()
+    return ("\n".join(rows) + "\n").encode(), lost
+
+
+def read_cutpro(data: bytes, options: ReadOptions) -> list[Measurement]:
+    """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row.
+
+    Raises
+    ------
+    FileFormatError
+        A row that is not three numbers, or frequencies that do not ascend; the message names the line.
+    """
+    text = decode(data)
+    lines = numbered_lines(text)
+    if not lines:
+        raise FileFormatError("there are no rows, expected frequency, real and imaginary part")
+    line, first = lines[0]
+    *_, label = [*first.split(None, 3), "", "", "", ""][:4]
+    rows = [(line, " ".join(first.split(None, 3)[:3])), *lines[1:]]
+    declared = _CUTPRO_ROWS.fullmatch(label)
+    table, notes = _read_rows(text, rows, lines, declared)
+    resolved = resolve_frf(options, declared=parse_unit("m/N"), form=None, directions=None)
+    label = declared["label"] if declared else label
+    return [_frf_of_columns(table, resolved, notes, options, label=label.strip())]
+
+
+def is_dataphysics(data: bytes) -> bool:
+    """Return whether the first two lines are those of an export."""
+    lines = data[:400].decode("latin-1").splitlines()
+    return len(lines) > 1 and lines[0].startswith("Units:") and lines[1].startswith(_EXPORT_CHANNELS)
+
+
+def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
+    """Return the contents of an export, and the fields that it does not store."""
+    _check_one_entry(frf)
+    lost = [name for name in ("coherence", "log_variance", "usable", "averages") if getattr(frf, name) is not None]
+    if frf.decay_rate:
+        lost.append("decay_rate (the values belong to complex lines)")
+    (response,), (reference,) = frf.labels if frf.labels is not None else (("",), ("",))
+    if ":" in reference or (response + reference) != "".join((response + reference).split()):
+        lost.append("labels with blanks or colons")
+        response, reference = "", ""
+    motion, _, load = frf.unit.partition("/N") if frf.unit.endswith("/N") else frf.unit.partition("/(")
+    load = "N" if frf.unit.endswith("/N") else "N m"
+    header = [
+        "Units: Ratio",
+        f"{_EXPORT_CHANNELS}\t{reference}:{response}",
+        f"Channel Name\t{' '.join(frf.label.split())} : ",
+        f"Channel Comment\t{frf.frequency_hz.size} rows : ",
+        "",
+        "\t ".join(_EXPORT_COLUMNS),
+        "",
+        "Units:",
+        f"Hz\t({motion.replace('^2', '²')})({load})\t ",
+    ]
+    return "\r\n".join([*header, *_rows(frf), ""]).encode("latin-1", "replace"), lost
+
+
+def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
+    """Return the FRF in an export.
+
+    Raises
+    ------
+    FileFormatError
+        A header other than that of an FRF in real and imaginary part, or a row that is not three numbers; the message
+        names the line.
+    """
+    if not is_dataphysics(data):
+        # The contents are not quoted, because the file may be anything.
+        raise FileFormatError(
+            f"the first two lines are not those of an export, 'Units:' and {_EXPORT_CHANNELS!r}", line=1
+        )
+    text = decode(data)
+    lines = re.split(r"\r\n|\n|\r", text)
+    if len(lines) < _EXPORT_HEADER + 1:
+        raise FileFormatError(
+            f"the file has {len(lines)} lines, expected {_EXPORT_HEADER} of a header and the data", line=len(lines)
+        )
+    kind = lines[0].removeprefix("Units:").strip()
+    if kind != "Ratio":
+        raise FileFormatError(f"the units are {kind!r}; only a ratio of two channels, an FRF, is read", line=1)
+    reference, _, response = lines[1].removeprefix(_EXPORT_CHANNELS).strip().partition(":")
+    columns = tuple(name.strip() for name in lines[5].split("\t"))
+    if columns != _EXPORT_COLUMNS:
+        raise FileFormatError(f"the columns are {', '.join(columns)}, expected {', '.join(_EXPORT_COLUMNS)}", line=6)
+    unit = None
+    units = [field.strip() for field in lines[8].split("\t")]
+    if units[0] != "Hz":
+        raise FileFormatError(f"the frequency is in {units[0]!r}, expected Hz", line=9)
+    match = _EXPORT_UNITS.fullmatch(units[1]) if len(units) > 1 else None
+    if match:
+        try:
+            unit = parse_unit(f"({match['response']})/({match['reference']})")
+        except UnitError as error:
+            if options.unit is None:
+                raise FileFormatError(f"{error}; give it with unit=", line=9) from None
+    rows = [(line, row) for line, row in enumerate(lines[_EXPORT_HEADER:], _EXPORT_HEADER + 1) if row.strip()]
+    if not rows:
+        raise FileFormatError("there are no rows of numbers behind the header", line=_EXPORT_HEADER)
+    table, notes = _read_rows(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]))
+    try:
+        resolved = resolve_frf(options, declared=unit, form=None, directions=None)
+    except FileFormatError as error:
+        raise FileFormatError(error.problem, line=9) from None
+    label = lines[2].removeprefix("Channel Name").strip().rstrip(":").strip()
+    channels = ((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None
+    return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]
+
+
+def _check_one_entry(frf: FRF) -> None:
+    if frf.shape[1:] != (1, 1):
+        raise ValueError(
+            f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
+            "select one"
+        )
+
+
+def _rows(frf: FRF) -> list[str]:
+    return [
+        f"{line!r}\t{value.real!r}\t{value.imag!r}"
+        for line, value in zip(frf.frequency_hz.tolist(), frf.values[:, 0, 0].tolist(), strict=True)
+    ]
+
+
+def _read_rows(
+    text: str, rows: list[tuple[int, str]], lines: list[tuple[int, str]], declared: re.Match[str] | None
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the columns, and notes on a text that may be truncated; a declared number of rows is checked."""
+    table = parse_rows([(line, row.split()) for line, row in rows], _COLUMNS)
+    infinite = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if infinite.size:
+        raise FileFormatError("the numbers are not all finite", line=rows[infinite[0]][0])
+    check_ascending(table[:, 0].tolist(), [line for line, _ in rows])
+    if declared:
+        check_row_count(text, len(rows), int(declared["rows"]), rows[-1][0])
+        return table, []
+    return table, truncation_notes(text, lines)
+
+
+def _frf_of_columns(
+    table: NDArray[np.float64],
+    resolved: Resolved,
+    notes: list[str],
+    options: ReadOptions,
+    *,
+    label: str,
+    labels: tuple[tuple[str, ...], tuple[str, ...]] | None = None,
+) -> FRF:
+    return make_frf(
+        frequency_hz=table[:, 0],
+        values=to_si(complex_values(table[:, 1], table[:, 2]), resolved.factor),
+        form=resolved.kind.form,
+        directions=([resolved.kind.response], [resolved.kind.excitation]),
+        labels=labels,
+        label=label,
+        notes=[*notes, *resolved.notes],
+        options=options,
+    )

@@ -1,0 +1,1 @@
+"""The model: elements, assemblies, addresses of parameters, natural and complex modes."""

@@ -1,0 +1,202 @@
+"""Names of elements, fields behind the addresses of parameters, and positions along parts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from receptance import _checks
+from receptance.errors import GrossSlipError, SingularInterfaceError
+from receptance.model.beams import Part, Segment
+from receptance.model.distributed import SpreadJoint
+from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.terminals import MeasuredPart, ModalPart
+
+if TYPE_CHECKING:
+    from receptance.model.assembly import Assembly
+    from receptance.model.coordinates import Coordinate
+    from receptance.model.tables import Flat
+
+Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
+_JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
+_TERMINALS = (MeasuredPart, ModalPart)
+_KIND: dict[type, str] = {
+    Part: "part",
+    **dict.fromkeys(_JOINTS, "joint"),
+    **dict.fromkeys(_TERMINALS, "spindle"),
+    PointMass: "mass",
+    GroundSpring: "ground",
+    Resonator: "resonator",
+}
+_SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
+
+
+def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
+    """Raise if the elements are not a chain from the tip to the far end, or a point is not a point element."""
+    for index, element in enumerate(elements):
+        if not isinstance(element, (Part, *_JOINTS, *_TERMINALS)):
+            *kinds, last = (kind.__name__ for kind in (*_JOINTS, *_TERMINALS))
+            raise TypeError(
+                f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {', '.join(kinds)} and {last}"
+            )
+        if isinstance(element, _TERMINALS) and index != len(elements) - 1:
+            raise ValueError(
+                f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only; it must "
+                "be the last element"
+            )
+        if motion != "bending" and isinstance(element, (*_JOINTS, *_TERMINALS)) and type(element) is not PointJoint:
+            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which supports bending only")
+    for index, point in enumerate(points):
+        if not isinstance(point, (PointMass, GroundSpring, Resonator)):
+            raise TypeError(
+                f"Assembly: attachments[{index}] is {point!r}, expected a PointMass, a GroundSpring or a Resonator"
+            )
+    if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], (Part, *_TERMINALS)):
+        raise ValueError(
+            "Assembly: the chain must begin and end with a Part, or end with a MeasuredPart or a ModalPart"
+        )
+    for index in range(1, len(elements)):
+        if isinstance(elements[index - 1], _JOINTS) and isinstance(elements[index], _JOINTS):
+            raise ValueError(
+                f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, expected a part between them; "
+                "combine springs in series into one PointJoint or a ColletJoint"
+            )
+
+
+def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]:
+    """Return the (segment, field) pairs of an address in a part."""
+    match = _SEGMENT.fullmatch(rest)
+    count = len(part.segments)
+    if match is None:
+        raise ValueError(
+            f"there is no parameter {address!r}; a part's are like segment[0].length or segment[*].density"
+        )
+    which, field = match.groups()
+    indices = range(count) if which == "*" else [int(which)]
+    if indices[0] >= count:
+        raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
+    known = [column.address for column in Segment.layout if column.address]
+    if field not in known:
+        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
+    found = [(i, field) for i in indices if field in part.segments[i].places()]
+    if not found:
+        raise ValueError(f"there is no parameter {address!r}: the segment has no core")
+    return found
+
+
+def names_of(elements: Sequence[Any]) -> list[str]:
+    """Return the names of elements, with default names for unnamed ones.
+
+    Raises
+    ------
+    ValueError
+        A name of two elements, or one that is not a word of letters, digits and underscores.
+    """
+    kinds = [_KIND[type(element)] for element in elements if not element.name]
+    names: list[str] = []
+    counter: dict[str, int] = {}
+    for element in elements:
+        kind = _KIND[type(element)]
+        index = counter.setdefault(kind, 0)
+        if not element.name:
+            counter[kind] += 1
+        name = element.name or (kind if kinds.count(kind) == 1 else f"{kind}_{index}")
+        if re.fullmatch(r"[^\W\d]\w*", name) is None:
+            raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
+        if name in names:
+            raise ValueError(f"Assembly: the name {name!r} is given to two elements")
+        names.append(name)
+    return names
+
+
+def edges_of(part: Any) -> list[float]:
+    """Return the ends of the segments of a part in m, with the rounding of the nodes in the tables."""
+    edges = [0.0]
+    for segment in part.segments:
+        edges.append(edges[-1] + segment.length)
+    return edges
+
+
+def place_on(elements: Mapping[str, Any], what: str, part: str, position: float | str) -> tuple[str, float]:
+    """Return the name of the part and the position along it in m, rounded to an end of a segment within 1e-9 of it."""
+    name = part or next(iter(elements))
+    element = elements.get(name)
+    if not isinstance(element, Part):
+        known = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
+        raise ValueError(f"{what}: there is no part {name!r}; the parts are {known}")
+    edges = edges_of(element)
+    if position == "end":
+        return name, edges[-1]
+    x = _checks.number(what, "position", position, unit="m")
+    nearest = min(edges, key=lambda edge: abs(edge - x))
+    if abs(nearest - x) <= 1e-9 * edges[-1]:
+        return name, nearest
+    if not 0.0 < x < edges[-1]:
+        raise ValueError(f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}")
+    return name, x
+
+
+def points_of(
+    elements: Mapping[str, Any], name: str, attachment: PointMass | GroundSpring | Resonator
+) -> tuple[str, list[float]]:
+    """Return the name of the part and the positions in m at which an attachment acts."""
+    owner = f"attachment {name!r}"
+    part, x = place_on(elements, owner, attachment.part, attachment.position)
+    return part, [place_on(elements, owner, part, x + offset)[1] for offset in attachment.offsets]
+
+
+class MovingCoordinate:
+    """A coordinate that stays at an end of a segment when a length changes.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The assembly whose lengths give the ends of the segments.
+    coordinate : Coordinate
+        A coordinate that is at no end of a segment keeps its position.
+    """
+
+    def __init__(self, assembly: Assembly, coordinate: Coordinate) -> None:
+        self._coordinate = coordinate
+        self._edge: int | None = None
+        part, x = place_on(assembly.elements, "coordinate", coordinate.part, coordinate.position)
+        edges = edges_of(assembly.elements[part])
+        if coordinate.position != "end" and x in edges:
+            self._edge = edges.index(x)
+
+    def on(self, assembly: Assembly) -> Coordinate:
+        """Return the coordinate on an assembly with other lengths."""
+        if self._edge is None:
+            return self._coordinate
+        part = self._coordinate.part or next(iter(assembly.elements))
+        return replace(self._coordinate, position=edges_of(assembly.elements[part])[self._edge])
+
+
+def named(element: Any, name: str) -> Any:
+    """Return an element with a name."""
+    if element.name == name:
+        return element
+    return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
+
+
+def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
+    """Return addresses as a tuple; a single address becomes a tuple of one."""
+    return (addresses,) if isinstance(addresses, str) else tuple(addresses)
+
+
+@contextmanager
+def interfaces_by_name(flat: Flat) -> Iterator[None]:
+    """Replace the row of a joint in errors of the core by its name."""
+    try:
+        yield
+    except (SingularInterfaceError, GrossSlipError) as error:
+        raise type(error)(interface_names(flat, str(error))) from None
+
+
+def interface_names(flat: Flat, text: str) -> str:
+    """Return an error of the core with the name of the joint instead of its row."""
+    titles = flat.titles
+    return re.sub(r"^(joint|overlap) (\d+)", lambda found: f"joint {titles[found[1], int(found[2])]!r}", text)

@@ -1,0 +1,487 @@
+"""Assemblies: chains of parts and joints with attached point elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from math import tau
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance import _checks, _core
+from receptance.model.addresses import (
+    Element,
+    check_chain,
+    edges_of,
+    interfaces_by_name,
+    listed,
+    named,
+    names_of,
+    points_of,
+    segment_fields,
+)
+from receptance.model.beams import Part
+from receptance.model.coordinates import Coordinate, as_coordinates
+from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.tables import (
+    MOTIONS,
+    Flat,
+    Motion,
+    by_line,
+    complex_modes,
+    distinct,
+    flatten,
+    modes,
+    responses,
+    rows_of,
+)
+from receptance.model.terminals import MeasuredPart, Terminal
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Assembly"]
+
+Attachment = PointMass | GroundSpring | Resonator
+
+
+class Assembly:
+    """A chain of parts and joints from the tip to the far end, with attached masses, springs and resonators.
+
+    Neighbouring parts are rigidly connected, or by a joint: an elastic `PointJoint` (Matthias et al. 2016, eqs. 2 to
+    5), a `SpreadJoint` distributed along the insertion, a `ColletJoint` with the mass of a collet, or a
+    `MicroslipJoint` with properties that depend on amplitude. The chain may end with a spindle described by its
+    receptances, a `MeasuredPart`, or by its modes, a `ModalPart`. Every number is a parameter with an address: see
+    `parameters`.
+
+    Parameters
+    ----------
+    chain : iterable of parts and joints
+        Elements from the tip on. The first is a part, the last a part or a spindle. Unnamed elements get the names
+        `part`, `joint` and `spindle`, with numbers if there are several.
+    attachments : iterable of PointMass, GroundSpring and Resonator, optional
+        Point elements, each with its part and position. Unnamed ones get the names `mass`, `ground` and `resonator`.
+    motion : {"bending", "axial"}, optional
+        In axial motion parts are rods, "y", k_y and c_y are axial, and rotational properties are not used.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An element of the wrong type, two elements of one name, or a position outside its part.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
+    >>> tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
+    >>> holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+    >>> assembly = Assembly([tool, PointJoint(k_y=6.3e8, k_theta=1.0e5, name="joint"), holder])
+    >>> assembly.receptance(np.linspace(1.0, 8000.0, 1000)).shape
+    (1000,)
+    >>> assembly.natural_frequencies(15e3).round(0)
+    array([ 2623.,  9314., 13343.])
+    """
+
+    def __init__(
+        self, chain: Iterable[Element], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
+    ) -> None:
+        if motion not in MOTIONS:
+            raise ValueError(f"Assembly: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
+        self.motion = motion
+        elements = tuple(chain) if not isinstance(chain, Element) else (chain,)
+        points = tuple(attachments)
+        check_chain(elements, points, motion)
+        # An assembly is immutable, so it is flattened once per set of coordinates.
+        self._flats: dict[tuple[Coordinate, ...], Flat] = {}
+        self._values: dict[str, float] = {}
+        self._elements = dict(zip(names_of(elements), elements, strict=True))
+        self._attachments = dict(zip(names_of(points), points, strict=True))
+        if double := self._elements.keys() & self._attachments.keys():
+            raise ValueError(f"Assembly: the name {sorted(double)[0]!r} is given to two elements")
+        for name, attachment in self._attachments.items():
+            points_of(self._elements, name, attachment)
+
+    @property
+    def elements(self) -> dict[str, Element]:
+        """Parts and joints by name, from the tip on."""
+        return dict(self._elements)
+
+    @property
+    def attachments(self) -> dict[str, Attachment]:
+        """Point elements by name."""
+        return dict(self._attachments)
+
+    @property
+    def tabulated(self) -> bool:
+        """Whether the assembly ends with a table of receptances, which limits its lines."""
+        return any(isinstance(element, MeasuredPart) for element in self._elements.values())
+
+    @property
+    def countable(self) -> bool:
+        """Whether natural frequencies are available: not for an assembly with a `MeasuredPart` or a `ModalPart`."""
+        return not any(isinstance(element, Terminal) for element in self._elements.values())
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Addresses of all parameters of the model.
+
+        `<part>.segment[i].length`, `.outer_diameter`, `.inner_diameter`, `.youngs_modulus`, `.density`,
+        `.poisson_ratio`, `.loss_factor`, `.core.youngs_modulus` etc.; `<joint>.k_y` and the other fields of a
+        `PointJoint`, for a `SpreadJoint` also `.length`, `.shank.outer_diameter` etc., for a `ColletJoint`
+        `.inner.k_y`, `.mass` etc., for a `MicroslipJoint` also `.slip_y`, `.level` etc.; `<mass>.mass`, `.inertia`;
+        `<ground>.k_y` etc.; `<resonator>.mass`, `.k_y`, `.c_y`; `<spindle>.residual_y`, `.mode[i].frequency_hz` etc.
+        `segment[*]` means all segments of a part.
+        """
+        return tuple(self._flatten(()).entries)
+
+    def receptance(
+        self,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | Sequence[Coordinate] | None = None,
+        threads: int | None = None,
+        force: ArrayLike | None = None,
+    ) -> NDArray[np.complex128]:
+        """Return the receptance between coordinates; by default y over force at the tip.
+
+        Parameters
+        ----------
+        frequency_hz : array_like
+            `(n,)` ascending lines in Hz, real or complex.
+        response, excitation : Coordinate or sequence of Coordinate, optional
+            Coordinates of the motion and of the load.
+        threads : int, optional
+            Threads over frequency lines; by default RECEPTANCE_THREADS or all that this process may use.
+        force : array_like, optional
+            Amplitude in N (N m) of a stepped sine, one number or `(n,)`. The level of joints in micro-slip then follows
+            from the force on each line instead of the stated level.
+
+        Returns
+        -------
+        ndarray
+            `(n,)` complex for one response and one excitation, else `(n, n_responses, n_excitations)`; in m/N,
+            m/(N m), rad/N or rad/(N m).
+
+        Raises
+        ------
+        ValueError
+            Unusable lines, or a coordinate outside the assembly.
+        SingularInterfaceError
+            A joint without stiffness and damping in a direction.
+        ResonanceError
+            A line at the frequency of an undamped resonance.
+        GrossSlipError
+            A line with gross slip of a joint under the force.
+        """
+        return self._evaluate(frequency_hz, (), response, excitation, threads, force)[0]
+
+    def derivatives(
+        self,
+        frequency_hz: ArrayLike,
+        parameters: Sequence[str],
+        *,
+        response: Coordinate | Sequence[Coordinate] | None = None,
+        excitation: Coordinate | Sequence[Coordinate] | None = None,
+        threads: int | None = None,
+        force: ArrayLike | None = None,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the receptance and its derivatives with respect to parameters.
+
+        Parameters
+        ----------
+        parameters : sequence of str
+            Addresses, see `parameters`.
+        frequency_hz, response, excitation, threads, force
+            As in `receptance`.
+
+        Returns
+        -------
+        receptance, derivative : ndarray
+            As in `receptance`; the derivative has an additional last axis over the parameters, per SI unit.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, PointJoint, Segment
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> _, slope = pair.derivatives([500.0, 900.0], ["joint.k_y", "tool.segment[0].outer_diameter"])
+        >>> slope.shape
+        (2, 2)
+        """
+        return self._evaluate(frequency_hz, listed(parameters), response, excitation, threads, force)
+
+    def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
+        """Return the undamped natural frequencies up to `upper_hz`, ascending, in Hz, without rigid-body modes.
+
+        Loss factors and dashpots are ignored. The count of Wittrick and Williams (1971) ensures that none is missed.
+
+        Raises
+        ------
+        ValueError
+            A limit that is not positive.
+        SingularInterfaceError
+            A joint with a dashpot only.
+        """
+        return self.natural_frequency_derivatives(upper_hz, ())[0]
+
+    def natural_frequency_derivatives(
+        self, upper_hz: float, parameters: Sequence[str]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return natural frequencies `(n_modes,)` in Hz and derivatives `(n_modes, n_parameters)` in Hz per SI unit."""
+        upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
+        return self._modes(upper, 2**31, listed(parameters))
+
+    def lowest_natural_frequencies(
+        self, count: int, parameters: Sequence[str] = ()
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the `count` lowest natural frequencies in Hz, and derivatives in Hz per SI unit.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> frequency, slope = bar.lowest_natural_frequencies(3, ["bar.segment[0].length"])
+        >>> frequency.shape, slope.shape
+        ((3,), (3, 1))
+        """
+        return self._modes(None, count, listed(parameters))
+
+    def complex_frequencies(
+        self, undamped_hz: ArrayLike, parameters: Sequence[str] = ()
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the complex natural frequencies that undamped ones become under the damping, and derivatives.
+
+        Each mode is followed from its undamped frequency while the damping grows from zero to its value (see
+        `damped_modes` for a search that needs no starts). Joints in micro-slip have their stated levels.
+
+        Parameters
+        ----------
+        undamped_hz : array_like
+            `(m,)` undamped natural frequencies in Hz, as `natural_frequencies` returns them.
+        parameters : sequence of str, optional
+            Addresses, see `parameters`.
+
+        Returns
+        -------
+        frequency_hz : ndarray
+            `(m,)` complex: the magnitude is the natural frequency, imaginary part over magnitude the damping ratio.
+        derivatives : ndarray
+            `(m, p)` complex, in Hz per SI unit of each parameter.
+
+        Raises
+        ------
+        ReceptanceError
+            A mode that cannot be followed, because it ceases to oscillate or meets another one.
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Segment(length=0.2, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.002))
+        >>> bar = Assembly([Part([bar], name="bar")])
+        >>> found, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
+        >>> round(float(found[0].imag / abs(found[0])), 5)  # half the loss factor
+        0.001
+        """
+        flat = self._flatten(())
+        rows, matrix = self._weights(flat, listed(parameters))
+        near = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
+        angular, slope = complex_modes(flat, tau * near, rows, MOTIONS[self.motion])
+        return angular / tau, slope @ matrix / tau
+
+    def get(self, address: str) -> float:
+        """Return the value of a parameter; for `segment[*]` all segments must have the same value."""
+        if address not in self._values:
+            self._values[address] = self._get(address)
+        return self._values[address]
+
+    def _get(self, address: str) -> float:
+        owner, rest = self._owner(address)
+        if isinstance(owner, Part):
+            values = {owner.segments[i].value(field) for i, field in segment_fields(address, owner, rest)}
+            if len(values) > 1:
+                found = ", ".join(f"{value:g}" for value in sorted(values))
+                raise ValueError(f"{address!r} has different values in the segments: {found}")
+            return values.pop()
+        self._entries(address, self._flatten(()))
+        return float(owner.value(rest))
+
+    def replace(self, values: Mapping[str, float]) -> Assembly:
+        """Return a new assembly with other values of some parameters.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> bar.replace({"bar.segment[0].length": 0.2}).get("bar.segment[0].length")
+        0.2
+        """
+        elements: dict[str, Any] = {**self._elements, **self._attachments}
+        changes: dict[str, dict[str, float]] = {}
+        in_segments: dict[tuple[str, int], dict[str, float]] = {}
+        for address, value in values.items():
+            owner, rest = self._owner(address)
+            name = address.split(".", 1)[0]
+            if isinstance(owner, Part):
+                for i, field in segment_fields(address, owner, rest):
+                    in_segments.setdefault((name, i), {})[field] = value
+            else:
+                self._entries(address, self._flatten(()))
+                changes.setdefault(name, {})[rest] = value
+        # All values of an element are replaced together, because only together they may be valid.
+        for (name, i), fields in in_segments.items():
+            segments = list(elements[name].segments)
+            segments[i] = segments[i].with_values(fields)
+            elements[name] = Part(segments, name=elements[name].name)
+        for name, fields in changes.items():
+            elements[name] = elements[name].with_values(fields)
+        for name, attachment in self._attachments.items():
+            # An attachment at an end of a segment stays there, as its derivative assumes.
+            part, along = points_of(self._elements, name, attachment)
+            old, new = edges_of(self._elements[part]), edges_of(elements[part])
+            if attachment.position == "end" or old == new or not all(x in old for x in along):
+                continue
+            shifts = [new[old.index(x)] - x for x in along]
+            if max(shifts) - min(shifts) <= 1e-9 * old[-1]:
+                elements[name] = replace(elements[name], position=along[0] + shifts[0] - attachment.offsets[0])
+        full = {name: named(element, name) for name, element in elements.items()}
+        points = [full[name] for name in self._attachments]
+        return Assembly([full[name] for name in self._elements], points, motion=self.motion)
+
+    def reduced_to_joint(
+        self,
+        joint: str,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+        at: PointJoint | None = None,
+        planes: bool = False,
+        threads: int | None = None,
+    ) -> _core.JointReduction:
+        """Reduce the assembly to one joint; the rest of the assembly is evaluated once.
+
+        Parameters
+        ----------
+        joint : str
+            Name of a `PointJoint`.
+        frequency_hz, response, excitation, threads
+            As in `receptance`.
+        at : PointJoint, optional
+            Joint for the evaluation of the assembly; by default that of the assembly.
+        planes : bool, default False
+            Keep H_0, F_r (2), F_e (2), Y (3) of (T7) on each line, real and imaginary parts, instead of the power
+            series (T7a); the method `planes` of the result returns them, `(16, n)`.
+
+        Returns
+        -------
+        JointReduction
+            A handle of the core for fits and sweeps of the joint.
+        """
+        if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).slips:
+            raise ValueError(f"{self!r} has no PointJoint {joint!r}, or has a joint in micro-slip")
+        if self.motion != "bending":
+            raise ValueError(f"{self!r} is in {self.motion} motion, expected bending")
+        lines = _checks.frequencies(frequency_hz)
+        sides = [as_coordinates(side) for side in (response, excitation)]
+        flat = self._flatten((sides[0][0], sides[1][0]))
+        row = flat.entries[f"{joint}.k_y"][0][1]
+        points = np.vstack([self._points(flat, side) for side in sides])
+        count = _checks.thread_count(threads)
+        with interfaces_by_name(flat):
+            model = flat.model()
+            if at is not None:
+                joints = flat.tables.joints.copy()
+                joints[row, 2:] = at.columns()
+                model = flat.tables._replace(joints=joints).model()
+            return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
+
+    def _evaluate(
+        self,
+        frequency_hz: ArrayLike,
+        addresses: tuple[str, ...],
+        response: Coordinate | Sequence[Coordinate] | None,
+        excitation: Coordinate | Sequence[Coordinate] | None,
+        threads: int | None,
+        force: ArrayLike | None = None,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        lines = _checks.frequencies(frequency_hz)
+        sides = [as_coordinates(side) for side in (response, excitation)]
+        flat = self._flatten(tuple(point for side in sides for point in side))
+        points = [self._points(flat, side) for side in sides]
+        rows, matrix = self._weights(flat, addresses)
+        count = _checks.thread_count(threads)
+        h, dh = responses(flat, lines, points, rows, count, force, MOTIONS[self.motion])
+        # The product costs as much as the derivatives, so it is skipped for an identity matrix.
+        if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
+            dh = dh @ matrix
+        if all(isinstance(side, Coordinate) or side is None for side in (response, excitation)):
+            return h[:, 0, 0], dh[:, 0, 0]
+        return h, dh
+
+    def _modes(
+        self, upper: float | None, most: int, addresses: tuple[str, ...]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        flat = self._flatten(())
+        rows, matrix = self._weights(flat, addresses)
+        angular, slope = modes(flat, upper, most, rows, MOTIONS[self.motion])
+        return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
+
+    def _poles(
+        self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
+    ) -> tuple[NDArray[np.complex128], int]:
+        """Complex natural frequencies in Hz between radii in Hz and angles, and how many were not found."""
+        flat = self._flatten(())
+        with interfaces_by_name(flat):
+            model = flat.model(MOTIONS[self.motion])
+            found, missed = model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
+        return found / tau, missed
+
+    def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
+        if points not in self._flats:
+            self._flats[points] = flatten(self._elements, self._attachments, points)
+        return self._flats[points]
+
+    def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
+        if self.motion != "bending" and any(point.direction == "theta" for point in side):
+            raise ValueError(f"a coordinate has the direction 'theta', expected 'y' in {self.motion} motion")
+        return rows_of(self._elements, flat, side)
+
+    def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the distinct table entries of addresses, and the matrix of their rates; see `distinct`."""
+        return distinct([self._entries(address, flat) for address in addresses])
+
+    def _entries(self, address: str, flat: Flat) -> list[tuple[int, int, int, float]]:
+        if address in flat.entries:
+            return flat.entries[address]
+        owner, rest = self._owner(address)
+        if isinstance(owner, Part):
+            name, fields = address.split(".", 1)[0], segment_fields(address, owner, rest)
+            return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
+        first = address.split(".", 1)[0] + "."
+        names = ", ".join(name.removeprefix(first) for name in flat.entries if name.startswith(first))
+        raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names}")
+
+    def _owner(self, address: str) -> tuple[Any, str]:
+        name, dot, rest = str(address).partition(".")
+        owner = self._elements.get(name) or self._attachments.get(name)
+        if owner is None or not dot:
+            known = ", ".join([*self._elements, *self._attachments])
+            raise ValueError(f"there is no parameter {address!r}: its first word must be one of {known}")
+        return owner, rest
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{name}: {type(element).__name__}" for name, element in self._elements.items())
+        more = f"; {', '.join(self._attachments)}" if self._attachments else ""
+        return f"Assembly({names}{more}{'' if self.motion == 'bending' else '; ' + self.motion})"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Assembly):
+            return NotImplemented
+        mine, theirs = ((a.motion, a._elements, a._attachments) for a in (self, other))
+        return mine == theirs
+
+    __hash__ = None  # type: ignore[assignment]

@@ -1,0 +1,311 @@
+"""Beams: materials, sections, uniform segments, and parts composed of segments."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+import numpy as np
+
+from receptance import _checks, _core, units
+from receptance.errors import ReceptanceWarning
+from receptance.model.fields import Choice, Element, Field, Member, Number
+from receptance.model.joints import WIDTHS
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"]
+
+
+_SOFTEST = 1e5
+"""Young's modulus in Pa below which a wrong unit is suspected."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material(Element):
+    """A linear isotropic material with hysteretic damping.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    ValueError, TypeError
+        A value out of its bounds; the message names it.
+
+    Examples
+    --------
+    >>> from receptance import Material
+    >>> carbide = Material(youngs_modulus=580e9, density=14500.0, poisson_ratio=0.22, loss_factor=0.002)
+    >>> round(carbide.shear_modulus / 1e9, 1)
+    237.7
+    """
+
+    youngs_modulus: Annotated[
+        float, Number(units.MODULUS, "Young's modulus; with a loss factor it is E (1 + i loss_factor)")
+    ]
+    density: Annotated[float, Number(units.DENSITY, "mass density")]
+    poisson_ratio: Annotated[
+        float, Number(units.POISSON_RATIO, "Poisson's ratio; the shear modulus is E / (2 (1 + nu))")
+    ]
+    loss_factor: Annotated[float, Number(units.LOSS_FACTOR, "hysteretic loss factor of both moduli")] = 0.0
+    name: Annotated[str, Field("name in reports and files")] = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        self.check()
+        if self.youngs_modulus < _SOFTEST:
+            found = f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa"
+            text = f"{found}, softer than rubber; give it in Pa, not in GPa"
+            warnings.warn(text, ReceptanceWarning, stacklevel=3)
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus G in Pa."""
+        return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+
+
+STEEL = Material(youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, name="steel")
+"""Steel with textbook values, without damping."""
+
+CARBIDE = Material(youngs_modulus=580e9, density=14500.0, poisson_ratio=0.22, name="carbide")
+"""Cemented carbide: E 550-630 GPa and density 13 800-15 000 kg/m3 are common, so measure your blanks."""
+
+
+ShearModel = Literal["cowper", "hutchinson"]
+_COMMON = {"length": 10.0, "outer_diameter": 2.0}
+"""Largest usual dimensions in m; larger ones are probably in mm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Round(Element):
+    """A circular cross-section."""
+
+    outer_diameter: Annotated[float, Number(units.LENGTH, "outer diameter")]
+    inner_diameter: Annotated[float, Number(units.LENGTH_OR_ZERO, "diameter of the bore; 0 for a solid section")] = 0.0
+    material: Annotated[Material, Member(Material, "material of the ring, or of the solid section", prefix="")]
+    core: Annotated[
+        Material | None,
+        Member(
+            Material,
+            "material that fills the bore and is bonded to it, such as an inserted shank; stiffness and inertia add",
+            prefix="core.",
+        ),
+    ] = None
+    shear: Annotated[
+        ShearModel,
+        Choice(
+            "shear coefficient, of Cowper (J. Appl. Mech. 33, 1966, 335) or Hutchinson (J. Appl. Mech. 68, 2001, 87)",
+            get_args(ShearModel),
+        ),
+    ] = "cowper"
+
+    def __post_init__(self) -> None:
+        self.check()
+        if self.inner_diameter >= self.outer_diameter:
+            raise ValueError(
+                f"{self.owner}: inner_diameter is {self.inner_diameter:g} m, expected less than the outer diameter "
+                f"{self.outer_diameter:g} m"
+            )
+        if self.core is not None and self.inner_diameter == 0.0:
+            raise ValueError(f"{self.owner}: core is given and inner_diameter is 0, expected a bore for the core")
+        for quantity, common in _COMMON.items():
+            if (value := getattr(self, quantity, 0.0)) > common:
+                text = f"{self.owner}: {quantity} is {value:g} m; give lengths in metres, not in millimetres"
+                warnings.warn(text, ReceptanceWarning, stacklevel=3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Long(Element):
+    length: Annotated[float, Number(units.LENGTH, "length")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section(_Round):
+    """A circular section without a length: solid, hollow, or hollow and filled.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    ValueError, TypeError
+        A value out of its bounds; the message names it.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Section
+    >>> Section(outer_diameter=0.04, inner_diameter=0.012, material=STEEL).shear
+    'cowper'
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment(_Round, _Long):
+    """A uniform circular Timoshenko beam: solid, hollow, or hollow and filled.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    ValueError, TypeError
+        A value out of its bounds; the message names it.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Segment
+    >>> tube = Segment(length=0.1, outer_diameter=0.05, inner_diameter=0.02, material=STEEL)
+    >>> round(tube.mass, 3)
+    1.295
+    """
+
+    @property
+    def mass(self) -> float:
+        """Mass in kg."""
+        ring = (self.outer_diameter - self.inner_diameter) * (self.outer_diameter + self.inner_diameter)
+        core = self.core.density * self.inner_diameter**2 if self.core else 0.0
+        return float(self.length * np.pi / 4.0 * (self.material.density * ring + core))
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part: rigidly connected segments along x, from the tip-side end to the far end.
+
+    Parameters
+    ----------
+    segments : iterable of Segment
+        At least one segment, in the order of x.
+    name : str, optional
+        First word of the addresses of its parameters, as in `tool.segment[0].outer_diameter`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Part, Segment
+    >>> bar = Part([Segment(length=0.125, outer_diameter=0.01, material=STEEL)], name="bar")
+    >>> bar.receptance(np.linspace(100.0, 5000.0, 50)).shape
+    (50, 4, 4)
+    """
+
+    segments: tuple[Segment, ...]
+    name: str = field(default="", kw_only=True, compare=False)
+
+    def __init__(self, segments: Iterable[Segment], *, name: str = "") -> None:
+        if isinstance(segments, Segment):
+            segments = (segments,)
+        segments = tuple(segments)
+        owner = f"Part {name!r}" if name else "Part"
+        if not segments:
+            raise ValueError(f"{owner}: segments is empty, expected at least one Segment")
+        for index, segment in enumerate(segments):
+            if not isinstance(segment, Segment):
+                raise TypeError(f"{owner}: segments[{index}] is {segment!r}, expected a Segment")
+        object.__setattr__(self, "segments", segments)
+        object.__setattr__(self, "name", name)
+
+    @property
+    def length(self) -> float:
+        """Length in m."""
+        return sum(segment.length for segment in self.segments)
+
+    @property
+    def mass(self) -> float:
+        """Mass in kg."""
+        return sum(segment.mass for segment in self.segments)
+
+    def table(self) -> NDArray[np.float64]:
+        """Return the table of segments `(n_segments, 14)` of the part alone, with nodes numbered along x."""
+        rows = [(float(i), float(i + 1), *segment.columns()) for i, segment in enumerate(self.segments)]
+        return np.array(rows)
+
+    def receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
+        """Return the receptance matrix of the free part over both ends.
+
+        Parameters
+        ----------
+        frequency_hz : array_like
+            `(n,)` ascending lines in Hz; complex lines (w - i sigma)/(2 pi) belong to an exponential
+            window with the decay rate sigma.
+        threads : int, optional
+            Threads over frequency lines; by default RECEPTANCE_THREADS or all that this process may use.
+
+        Returns
+        -------
+        ndarray
+            `(n, 4, 4)` complex, rows y1 [m], theta1 [rad], y2, theta2; columns F1 [N], M1 [N m], F2, M2.
+
+        Raises
+        ------
+        ValueError
+            No lines, or lines that are not ascending, finite and positive.
+        ResonanceError
+            A line at the frequency of an undamped resonance.
+        """
+        ends = np.array([[node, way] for node in (0, len(self.segments)) for way in (0, 1)], dtype=np.float64)
+        return self._receptance(frequency_hz, 0, ends, threads)
+
+    def axial_receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
+        """Return the axial receptance of the free part, shape `(n, 2, 2)` over the ends, in m/N; see `receptance`."""
+        return self._receptance(frequency_hz, 1, np.array([[0.0, 0.0], [len(self.segments), 0.0]]), threads)
+
+    def torsional_receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
+        """Return the torsional receptance of the free part, `(n, 2, 2)` over the ends in rad/(N m)."""
+        return self._receptance(frequency_hz, 2, np.array([[0.0, 0.0], [len(self.segments), 0.0]]), threads)
+
+    def _receptance(
+        self, frequency_hz: ArrayLike, motion: int, ends: NDArray[np.float64], threads: int | None
+    ) -> NDArray[np.complex128]:
+        lines = _core.Lines(_checks.frequencies(frequency_hz), 2.0 * np.pi)
+        count = _checks.thread_count(threads)
+        return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
+
+    def _model(self, motion: int = 0) -> _core.Model:
+        return _core.Model(motion, self.table(), *(np.zeros((0, width)) for width in WIDTHS))
+
+    def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
+        """Return the undamped bending frequencies of the free part up to `upper_hz` in Hz, without rigid-body modes.
+
+        Examples
+        --------
+        >>> from receptance import Material, Part, Segment
+        >>> steel = Material(youngs_modulus=200e9, density=7800.0, poisson_ratio=0.29)
+        >>> Part([Segment(length=0.125, outer_diameter=0.010, material=steel)]).natural_frequencies(15e3).round(2)
+        array([ 2837.3 ,  7597.39, 14325.63])
+        """
+        upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
+        angular, _ = self._model().natural_frequencies(upper, 2**31, np.zeros((0, 3)))
+        return angular / (2.0 * np.pi)
+
+    def _repr_html_(self) -> str:
+        from receptance.report import Column, Table
+        from receptance.report.html import table_html
+
+        columns = (
+            Column("segment", form="d"),
+            Column("length", "mm"),
+            Column("outer", "mm"),
+            Column("inner", "mm"),
+            Column("E", "GPa"),
+            Column("density", "kg/m3", ".5g"),
+        )
+        rows = [
+            (
+                index,
+                1e3 * one.length,
+                1e3 * one.outer_diameter,
+                1e3 * one.inner_diameter,
+                1e-9 * one.material.youngs_modulus,
+                one.material.density,
+            )
+            for index, one in enumerate(self.segments)
+        ]
+        return table_html(Table(f"Part {self.name}".rstrip(), columns, rows))
+
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        return (self.segments,), {"name": self.name}

@@ -1,0 +1,226 @@
+"""Complex modes of an assembly: natural frequencies, damping ratios and dynamic stiffness, with derivatives.
+
+The poles of the receptances are the zeros of a determinant. The core finds them by Newton's method from the undamped
+natural frequencies, moved by the losses to first order, and by a count with the argument principle. Residues and
+derivatives are means over a small circle around the pole: G = R / (w - w_r) + ...,
+dG/dp = R w_r' / (w - w_r)^2 + R' / (w - w_r) + ....
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import tau
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance import _checks
+from receptance.model.addresses import listed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.model.assembly import Assembly
+    from receptance.model.coordinates import Coordinate
+
+__all__ = ["DampedModes", "damped_modes"]
+
+_STEP = 1e-6
+"""Relative distance of the points between which a slope is taken."""
+_CIRCLE = 8
+"""Points around a pole: the regular part cancels to the power of their number."""
+_RADIUS = 0.05
+"""Of the circle, over the distance to the nearest other pole."""
+_REACH = 1.2
+"""Times the limit up to which undamped natural frequencies are starts: damping moves poles down."""
+_LARGEST_RATIO = 0.9
+"""Damping ratio above which modes are left out."""
+_LOWEST = 1e-3
+"""Poles are counted from this share of the lowest start on; rigid-body motion is at zero."""
+_BELOW = -0.5
+"""Angle from the real axis at which the sector of the count begins: passive structures have no poles below the axis,
+and far from poles few points suffice."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DampedModes:
+    """Modes between two coordinates of an assembly, ascending.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray
+        `(k,)` natural frequencies |w_r| / 2 pi, which damping lowers to `frequency_hz * sqrt(1 - damping_ratio^2)`.
+    damping_ratio : ndarray
+        `(k,)` viscous damping ratios Im w_r / |w_r|.
+    dynamic_stiffness : ndarray
+        `(k,)` 1 / |G| in N/m at the damped natural frequency, where the response is about largest; it holds the other
+        modes too.
+    residue : ndarray
+        `(k,)` complex R of G = sum over modes of R / (w - w_r), in m/N rad/s.
+    missed : int
+        How many modes were counted (by the argument principle) and not found; 0 unless poles coincide.
+    log_slopes : ndarray
+        `(k, 3, p)` derivatives of the logarithms of frequency, damping ratio and dynamic stiffness, per SI unit of the
+        requested parameters.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64]
+    dynamic_stiffness: NDArray[np.float64]
+    residue: NDArray[np.complex128]
+    log_slopes: NDArray[np.float64]
+    missed: int = 0
+
+    @property
+    def poles_hz(self) -> NDArray[np.complex128]:
+        """`(k,)` complex frequencies w_r / 2 pi."""
+        damping = self.damping_ratio
+        return np.asarray(self.frequency_hz * (np.sqrt(1.0 - damping**2) + 1j * damping))
+
+    @property
+    def modal_constant(self) -> NDArray[np.complex128]:
+        """`(k,)` C of C / (w_r^2 - w^2 + 2 i zeta_r w_r w), in 1/kg; real where damping does not couple modes."""
+        return np.asarray(-2.0 * tau * self.poles_hz.real * self.residue)
+
+    def __len__(self) -> int:
+        return self.frequency_hz.size
+
+
+def damped_modes(
+    assembly: Assembly,
+    upper_hz: float,
+    parameters: Sequence[str] = (),
+    *,
+    response: Coordinate | None = None,
+    excitation: Coordinate | None = None,
+    threads: int | None = None,
+) -> DampedModes:
+    """Return the modes of an assembly with its damping up to a frequency, as seen between two coordinates.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        In bending.
+    upper_hz : float
+        Limit of the natural frequencies in Hz.
+    parameters : sequence of str, optional
+        Addresses of parameters to differentiate by, see `Assembly.parameters`.
+    response, excitation : Coordinate, optional
+        By default y over force at the tip.
+    threads : int, optional
+        As in `Assembly.receptance`.
+
+    Returns
+    -------
+    DampedModes
+        Modes with a damping ratio above 0.9 are excluded. All others are included, also those of strong dashpots
+        far from every undamped mode.
+
+    Raises
+    ------
+    ValueError
+        A limit that is not positive, or as `Assembly.receptance`.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, GroundSpring, Part, Segment, damped_modes
+    >>> bar = Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")
+    >>> clamp = GroundSpring(part="bar", position=0.1, k_y=1e8, k_theta=1e5, c_theta=0.5, name="clamp")
+    >>> modes = damped_modes(Assembly([bar], [clamp]), 5e3, ["clamp.k_theta"])
+    >>> f"{modes.frequency_hz[0]:.0f} Hz, {100 * modes.damping_ratio[0]:.2f} %, {modes.dynamic_stiffness[0]:.2g} N/m"
+    '1061 Hz, 0.61 %, 4e+04 N/m'
+    """
+    limit = _checks.positive("damped_modes", "upper_hz", upper_hz, unit="Hz")
+    wanted = listed(parameters)
+    starts = _starts(assembly, _REACH * limit)
+    lowest = _LOWEST * float(np.abs(starts).min(initial=limit))
+    poles, missed = assembly._poles(starts, (lowest, limit), (_BELOW, float(np.arcsin(_LARGEST_RATIO))))
+    return _described(assembly, poles, wanted, (response, excitation), threads, missed)
+
+
+def _starts(assembly: Assembly, limit: float) -> NDArray[np.complex128]:
+    """Undamped natural frequencies in Hz, moved by i (eta k + w c) in every stiffness to first order."""
+    own = set(assembly.parameters)
+    stiff, lost, damped = [], [], []
+    for address in assembly.parameters:
+        owner, _, field = address.rpartition(".")
+        if field in ("k_y", "k_theta", "k_ytheta", "youngs_modulus"):
+            dashpot = f"{owner}.c_{field[2:]}"
+            stiff.append(address)
+            lost.append(
+                assembly.get(f"{owner}.loss_factor") * assembly.get(address) if f"{owner}.loss_factor" in own else 0.0
+            )
+            damped.append(assembly.get(dashpot) if dashpot in own else 0.0)
+    found, slope = assembly.natural_frequency_derivatives(limit, stiff)
+    moved = slope @ np.array(lost) + tau * found * (slope @ np.array(damped))
+    return np.asarray(found + 1j * np.minimum(moved, 2.0 * found))
+
+
+def _ascending(lines: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
+    """Return the order of lines by their real part, and them so, equal ones apart by rounding."""
+    order = np.argsort(lines.real, kind="stable")
+    found = lines[order]
+    return order, found + 1e-15 * np.arange(found.size) * found.real
+
+
+def _described(
+    assembly: Assembly,
+    poles: NDArray[np.complex128],
+    parameters: tuple[str, ...],
+    places: tuple[Coordinate | None, Coordinate | None],
+    threads: int | None,
+    missed: int,
+) -> DampedModes:
+    if not poles.size:
+        empty, none = np.zeros(0), np.zeros((0, 3, len(parameters)))
+        return DampedModes(
+            frequency_hz=empty,
+            damping_ratio=empty,
+            dynamic_stiffness=empty,
+            residue=empty.astype(np.complex128),
+            log_slopes=none,
+            missed=missed,
+        )
+    # The distance to the mirror image of a pole counts as well, so the circle stays in the upper half.
+    others = np.concatenate([poles, -poles.conj()])
+    apart = np.abs(poles[:, None] - others[None, :])
+    apart[np.arange(poles.size), np.arange(poles.size)] = np.inf
+    radius = _RADIUS * np.minimum(apart.min(axis=1), np.abs(poles))
+    offset = radius[:, None] * np.exp(1j * tau * (0.3 + np.arange(_CIRCLE)) / _CIRCLE)
+    peaks = np.repeat(poles.real, 2) * np.tile([1.0 - _STEP, 1.0 + _STEP], poles.size)
+    lines = np.concatenate([(poles[:, None] + offset).ravel(), peaks])
+    order, ascending = _ascending(lines)
+    g = np.empty(lines.size, np.complex128)
+    dg = np.empty((lines.size, len(parameters)), np.complex128)
+    g[order], dg[order] = assembly.derivatives(
+        ascending, parameters, response=places[0], excitation=places[1], threads=threads
+    )
+    count = poles.size * _CIRCLE
+    around, slopes = g[:count].reshape(poles.size, _CIRCLE), dg[:count].reshape(poles.size, _CIRCLE, -1)
+    residue = np.mean(around * offset, axis=1)
+    moved = np.mean(slopes * offset[:, :, None] ** 2, axis=1) / residue[:, None]
+    size = np.abs(poles)
+    # w_r = |w_r| (sqrt(1 - zeta^2) + i zeta), so ln w_r = ln |w_r| + i arcsin(zeta).
+    relative = moved / poles[:, None]
+    damping = poles.imag / size
+    at_peak, at_peak_slopes = g[count:].reshape(-1, 2), dg[count:].reshape(poles.size, 2, -1)
+    stiffness = 1.0 / np.abs(at_peak.mean(axis=1))
+    own = np.mean(at_peak_slopes / at_peak[:, :, None], axis=1).real
+    along = np.diff(np.log(np.abs(at_peak)), axis=1)[:, 0] / (2.0 * _STEP * poles.real)
+    log_slopes = np.stack(
+        [
+            relative.real,
+            relative.imag * (np.sqrt(1.0 - damping**2) / np.maximum(damping, 1e-300))[:, None],
+            -(own + along[:, None] * moved.real),
+        ],
+        axis=1,
+    )
+    return DampedModes(
+        frequency_hz=size,
+        damping_ratio=damping,
+        dynamic_stiffness=stiffness,
+        residue=residue * tau,
+        log_slopes=log_slopes,
+        missed=missed,
+    )

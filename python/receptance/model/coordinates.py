@@ -1,0 +1,118 @@
+"""Coordinates: where motion is measured and where loads act."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+__all__ = ["Coordinate", "Side", "Unplaced", "as_coordinates", "measured_coordinates"]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A position and a direction of motion or load.
+
+    Parameters
+    ----------
+    part : str, optional
+        Name of the part; empty for the first one.
+    position : float or "end", optional
+        Distance in m from the tip-side end of the part, or its far end. A position at an end of a segment moves with
+        that end when a length changes; one inside a segment is fixed.
+    direction : {"y", "theta"}, optional
+        Transverse displacement and force, or slope and moment.
+
+    Examples
+    --------
+    >>> from receptance import Coordinate
+    >>> nose = Coordinate("holder", 0.0)
+    >>> nose.describe()
+    "y at 'holder' 0 m"
+    """
+
+    part: str = ""
+    position: float | Literal["end"] = 0.0
+    direction: Literal["y", "theta"] = "y"
+
+    def __post_init__(self) -> None:
+        if self.direction not in ("y", "theta"):
+            raise ValueError(f"Coordinate: direction is {self.direction!r}, expected 'y' or 'theta'")
+
+    def describe(self) -> str:
+        """Return direction and position as text for messages, legends and tables."""
+        part = f"{self.part!r} " if self.part else ""
+        position = "end" if self.position == "end" else f"{self.position:g} m"
+        return f"{self.direction} at {part}{position}"
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Unplaced(Coordinate):
+    """A coordinate with a known direction and an unknown position, as in files without positions.
+
+    It differs from every `Coordinate` with a position. Where a position is needed, the tip of the first part is used.
+
+    Parameters
+    ----------
+    direction : {"y", "theta"}, optional
+        Transverse displacement and force, or slope and moment.
+
+    Examples
+    --------
+    >>> from receptance.model.coordinates import Unplaced
+    >>> Unplaced("theta")
+    Unplaced('theta')
+    """
+
+    def __init__(self, direction: str = "y") -> None:
+        super().__init__(direction=direction)  # type: ignore[arg-type]
+
+    def describe(self) -> str:
+        """Return the direction as text, with the note that the position is unknown."""
+        return f"{self.direction} at unknown position"
+
+    def __repr__(self) -> str:
+        return f"Unplaced({self.direction!r})"
+
+
+Side: TypeAlias = Coordinate | str | Sequence[Coordinate | str] | None
+"""Responses or excitations of a measurement as arguments: coordinates, or "y" or "theta" for directions alone."""
+
+
+def as_coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coordinate, ...]:
+    """Return one or several coordinates as a tuple; the tip by default."""
+    if side is None:
+        return (Coordinate(),)
+    if isinstance(side, str):
+        raise TypeError(f"coordinate is {side!r}, expected a Coordinate such as Coordinate('tool', 0.0, 'y')")
+    points = (side,) if isinstance(side, Coordinate) else tuple(side)
+    for index, point in enumerate(points):
+        if not isinstance(point, Coordinate):
+            raise TypeError(f"coordinate {index} is {point!r}, expected a Coordinate")
+    if not points:
+        raise ValueError("the sequence of coordinates is empty, expected at least one")
+    return points
+
+
+def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> tuple[Coordinate, ...]:
+    """Return the coordinates of a measurement's responses or excitations; `Unplaced` where no position is given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another number than `count`, or an entry that is neither a coordinate nor a direction.
+    """
+    if side is None:
+        return (Unplaced(),) * count
+    given = tuple(side) if isinstance(side, Iterable) and not isinstance(side, str) else (side,)
+    if len(given) != count:
+        raise ValueError(f"{owner}: there are {len(given)} {quantity} for values with {count}, expected {count}")
+    return tuple(_measured_coordinate(owner, f"{quantity}[{index}]", one) for index, one in enumerate(given))
+
+
+def _measured_coordinate(owner: str, quantity: str, one: Any) -> Coordinate:
+    if isinstance(one, Coordinate):
+        return one
+    if one in ("y", "theta"):
+        return Unplaced(one)
+    raise TypeError(f"{owner}: {quantity} is {one!r}, expected a Coordinate, or 'y' or 'theta' for a direction alone")

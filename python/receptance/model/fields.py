@@ -1,0 +1,301 @@
+"""Declarations of elements: each field is declared once, with quantity, bounds, default and documentation.
+
+A field is declared by its annotation, `k_y: Annotated[float, Number(STIFFNESS, "translational stiffness")] = 0.0`. The
+checks of its value, its column in the tables of the core, its address, its documentation and its key in a campaign file
+are derived from the declaration.
+"""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self, get_args, get_type_hints
+
+import numpy as np
+
+from receptance import _checks
+from receptance.units import Quantity
+
+__all__ = ["Choice", "Column", "Count", "Element", "Field", "Member", "Number"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field that is not passed to the core.
+
+    Parameters
+    ----------
+    doc : str
+        Description without a verb.
+    """
+
+    doc: str
+
+
+@dataclass(frozen=True)
+class Number(Field):
+    """A number with a unit and bounds.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        Unit and bounds.
+    doc : str
+        As in `Field`.
+    parameter : bool, optional
+        Whether it is a parameter of assemblies, with an address and a column.
+    """
+
+    quantity: Quantity
+    parameter: bool = True
+
+    def __init__(self, quantity: Quantity, doc: str, *, parameter: bool = True) -> None:
+        object.__setattr__(self, "doc", doc)
+        object.__setattr__(self, "quantity", quantity)
+        object.__setattr__(self, "parameter", parameter)
+
+
+@dataclass(frozen=True)
+class Count(Field):
+    """An integer within bounds, or None if that is the default; passed to the core if `column`."""
+
+    least: int = 1
+    most: int = 1000
+    column: bool = False
+
+
+@dataclass(frozen=True)
+class Choice(Field):
+    """One of several words, passed to the core as its index."""
+
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Member(Field):
+    """An element within an element.
+
+    Parameters
+    ----------
+    doc : str
+        As in `Field`.
+    prefix : str
+        Prefix of the addresses of its parameters in its owner; "" for addresses like those of the owner.
+    """
+
+    kind: type[Element]
+    prefix: str
+
+    def __init__(self, kind: type[Element], doc: str, *, prefix: str) -> None:
+        object.__setattr__(self, "doc", doc)
+        object.__setattr__(self, "kind", kind)
+        object.__setattr__(self, "prefix", prefix)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the row of an element in the tables of the core.
+
+    Attributes
+    ----------
+    address : str
+        Address of the parameter within the element; empty if the column is not a parameter.
+    path : tuple of str
+        Names of the nested fields.
+    field : Field
+        Declaration of the field.
+    """
+
+    address: str
+    path: tuple[str, ...]
+    field: Field
+
+    def number(self, element: Any) -> float:
+        """Return the value of an element in this column; zero for a member that is None."""
+        value: Any = element
+        for name in self.path:
+            value = getattr(value, name)
+            if value is None:
+                return 0.0
+        return float(self.field.words.index(value) if isinstance(self.field, Choice) else value)
+
+
+def _declared(kind: type) -> dict[str, Field]:
+    """Return the declared fields of a class by name, with the fields of base classes first."""
+    found: dict[str, Field] = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        for one in getattr(hint, "__metadata__", ()):
+            if isinstance(one, Field):
+                found[name] = one
+    order = [name for base in reversed(kind.__mro__) for name in inspect.get_annotations(base)]
+    return {name: found[name] for name in dict.fromkeys(order) if name in found}
+
+
+def _layout(fields: Mapping[str, Field]) -> tuple[Column, ...]:
+    """Return the columns of fields in the tables of the core."""
+    found: list[Column] = []
+    for name, field in fields.items():
+        if isinstance(field, Member):
+            for column in field.kind.layout:
+                address = f"{field.prefix}{column.address}" if column.address else ""
+                found.append(Column(address, (name, *column.path), column.field))
+        elif isinstance(field, Number) and field.parameter:
+            found.append(Column(name, (name,), field))
+        elif isinstance(field, Choice) or (isinstance(field, Count) and field.column):
+            found.append(Column("", (name,), field))
+    return tuple(found)
+
+
+class Element:
+    """Base of all elements; checks, columns and addresses are derived from the declarations of the fields.
+
+    Examples
+    --------
+    >>> from receptance import PointMass
+    >>> PointMass.declared["mass"].quantity.unit
+    'kg'
+    >>> [column.address for column in PointMass.layout]
+    ['mass', 'inertia']
+    """
+
+    declared: ClassVar[dict[str, Field]] = {}
+    """Declarations of the fields by name, in the order of their definition."""
+    layout: ClassVar[tuple[Column, ...]] = ()
+    """Columns of an element in the tables of the core."""
+    columns_of: ClassVar[tuple[str, ...]] = ()
+    """Names of the parameters that are direct fields of the class."""
+    toleranced: ClassVar[bool] = True
+    """Whether a campaign can state tolerances of its parameters."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.declared = _declared(cls)
+        cls.layout = _layout(cls.declared)
+        cls.columns_of = tuple(column.address for column in cls.layout if column.path == (column.address,))
+        if cls.__doc__ and "{fields}" in cls.__doc__:
+            cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, cls.declared))
+
+    @property
+    def owner(self) -> str:
+        """Class and name of the element, for messages."""
+        name = getattr(self, "name", "")
+        return f"{type(self).__name__} {name!r}" if name else type(self).__name__
+
+    def check(self) -> None:
+        """Check types and bounds of all fields, and convert numbers to float.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A wrong type or value; the message names class, element, field and the expected value.
+        """
+        for name, field in self.declared.items():
+            value = getattr(self, name)
+            if isinstance(field, Number):
+                checked = _checks.quantity(self.owner, name, value, field.quantity)
+                object.__setattr__(self, name, checked)
+            elif isinstance(field, Choice):
+                if value not in field.words:
+                    raise ValueError(f"{self.owner}: {name} is {value!r}, expected one of {', '.join(field.words)}")
+            elif isinstance(field, Count):
+                self._check_count(name, value, field)
+            elif isinstance(field, Member):
+                optional = getattr(type(self), name, field) is None
+                if not (isinstance(value, field.kind) or (optional and value is None)):
+                    expected = f"a {field.kind.__name__}{' or None' if optional else ''}"
+                    raise TypeError(f"{self.owner}: {name} is {value!r}, expected {expected}")
+
+    def _check_count(self, name: str, value: Any, field: Count) -> None:
+        optional = getattr(type(self), name, field) is None
+        if value is None and optional:
+            return
+        expected = f"a whole number from {field.least} to {field.most}{' or None' if optional else ''}"
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+            raise TypeError(f"{self.owner}: {name} is {value!r}, expected {expected}")
+        if not field.least <= value <= field.most:
+            raise ValueError(f"{self.owner}: {name} is {value}, expected {expected}")
+
+    def columns(self) -> tuple[float, ...]:
+        """Return the row of the element in the tables of the core, without nodes."""
+        return tuple(column.number(self) for column in self.layout)
+
+    def places(self) -> dict[str, int]:
+        """Return the addresses of the parameters of the element with their columns."""
+        return {
+            column.address: index
+            for index, column in enumerate(self.layout)
+            if column.address and _is_present(self, column.path)
+        }
+
+    def value(self, address: str) -> float:
+        """Return the value of a parameter by its address within the element."""
+        value: Any = self
+        for name in self._path(address):
+            value = getattr(value, name)
+        return float(value)
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """Return the element with new values of some parameters, replaced together."""
+        changes: dict[str, Any] = {}
+        inside: dict[str, dict[str, float]] = {}
+        for address, value in values.items():
+            name, *rest = self._path(address)
+            if rest:
+                member = self.declared[name]
+                assert isinstance(member, Member)
+                inside.setdefault(name, {})[address.removeprefix(member.prefix)] = value
+            else:
+                changes[name] = value
+        for name, own in inside.items():
+            changes[name] = getattr(self, name).with_values(own)
+        return replace(self, **changes)  # type: ignore[type-var]
+
+    def _path(self, address: str) -> tuple[str, ...]:
+        for column in self.layout:
+            if column.address == address and _is_present(self, column.path):
+                return column.path
+        raise ValueError(f"{self.owner} has no parameter {address!r}, expected one of {', '.join(self.places())}")
+
+
+def _is_present(element: Any, path: tuple[str, ...]) -> bool:
+    for name in path[:-1]:
+        element = getattr(element, name)
+        if element is None:
+            return False
+    return True
+
+
+def _documented(kind: type, fields: Mapping[str, Field]) -> str:
+    """Return the entries of fields in the section "Parameters" of the docstring of a class."""
+    lines = []
+    for name, field in fields.items():
+        default: Any = getattr(kind, name, ...)
+        default = getattr(default, "default", default)
+        written = f"{default:g}" if isinstance(default, float) else repr(default)
+        optional = "" if default is ... else ", optional" if default in (None, "", ()) else f", default {written}"
+        text = field.doc
+        if isinstance(field, Number):
+            type_name = "float"
+            head, semicolon, rest = text.partition(";")
+            unit = field.quantity.unit and f" in {field.quantity.unit}"
+            bounds = field.quantity.bounds and f", {field.quantity.bounds}"
+            text = f"{head}{unit}{bounds}{semicolon}{rest}"
+        elif isinstance(field, Choice):
+            type_name = "{" + ", ".join(f'"{word}"' for word in field.words) + "}"
+        elif isinstance(field, Member):
+            type_name = field.kind.__name__
+        else:
+            type_name = "int" if isinstance(field, Count) else _type_name(kind, name)
+        lines += [f"    {name} : {type_name}{optional}", *_wrapped(f"{text[0].upper()}{text[1:]}.")]
+    return "\n".join(lines) + "\n"
+
+
+def _type_name(kind: type, name: str) -> str:
+    hint = get_args(get_type_hints(kind, include_extras=True)[name])[0]
+    return str(getattr(hint, "__name__", hint)).replace("typing.", "").replace(" | ", " or ")
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 112, initial_indent=" " * 8, subsequent_indent=" " * 8)

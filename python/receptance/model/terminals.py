@@ -1,0 +1,477 @@
+"""Substructures described at one plane, by tables of receptances or by modes, at the end of an assembly."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import tau
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receptance import _checks, _core, units
+from receptance.model.fields import Element, Field, Number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from receptance.frf import FRF
+
+__all__ = ["ModalPart", "Mode"]
+
+
+RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
+"""Parameters that every terminal has, in the order of the entries of its receptance."""
+ENTRIES = ((0, 0), (1, 1), (0, 1))
+"""Indices of y over force, theta over moment and y over moment in the (y, theta) matrix."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terminal(Element, ABC):
+    """A substructure described by its receptances at one plane; the last element of an assembly."""
+
+    toleranced = False
+
+    residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
+    residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
+    residual_ytheta: Annotated[float, Number(units.COUPLING_RECEPTANCE, "receptance added to y over moment")] = 0.0
+    name: Annotated[str, Field("first word of the addresses of its parameters, as in `spindle.residual_y`")] = field(
+        default="", compare=False
+    )
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses of the parameters within the element."""
+        return RESIDUALS
+
+    def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+        """Return the receptance at the plane, `(n, 2, 2)` over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
+
+        Raises
+        ------
+        ValueError
+            A line at which the receptance is not known.
+        """
+        entries = self.entries(_checks.frequencies(frequency_hz))
+        result = np.empty((len(entries), 2, 2), dtype=np.complex128)
+        for column, (i, j) in enumerate(ENTRIES):
+            result[:, i, j] = result[:, j, i] = entries[:, column]
+        return result
+
+    @abstractmethod
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+
+    def _residual(self) -> NDArray[np.complex128]:
+        return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredPart(Terminal):
+    """A part described by a table of receptances at one plane, such as a measured or identified spindle.
+
+    It is the last element of an assembly, connected to the part before it rigidly or by a joint. It has a value at the
+    lines of the table, and between them if the interpolation error estimated from the table is below 1 %. It is never
+    extrapolated.
+
+    Parameters
+    ----------
+    frequency_hz : array_like
+        `(n,)` ascending lines.
+    matrix : array_like
+        `(n, 2, 2)` complex receptance over (y, theta): y/F [m/N], y/M, theta/F and theta/M [rad/(N m)]; symmetric.
+    covariance : array_like, optional
+        `(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M, for the real and for the imaginary
+        parts.
+    {fields}
+
+    Raises
+    ------
+    TypeError, ValueError
+        Arrays whose shapes do not match, values that are not finite, or a matrix that is not symmetric, although
+        reciprocity requires y/M = theta/F.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import MeasuredPart
+    >>> lines = np.linspace(100.0, 1000.0, 10)
+    >>> spindle = MeasuredPart(frequency_hz=lines, matrix=np.ones((10, 1, 1)) * np.diag([2e-8, 1e-6]), name="spindle")
+    >>> spindle.receptance([200.0])[0, 0, 0]
+    np.complex128(2e-08+0j)
+    """
+
+    frequency_hz: NDArray[np.float64]
+    matrix: NDArray[np.complex128]
+    decay_rate: Annotated[
+        float,
+        Number(
+            units.DECAY_RATE,
+            "decay rate of the exponential window of the table; its lines are f - i decay_rate / (2 pi)",
+            parameter=False,
+        ),
+    ] = 0.0
+    covariance: NDArray[np.complex128] | None = None
+
+    def __post_init__(self) -> None:
+        owner = self.owner
+        lines = _checks.frequencies(self.frequency_hz)
+        if lines.dtype.kind == "c":
+            raise TypeError(f"{owner}: frequency_hz is complex, expected real lines and decay_rate")
+        matrix = _checks.unmasked(owner, "matrix", self.matrix, np.complex128).copy()
+        if matrix.shape != (lines.size, 2, 2):
+            raise ValueError(f"{owner}: matrix has shape {matrix.shape}, expected ({lines.size}, 2, 2)")
+        _check_finite(owner, "matrix", matrix)
+        size = np.sqrt(np.abs(matrix[:, 0, 0] * matrix[:, 1, 1])) + np.abs(matrix[:, 0, 1])
+        off = np.abs(matrix[:, 0, 1] - matrix[:, 1, 0])
+        if np.any(off > 1e-6 * size):
+            line = int(np.argmax(off - 1e-6 * size))
+            raise ValueError(
+                f"{owner}: at {lines[line]:g} Hz y/M is {matrix[line, 0, 1]:.3g} and theta/F {matrix[line, 1, 0]:.3g}, "
+                "expected equal values (reciprocity); if both were measured, give their mean"
+            )
+        arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines.astype(np.float64), "matrix": matrix}
+        if self.covariance is not None:
+            arrays["covariance"] = _checks.unmasked(owner, "covariance", self.covariance, np.complex128).copy()
+            if arrays["covariance"].shape != (lines.size, 3, 3):
+                raise ValueError(
+                    f"{owner}: covariance has shape {arrays['covariance'].shape}, expected ({lines.size}, 3, 3)"
+                )
+            _check_finite(owner, "covariance", arrays["covariance"])
+        for quantity, array in arrays.items():
+            array.flags.writeable = False
+            object.__setattr__(self, quantity, array)
+        self.check()
+
+    @classmethod
+    def from_frf(cls, frf: FRF, *, name: str = "") -> Self:
+        """Return the part for an FRF with the responses y and theta and the excitations force and moment in this order.
+
+        Lines outside the usable band are omitted.
+        """
+        owner = f"{cls.__name__} {name!r}" if name else cls.__name__
+        found = tuple(tuple(point.direction for point in side) for side in (frf.responses, frf.excitations))
+        if found != (("y", "theta"), ("y", "theta")):
+            raise ValueError(
+                f"{owner}: the FRF has the responses {', '.join(found[0])} and the excitations {', '.join(found[1])}, "
+                "expected y, theta and y, theta: a full receptance matrix"
+            )
+        usable = frf.to("receptance").masked()
+        mean = 0.5 * (usable.values + usable.values.transpose(0, 2, 1))
+        return cls(frequency_hz=usable.frequency_hz, matrix=mean, decay_rate=usable.decay_rate, name=name)
+
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+        return self.table_entries(lines) + self._residual()
+
+    def table_entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the entries without the residuals."""
+        table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
+        decay = 0.0 - lines.imag * tau
+        if np.any(np.abs(decay - self.decay_rate) > 1e-9 * (np.abs(lines) + self.decay_rate)):
+            raise ValueError(
+                f"{self.owner}: the lines have a decay rate of {decay[0]:g} 1/s, expected that of the table, "
+                f"{self.decay_rate:g} 1/s; fit a ModalPart, which is defined at any complex frequency"
+            )
+        return _interpolated(self.owner, self.frequency_hz, table, np.ascontiguousarray(lines.real))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MeasuredPart):
+            return NotImplemented
+        mine, theirs = self.covariance, other.covariance
+        return (
+            np.array_equal(self.frequency_hz, other.frequency_hz)
+            and np.array_equal(self.matrix, other.matrix)
+            and self.decay_rate == other.decay_rate
+            and all(getattr(self, quantity) == getattr(other, quantity) for quantity in RESIDUALS)
+            and (theirs is None if mine is None else theirs is not None and np.array_equal(mine, theirs))
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        low, high = self.frequency_hz[0], self.frequency_hz[-1]
+        return f"MeasuredPart(name={self.name!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
+
+
+def _check_finite(owner: str, what: str, array: NDArray[Any]) -> None:
+    if (bad := np.argwhere(~np.isfinite(array))).size:
+        place = ", ".join(str(index) for index in bad[0])
+        raise ValueError(f"{owner}: {what}[{place}] is {array[tuple(bad[0])]}, expected a finite number")
+
+
+_SAME = 1e-9
+"""Relative difference below which lines are equal."""
+_MOST = 0.01
+"""Largest interpolation error, relative to the values around it."""
+_HALVED = 16.0
+"""Ratio of the errors of a cubic spline for double and single spacing."""
+_GAP = 2.5
+"""Ratio of an interval to its neighbours from which it is a gap without interpolation."""
+_AROUND = 4
+_FEWEST = 8
+
+
+def _interpolated(
+    owner: str, known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return the columns of a table at lines: exact at its own lines, by a cubic spline between them.
+
+    The error of the spline is estimated from the table: the prediction of each line from every second other line has
+    double spacing, so its error is 16 times that of the spline.
+
+    Raises
+    ------
+    ValueError
+        A line outside the table, in a gap, or where the table is too coarse or too noisy.
+    """
+    low, high = known_hz[0], known_hz[-1]
+    outside = np.flatnonzero((lines_hz < low * (1.0 - _SAME)) | (lines_hz > high * (1.0 + _SAME)))
+    if outside.size:
+        raise ValueError(
+            f"{owner} is known from {low:g} to {high:g} Hz, and the line at {lines_hz[outside[0]]:g} Hz is outside; "
+            "it is not extrapolated"
+        )
+    after = np.clip(np.searchsorted(known_hz, lines_hz), 1, max(known_hz.size - 1, 1)) if known_hz.size > 1 else None
+    if after is None:
+        return np.broadcast_to(table, (lines_hz.size, table.shape[1])).copy()
+    before = after - 1
+    nearest = np.where(lines_hz - known_hz[before] < known_hz[after] - lines_hz, before, after)
+    result = table[nearest]
+    between = np.flatnonzero(np.abs(known_hz[nearest] - lines_hz) > _SAME * lines_hz)
+    if not between.size:
+        return result
+    _check_between(owner, known_hz, table, lines_hz[between], after[between])
+    result[between] = _spline(known_hz, table, lines_hz[between])
+    return result
+
+
+def _check_between(
+    owner: str,
+    known_hz: NDArray[np.float64],
+    table: NDArray[np.complex128],
+    lines_hz: NDArray[np.float64],
+    after: NDArray[np.intp],
+) -> None:
+    if known_hz.size < _FEWEST:
+        raise ValueError(
+            f"{owner} has {known_hz.size} lines, too few to interpolate to {lines_hz[0]:g} Hz; use its own lines"
+        )
+    spacing = np.diff(known_hz)
+    usual = np.array([np.median(spacing[max(i - _AROUND, 0) : i + _AROUND + 1]) for i in range(spacing.size)])
+    gap = np.flatnonzero((spacing > _GAP * usual)[after - 1])
+    if gap.size:
+        ends = known_hz[after[gap[0]] - 1], known_hz[after[gap[0]]]
+        raise ValueError(
+            f"{owner} is not known between {ends[0]:g} and {ends[1]:g} Hz, at the line at {lines_hz[gap[0]]:g} Hz; "
+            "omit the line, or fit a ModalPart"
+        )
+    error = _error(known_hz, table)
+    worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
+    if (bad := np.flatnonzero(worst > _MOST)).size:
+        raise ValueError(
+            f"{owner}: interpolation to {lines_hz[bad[0]]:g} Hz has an error of about {100.0 * worst[bad[0]]:.2g} %: "
+            "the lines are too far apart or too noisy; use its own lines, or fit a ModalPart"
+        )
+
+
+def _error(known_hz: NDArray[np.float64], table: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the relative error of the spline around each line, `(n, columns)`."""
+    size = np.abs(table)
+    off = np.zeros(size.shape)
+    for start in (0, 1):
+        kept = slice(start, None, 2)
+        other = slice(1 - start, None, 2)
+        inside = (known_hz[other] >= known_hz[kept][0]) & (known_hz[other] <= known_hz[kept][-1])
+        lines = known_hz[other][inside]
+        rows = np.arange(known_hz.size)[other][inside]
+        off[rows] = np.abs(_spline(known_hz[kept], table[kept], lines) - table[rows]) / _HALVED
+    around = np.ones(2 * _AROUND + 1) / (2 * _AROUND + 1)
+    local = np.stack([np.convolve(np.pad(column, _AROUND, "edge"), around, "valid") for column in size.T], axis=1)
+    result: NDArray[np.float64] = off / np.maximum(local, 1e-300)
+    return result
+
+
+def _spline(
+    known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    from scipy.interpolate import CubicSpline
+
+    found: Any = CubicSpline(known_hz, table)(lines_hz)
+    return np.asarray(found, dtype=np.complex128)
+
+
+_MODE = re.compile(r"mode\[(\d+)\]\.(\w+)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode(Element):
+    """A mode of a part at one plane.
+
+    With s = i w, phi = (y, theta) and chi = (y_imaginary, theta_imaginary) its contribution to the receptance over (y,
+    theta) is
+
+        (phi phi^T - chi chi^T + (phi chi^T + chi phi^T) (s + zeta w_r) / w_d) / (w_r^2 + 2 zeta w_r s + s^2),
+
+    w_d = w_r sqrt(1 - zeta^2): the pair of poles of a structure with viscous damping. For real shapes (chi = 0), if
+    damping does not couple the modes, it is phi phi^T / (w_r^2 - w^2 + 2 i zeta w_r w).
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    ValueError
+        A negative frequency or damping, or a complex shape of a mode that does not oscillate.
+
+    Examples
+    --------
+    >>> from receptance import Mode
+    >>> bending = Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)
+    """
+
+    toleranced = False
+
+    frequency_hz: Annotated[
+        float,
+        Number(units.FREQUENCY_OR_ZERO, "undamped natural frequency with a free plane; zero for a rigid-body mode"),
+    ]
+    damping_ratio: Annotated[float, Number(units.DAMPING_RATIO, "share of critical damping")]
+    y: Annotated[float, Number(units.MODE_SHAPE, "mass-normalised mode shape at the plane")]
+    theta: Annotated[float, Number(units.MODE_SLOPE, "rotation of the mode shape at the plane")]
+    y_imaginary: Annotated[
+        float, Number(units.MODE_SHAPE, "imaginary part of the shape, if damping couples the modes")
+    ] = 0.0
+    theta_imaginary: Annotated[float, Number(units.MODE_SLOPE, "imaginary part of the rotation of the shape")] = 0.0
+
+    def __post_init__(self) -> None:
+        self.check()
+        if (self.y_imaginary or self.theta_imaginary) and (self.frequency_hz == 0.0 or self.damping_ratio >= 1.0):
+            raise ValueError(
+                f"Mode: at {self.frequency_hz:g} Hz with a damping ratio of {self.damping_ratio:g} the mode does "
+                "not oscillate, expected a shape without imaginary parts"
+            )
+
+    def columns(self) -> tuple[float, ...]:
+        """Return the row of the table of modes: the frequency in rad/s, then the other parameters."""
+        return tau * self.frequency_hz, *(getattr(self, quantity) for quantity in self.columns_of[1:])
+
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the contributions to y/F, theta/M and y/M on lines in Hz, `(n, 3)`."""
+        return modal_entries((self,), lines)
+
+
+def modal_entries(modes: Iterable[Mode], lines: NDArray[Any]) -> NDArray[np.complex128]:
+    """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`.
+
+    Raises
+    ------
+    ResonanceError
+        A line at the frequency of an undamped mode.
+    """
+    return _core.modal_receptance(
+        _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns() for mode in modes])
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModalPart(Terminal):
+    """A part described by its modes at one plane, such as a spindle or a fixture.
+
+    Its receptance over (y, theta) is the sum over its modes (see `Mode`) and a residual R, the contribution of modes
+    above the band. It is the last element of an assembly.
+
+    Parameters
+    ----------
+    modes : iterable of Mode
+        At least one.
+    band_hz : (float, float), optional
+        Band of validity in Hz; lines outside it raise an error.
+    {fields}
+
+    Raises
+    ------
+    TypeError, ValueError
+        No modes, values out of their bounds, a band that does not ascend.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, ModalPart, Mode, Part, PointJoint, Segment
+    >>> spindle = ModalPart(modes=[Mode(frequency_hz=650.0, damping_ratio=0.03, y=0.25, theta=1.1)], residual_y=2e-9,
+    ...     residual_theta=2e-7, name="spindle")
+    >>> blank = Part([Segment(length=0.12, outer_diameter=0.04, material=STEEL)], name="blank")
+    >>> machine = Assembly([blank, PointJoint(k_y=1e9, k_theta=2e6), spindle])
+    >>> h, slope = machine.derivatives([300.0, 600.0], ["spindle.mode[0].frequency_hz", "spindle.residual_y"])
+    """
+
+    modes: tuple[Mode, ...]
+    band_hz: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        modes = tuple(self.modes) if isinstance(self.modes, Iterable) else (self.modes,)
+        for index, mode in enumerate(modes):
+            if not isinstance(mode, Mode):
+                raise TypeError(f"{self.owner}: modes[{index}] is {mode!r}, expected a Mode")
+        if not modes:
+            raise ValueError(f"{self.owner}: modes is empty, expected at least one")
+        object.__setattr__(self, "modes", modes)
+        self.check()
+        if self.band_hz is not None:
+            low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
+            if not low < high:
+                raise ValueError(f"{self.owner}: band_hz is {low:g} to {high:g} Hz, expected an ascending pair")
+            object.__setattr__(self, "band_hz", (low, high))
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses of the parameters within the element."""
+        own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
+        return (*own, *RESIDUALS)
+
+    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+        self.check_band(lines)
+        return modal_entries(self.modes, lines) + self._residual()
+
+    def check_band(self, lines: NDArray[Any]) -> None:
+        """Raise `ValueError` for a line in Hz outside the band."""
+        if self.band_hz is None:
+            return
+        low, high = self.band_hz
+        bad = np.flatnonzero((lines.real < low * (1.0 - 1e-9)) | (lines.real > high * (1.0 + 1e-9)))
+        if bad.size:
+            raise ValueError(
+                f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
+                "outside; it is not extrapolated"
+            )
+
+    def _place(self, parameter: str) -> tuple[int, str]:
+        match = _MODE.fullmatch(parameter)
+        if match is None or parameter not in self.addresses:
+            raise ValueError(f"{self.owner} has no parameter {parameter!r}")
+        return int(match[1]), match[2]
+
+    def value(self, parameter: str) -> float:
+        """Return the value of a parameter."""
+        if parameter in RESIDUALS:
+            return super().value(parameter)
+        index, quantity = self._place(parameter)
+        return float(getattr(self.modes[index], quantity))
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """Return the same with other values of some parameters."""
+        own: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
+        modes = list(self.modes)
+        for name in values.keys() - own.keys():
+            index, quantity = self._place(name)
+            change: dict[str, Any] = {quantity: values[name]}
+            modes[index] = replace(modes[index], **change)
+        return replace(self, modes=tuple(modes), **own)
+
+    def __repr__(self) -> str:
+        modes = ", ".join(f"{mode.frequency_hz:g}" for mode in self.modes)
+        return f"ModalPart(name={self.name!r}, modes at {modes} Hz)"

@@ -1,0 +1,303 @@
+"""The tool tip: modes for semi-discretisation, and receptance matrices from measured FRFs with random draws of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from receptance import _checks
+from receptance.frf import FRF
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from receptance.modal import ModeEstimate
+
+__all__ = ["TipModes", "receptance_draws", "receptance_matrix"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipModes:
+    """Modes of a tool tip: G = sum of s s^T / (w_r^2 - w^2 + 2 i zeta_r w_r w).
+
+    Parameters
+    ----------
+    frequency_hz : array_like
+        Undamped natural frequencies `(k,)` in Hz.
+    damping_ratio : array_like
+        Viscous damping ratios `(k,)`, between 0 and 1.
+    shapes : array_like
+        Mass-normalised shapes in x and y `(k, 2)`, in kg^-1/2.
+
+    Raises
+    ------
+    ValueError
+        Arrays whose shapes do not match, or values out of range.
+
+    Examples
+    --------
+    >>> tip = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
+    >>> f"{abs(tip.receptance([922.0])[0, 0, 0]):.3g} m/N"
+    '3.39e-05 m/N'
+    """
+
+    frequency_hz: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64]
+    shapes: NDArray[np.float64]
+
+    def __init__(self, *, frequency_hz: ArrayLike, damping_ratio: ArrayLike, shapes: ArrayLike) -> None:
+        frequency = np.atleast_1d(_checks.unmasked("TipModes", "frequency_hz", frequency_hz, np.float64).copy())
+        damping = np.atleast_1d(_checks.unmasked("TipModes", "damping_ratio", damping_ratio, np.float64).copy())
+        modes = np.atleast_2d(_checks.unmasked("TipModes", "shapes", shapes, np.float64).copy())
+        if frequency.ndim != 1 or damping.shape != frequency.shape or modes.shape != (frequency.size, 2):
+            raise ValueError(
+                f"TipModes: frequency_hz has shape {frequency.shape}, damping_ratio {damping.shape}, shapes "
+                f"{modes.shape}; expected (k,), (k,) and (k, 2)"
+            )
+        for name, values, good in (
+            ("frequency_hz", frequency, frequency > 0.0),
+            ("damping_ratio", damping, (damping > 0.0) & (damping < 1.0)),
+            ("shapes", modes, np.ones(modes.shape, bool)),
+        ):
+            wrong = np.argwhere(~(good & np.isfinite(values)))
+            if wrong.size:
+                place = tuple(int(i) for i in wrong[0])
+                expected = {"frequency_hz": "more than 0 Hz", "damping_ratio": "between 0 and 1", "shapes": "finite"}[
+                    name
+                ]
+                raise ValueError(f"TipModes: {name}{list(place)} is {values[place]:g}, expected {expected}")
+        for name, values in (("frequency_hz", frequency), ("damping_ratio", damping), ("shapes", modes)):
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    @classmethod
+    def from_estimates(cls, x: Sequence[ModeEstimate], y: Sequence[ModeEstimate] = ()) -> TipModes:
+        """Return the modes from separate estimates of drive-point receptances in x and in y.
+
+        Raises
+        ------
+        ValueError
+            A modal constant without a positive real part, which a drive point of a passive structure has.
+        """
+        shapes = []
+        for direction, estimates in enumerate((x, y)):
+            for estimate in estimates:
+                constant = estimate.modal_constant.real
+                if not constant > 0.0:
+                    raise ValueError(
+                        f"TipModes: the mode at {estimate.frequency_hz:g} Hz in {'xy'[direction]} has the modal "
+                        f"constant {constant:g}, expected more than zero at a drive point"
+                    )
+                shapes.append([0.0, 0.0])
+                shapes[-1][direction] = constant**0.5
+        both = [*x, *y]
+        return cls(
+            frequency_hz=[estimate.frequency_hz for estimate in both],
+            damping_ratio=[estimate.damping_ratio for estimate in both],
+            shapes=shapes,
+        )
+
+    @classmethod
+    def drawn_from_estimates(
+        cls, x: Sequence[ModeEstimate], y: Sequence[ModeEstimate] = (), *, draws: int = 200, seed: int = 0
+    ) -> tuple[TipModes, ...]:
+        """Return random modes within the standard errors of the estimates; see `from_estimates`.
+
+        Frequencies, damping ratios and modal constants are independent and log-normal.
+
+        Raises
+        ------
+        ValueError
+            A standard error that is not finite because the lines do not determine the mode; or as `from_estimates`.
+        """
+        middle = cls.from_estimates(x, y)
+        both = [*x, *y]
+        shares = np.array(
+            [
+                [
+                    one.frequency_standard_error_hz / one.frequency_hz,
+                    one.damping_standard_error / one.damping_ratio,
+                    one.modal_constant_standard_error.real / one.modal_constant.real,
+                ]
+                for one in both
+            ]
+        )
+        wrong = np.flatnonzero(~np.isfinite(shares).all(axis=1))
+        if wrong.size:
+            raise ValueError(
+                f"TipModes: the mode at {both[wrong[0]].frequency_hz:g} Hz has standard errors that are not finite: "
+                "the lines do not determine the mode"
+            )
+        factors = np.exp(shares * np.random.default_rng(seed).standard_normal((draws, *shares.shape)))
+        return tuple(
+            cls(
+                frequency_hz=middle.frequency_hz * one[:, 0],
+                damping_ratio=np.minimum(middle.damping_ratio * one[:, 1], 0.99),
+                shapes=middle.shapes * np.sqrt(one[:, 2:]),
+            )
+            for one in factors
+        )
+
+    def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+        """Return the receptance `(n, 2, 2)` of the tip in x and y, in m/N, at lines `(n,)` in Hz."""
+        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)[:, None]
+        w_r = 2.0 * np.pi * self.frequency_hz
+        each = 1.0 / (w_r**2 - w**2 + 2j * self.damping_ratio * w_r * w)
+        return np.asarray(np.einsum("nk,ki,kj->nij", each, self.shapes, self.shapes))
+
+
+def receptance_matrix(
+    x: FRF | None, y: FRF | None = None, *, xy: FRF | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return lines and the receptance matrix of the tip in x and y from separately measured FRFs.
+
+    Parameters
+    ----------
+    x, y : FRF
+        Drive-point FRFs in and normal to the feed direction, of any form, with one response and one excitation each.
+        A direction without an FRF is rigid.
+    xy : FRF, optional
+        Cross FRF, equal in both directions; by default zero.
+
+    Returns
+    -------
+    frequency_hz, receptance : ndarray
+        Lines that all FRFs have, `(n,)` in Hz, and the matrix `(n, 2, 2)` in m/N.
+
+    Raises
+    ------
+    ValueError
+        No FRF, FRFs with several entries, or fewer than two common lines.
+    """
+    lines, found = _shared(x, y, xy)
+    return lines, _matrix(lines.size, {name: entry.values for name, entry in found.items()})
+
+
+def receptance_draws(
+    x: FRF | None, y: FRF | None = None, *, xy: FRF | None = None, draws: int = 200, seed: int = 0
+) -> NDArray[np.complex128]:
+    """Return random receptance matrices within the variance of measured FRFs.
+
+    Real and imaginary part of the logarithm have Gaussian errors, correlated between neighbouring lines as stated by
+    the FRF. The draws add noise to the measured values, which contain noise already, so limits are slightly too low.
+    Draws of modes (`TipModes.drawn_from_estimates`) have no noise from line to line.
+
+    Parameters
+    ----------
+    x, y, xy : FRF
+        As in `receptance_matrix`; each with its `log_variance`.
+    draws : int, optional
+        Number of draws.
+    seed : int, optional
+        Seed of the random numbers.
+
+    Returns
+    -------
+    ndarray
+        `(draws, n, 2, 2)` in m/N, on the lines of `receptance_matrix`.
+
+    Raises
+    ------
+    ValueError
+        An FRF without a variance, or as `receptance_matrix`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import FRF
+    >>> from receptance.stability import TipModes, receptance_draws
+    >>> f = np.arange(800.0, 1000.0)
+    >>> tip = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[5.0, 0.0]])
+    >>> x = FRF(frequency_hz=f, values=tip.receptance(f)[:, 0, 0], log_variance=0.02**2)
+    >>> receptance_draws(x, draws=50).shape
+    (50, 200, 2, 2)
+    """
+    lines, found = _shared(x, y, xy)
+    if isinstance(draws, bool) or not isinstance(draws, (int, np.integer)) or draws < 1:
+        raise ValueError(f"stability: draws is {draws!r}, expected a whole number of at least 1")
+    for name, entry in found.items():
+        if entry.variance is None or not np.isfinite(entry.variance).all():
+            raise ValueError(
+                f"stability: {name} has no variance{'' if entry.variance is None else ' on some lines'}, expected "
+                "an FRF with log_variance"
+            )
+    rng = np.random.default_rng(seed)
+    result = np.empty((int(draws), lines.size, 2, 2), np.complex128)
+    for drawn in result:
+        drawn[:] = _matrix(lines.size, {name: entry.drawn(rng) for name, entry in found.items()})
+    return result
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A receptance `(n,)`, its variance, and the number of neighbouring lines with correlated errors."""
+
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    variance: NDArray[np.float64] | None
+    correlated: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, frf: FRF) -> _Entry:
+        variance = None if frf.log_variance is None else frf.log_variance[:, 0, 0]
+        return cls(frf.frequency_hz, frf.values[:, 0, 0], variance, np.rint(frf.correlated_lines).astype(np.intp))
+
+    def subset(self, keep: NDArray[np.bool_]) -> _Entry:
+        variance = None if self.variance is None else self.variance[keep]
+        return _Entry(self.frequency_hz[keep], self.values[keep], variance, self.correlated[keep])
+
+    def drawn(self, rng: np.random.Generator) -> NDArray[np.complex128]:
+        if self.variance is None:
+            return self.values
+        # Each line gets the mean of as many independent numbers as lines err correlated there, neighbours shared ones.
+        parts = rng.standard_normal((2, self.values.size + int(self.correlated.max()) - 1))
+        parts = np.cumsum(np.pad(parts, ((0, 0), (1, 0))), axis=1)
+        first = np.arange(self.values.size)
+        real, imaginary = (parts[:, first + self.correlated] - parts[:, first]) * np.sqrt(
+            self.variance / self.correlated
+        )
+        return np.asarray(self.values * np.exp(real + 1j * imaginary))
+
+
+def _shared(x: FRF | None, y: FRF | None, xy: FRF | None) -> tuple[NDArray[np.float64], dict[str, _Entry]]:
+    """Return the common lines of the FRFs, and their receptances on these."""
+    frfs = {name: frf for name, frf in (("x", x), ("y", y), ("xy", xy)) if frf is not None}
+    if not {"x", "y"} & frfs.keys():
+        raise ValueError("stability: x and y are both None, expected an FRF of at least one direction")
+    found = {}
+    for name, frf in frfs.items():
+        if not isinstance(frf, FRF):
+            raise TypeError(f"stability: {name} is {type(frf).__name__}, expected an FRF")
+        if frf.values.shape[1:] != (1, 1):
+            raise ValueError(
+                f"stability: {name} has entries {frf.values.shape[1:]}, expected one response and one excitation"
+            )
+        if frf.decay_rate:
+            raise ValueError(
+                f"stability: {name} has an exponential window of {frf.decay_rate:g} 1/s, expected none; fit modes and "
+                "use TipModes"
+            )
+        part = frf.masked().to("receptance")
+        found[name] = _Entry.of(part).subset(part.frequency_hz > 0.0)
+    lines = next(iter(found.values())).frequency_hz
+    for name, entry in found.items():
+        lines = lines[np.isin(lines, entry.frequency_hz)]
+        if lines.size < 2:
+            own = entry.frequency_hz.size
+            what = f"shares {lines.size} lines with the other FRFs, expected at least 2; resample one"
+            if own < 2 or len(found) == 1:
+                what = f"has {own} usable lines, expected at least 2"
+            raise ValueError(f"stability: {name} {what}")
+    return lines, {name: entry.subset(np.isin(entry.frequency_hz, lines)) for name, entry in found.items()}
+
+
+def _matrix(count: int, values: dict[str, NDArray[np.complex128]]) -> NDArray[np.complex128]:
+    matrix = np.zeros((count, 2, 2), np.complex128)
+    for name, places in (("x", [(0, 0)]), ("y", [(1, 1)]), ("xy", [(0, 1), (1, 0)])):
+        for i, j in places if name in values else ():
+            matrix[:, i, j] = values[name]
+    return matrix
