@@ -5,7 +5,7 @@ import pytest
 
 from receptance import FRF, Assembly, Part, PointJoint
 from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, identify
-from receptance.identification.covariance import confidence_multiplier, covariance_of
+from receptance.identification.covariance import confidence_multiplier, covariance_of, square_root
 from tool_in_holder import LINES, STIFFNESSES, TRUE, make_assembly, simulate, simulate_modes
 
 SEED = 20160229
@@ -226,3 +226,17 @@ def test_covariance_of_matrices():
     assert correlation[0, 2] == pytest.approx(-1.0)
     covariance, _ = covariance_of(np.zeros((4, 2)))
     assert np.isinf(covariance).all()
+
+
+def test_square_root_does_not_depend_on_the_signs_of_eigenvectors(monkeypatch):
+    """Processors return eigenvectors with different signs; draws and the documents must not change with them."""
+    rng = np.random.default_rng(SEED)
+    slopes = rng.standard_normal((3, 5)) * [1.0, 1e6, 1e-9, 0.0, 3.0]
+    covariance = slopes.T @ slopes  # rank 3 of 5, one variable without variance
+    root = square_root(covariance)
+    scale = np.sqrt(np.diag(covariance)) + (np.diag(covariance) == 0.0)
+    assert np.max(np.abs(root @ root.T - covariance) / np.outer(scale, scale)) < 1e-12
+    calculated = np.linalg.eigh
+    signs = np.array([1.0, -1.0, 1.0, -1.0, -1.0])
+    monkeypatch.setattr(np.linalg, "eigh", lambda matrix: (calculated(matrix)[0], calculated(matrix)[1] * signs))
+    assert np.max(np.abs(square_root(covariance) - root) / scale[:, None]) < 1e-12

@@ -13,6 +13,7 @@ from receptance import _checks
 from receptance._text import instead_of
 from receptance.campaign import CampaignError, Problem
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
+from receptance.identification.covariance import square_root
 from receptance.identification.mapping import Place
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Part, Segment
@@ -240,16 +241,9 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Eff
         raise ValueError(
             f"errors of {name}: covariance has shape {matrix.shape}, expected finite {(len(addresses),) * 2}"
         )
-    scale = np.sqrt(np.diag(matrix))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    # Independent parameters keep their order, and the sign does not depend on the eigensolver.
-    root = root[:, np.argsort(np.argmax(np.abs(root / scale[:, None]), axis=0), kind="stable")]
-    root = root * np.where(root[np.argmax(np.abs(root), axis=0), np.arange(len(root))] < 0.0, -1.0, 1.0)
     return {
         f"{name}, error {i + 1}": {a: float(v) for a, v in zip(addresses, column, strict=True) if v}
-        for i, column in enumerate(root.T)
+        for i, column in enumerate(square_root(matrix).T)
         if column.any()
     }
 

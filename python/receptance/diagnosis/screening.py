@@ -18,6 +18,7 @@ from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError
 from receptance.diagnosis.fitting import Fit, problem_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import CHANCE_DRAWS, CHANCE_LEVEL, INVISIBLE, OTHER_QUANTITY, VARIANTS_FITTED
+from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.residuals import InfeasibleError
 
@@ -203,9 +204,7 @@ def chance(
         return 0.0
     matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in kept])
     gram = matrix.T @ matrix
-    values, vectors = np.linalg.eigh(gram)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    noise = np.random.default_rng([seed, 20]).standard_normal((draws, gram.shape[0])) @ root.T
+    noise = np.random.default_rng([seed, 20]).standard_normal((draws, gram.shape[0])) @ square_root(gram).T
     best = np.full(draws, -np.inf)
     begin = 0
     for one in kept:

@@ -1,4 +1,4 @@
-"""Covariance of the fitted variables, and multipliers of confidence intervals."""
+"""Covariance of the fitted variables, its square root for draws, and multipliers of confidence intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from receptance import _checks
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["UNINFORMATIVE", "confidence_multiplier", "covariance_of", "is_uninformative", "variance_factor"]
+__all__ = [
+    "UNINFORMATIVE",
+    "confidence_multiplier",
+    "covariance_of",
+    "is_uninformative",
+    "square_root",
+    "variance_factor",
+]
 
 UNINFORMATIVE = "uninformative"
 """Printed instead of an interval that is too wide."""
@@ -93,3 +100,24 @@ def covariance_of(jacobian: NDArray[np.float64]) -> tuple[NDArray[np.float64], N
     undetermined = np.any(np.abs(null) > 1e-6, axis=0)
     covariance[undetermined, :] = covariance[:, undetermined] = np.inf
     return covariance, correlation
+
+
+def square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a matrix R with R R^T equal to a positive semidefinite covariance.
+
+    R = D S, where D is diagonal with the standard deviations and S is the symmetric root of the correlations. S is
+    unique, so draws do not depend on the signs of the eigenvectors, which differ between processors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> square_root(np.diag([4.0, 0.0, 1.0]))
+    array([[2., 0., 0.],
+           [0., 0., 0.],
+           [0., 0., 1.]])
+    """
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root: NDArray[np.float64] = scale[:, None] * ((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+    return root

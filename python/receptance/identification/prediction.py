@@ -18,7 +18,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.covariance import confidence_multiplier, is_uninformative
+from receptance.identification.covariance import confidence_multiplier, is_uninformative, square_root
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import error_of
 from receptance.identification.mapping import Parameters
@@ -457,11 +457,7 @@ class Forecast:
         random = np.random.default_rng(seed)
         low, high = self._variables.limits
         known = np.isfinite(np.diag(self._covariance))
-        covariance = self._covariance[np.ix_(known, known)]
-        deviation = np.sqrt(np.diag(covariance))
-        scale = np.where(deviation > 0.0, deviation, 1.0)
-        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-        root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        root = square_root(self._covariance[np.ix_(known, known)])
         x = low + (high - low) * random.random((count, low.size))
         centre = self._variables.from_values(self._values)
         x[:, known] = centre[known] + random.standard_normal((count, len(root))) @ root.T

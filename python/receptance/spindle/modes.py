@@ -11,6 +11,7 @@ import numpy as np
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
 from receptance.identification.common_lines import check_observations
+from receptance.identification.covariance import square_root
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
@@ -98,7 +99,7 @@ class SpindleModes:
         """
         h, modes, error = self._sensitivities(machine, frequency_hz, places)
         random = np.random.default_rng(seed)
-        whole = random.multivariate_normal(np.zeros(len(self.addresses)), self.covariance, size=count, method="eigh")
+        whole = random.standard_normal((count, len(self.addresses))) @ square_root(self.covariance).T
         normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
         result: NDArray[np.complex128] = h * np.exp((whole @ modes.T + normal @ error.T) / h)
         return result
