@@ -25,7 +25,7 @@ from receptance.units import CHANNEL_UNITS, FORMS, Form, FRFKind, Unit, UnitErro
 
 __all__ = [
     "LOADS",
-    "MOTIONS",
+    "MOTION_CODES",
     "QUANTITIES",
     "IdLines",
     "channel_unit",
@@ -109,6 +109,7 @@ def _valid_values(values: dict[str, Any]) -> dict[str, Any]:
 
 MOTIONS: dict[int, Form] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 """Form of an FRF by the specific data type of its numerator."""
+MOTION_CODES = {form: code for code, form in MOTIONS.items()}
 LOADS = (9, 13)
 """Specific data types of loads: reaction force and excitation force."""
 QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
@@ -213,14 +214,16 @@ def _label_unit(function: Function) -> Unit | None:
     return unit
 
 
-def channel_unit(function: Function, name: str, options: ReadOptions) -> tuple[str, float, str]:
-    """Return the unit of a time series, the factor of its numbers to this unit, and a note or an empty text."""
+def channel_unit(function: Function, name: str, given: str | None) -> tuple[str, float, str]:
+    """Return the unit of a time series, the factor of its numbers to this unit, and a note or an empty text.
+
+    `given` is the unit in the options, or None.
+    """
     axis = function.axes[1]
     quantity = QUANTITIES.get(axis.kind, "")
     if abs(function.response.direction) > 3:
         quantity = _WITH_ROTATION.get(quantity, quantity)
     system = _system_factor(function, quantity)
-    given = options.channel_unit(name)
     if given is not None:
         if given == SI and not quantity:
             raise FileFormatError(
