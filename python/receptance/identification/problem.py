@@ -312,7 +312,7 @@ class Problem:
         if found is None:
             return "a residual or its derivative is not finite"
         number, text = found
-        return interface_names(self._added.assemblies[number]._flatten(()), text)
+        return interface_names(self._added.assemblies[number].flat(), text)
 
     def _evaluate(self, x: NDArray[np.float64]) -> _Rows:
         if self._at is None or not np.array_equal(self._at, x):

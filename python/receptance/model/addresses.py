@@ -23,14 +23,6 @@ if TYPE_CHECKING:
 Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
 _TERMINALS = (MeasuredPart, ModalPart)
-_KIND: dict[type, str] = {
-    Part: "part",
-    **dict.fromkeys(_JOINTS, "joint"),
-    **dict.fromkeys(_TERMINALS, "spindle"),
-    PointMass: "mass",
-    GroundSpring: "ground",
-    Resonator: "resonator",
-}
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
@@ -95,15 +87,15 @@ def names_of(elements: Sequence[Any]) -> list[str]:
     ValueError
         A name of two elements, or one that is not a word of letters, digits and underscores.
     """
-    kinds = [_KIND[type(element)] for element in elements if not element.name]
+    roles = [element.role for element in elements if not element.name]
     names: list[str] = []
     counter: dict[str, int] = {}
     for element in elements:
-        kind = _KIND[type(element)]
-        index = counter.setdefault(kind, 0)
-        if not element.name:
-            counter[kind] += 1
-        name = element.name or (kind if kinds.count(kind) == 1 else f"{kind}_{index}")
+        name = element.name
+        if not name:
+            index = counter.setdefault(element.role, 0)
+            counter[element.role] += 1
+            name = element.role if roles.count(element.role) == 1 else f"{element.role}_{index}"
         if re.fullmatch(r"[^\W\d]\w*", name) is None:
             raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
         if name in names:
@@ -173,13 +165,6 @@ class MovingCoordinate:
             return self._coordinate
         part = self._coordinate.part or next(iter(assembly.elements))
         return replace(self._coordinate, position=edges_of(assembly.elements[part])[self._edge])
-
-
-def named(element: Any, name: str) -> Any:
-    """Return an element with a name."""
-    if element.name == name:
-        return element
-    return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
 
 
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import tau
@@ -17,7 +17,6 @@ from receptance.model.addresses import (
     edges_of,
     interfaces_by_name,
     listed,
-    named,
     names_of,
     points_of,
     segment_fields,
@@ -29,6 +28,7 @@ from receptance.model.tables import (
     MOTIONS,
     Flat,
     Motion,
+    Tied,
     by_line,
     complex_modes,
     distinct,
@@ -134,7 +134,7 @@ class Assembly:
         `<ground>.k_y` etc.; `<resonator>.mass`, `.k_y`, `.c_y`; `<spindle>.residual_y`, `.mode[i].frequency_hz` etc.
         `segment[*]` means all segments of a part.
         """
-        return tuple(self._flatten(()).entries)
+        return tuple(self.flat().entries)
 
     def receptance(
         self,
@@ -286,7 +286,7 @@ class Assembly:
         >>> round(float(found[0].imag / abs(found[0])), 5)  # half the loss factor
         0.001
         """
-        flat = self._flatten(())
+        flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
         near = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
         angular, slope = complex_modes(flat, tau * near, rows, MOTIONS[self.motion])
@@ -306,7 +306,7 @@ class Assembly:
                 found = ", ".join(f"{value:g}" for value in sorted(values))
                 raise ValueError(f"{address!r} has different values in the segments: {found}")
             return values.pop()
-        self._entries(address, self._flatten(()))
+        self._entries(address, self.flat())
         return float(owner.value(rest))
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
@@ -329,13 +329,13 @@ class Assembly:
                 for i, field in segment_fields(address, owner, rest):
                     in_segments.setdefault((name, i), {})[field] = value
             else:
-                self._entries(address, self._flatten(()))
+                self._entries(address, self.flat())
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
         for (name, i), fields in in_segments.items():
             segments = list(elements[name].segments)
             segments[i] = segments[i].with_values(fields)
-            elements[name] = Part(segments, name=elements[name].name)
+            elements[name] = replace(elements[name], segments=tuple(segments))
         for name, fields in changes.items():
             elements[name] = elements[name].with_values(fields)
         for name, attachment in self._attachments.items():
@@ -347,7 +347,7 @@ class Assembly:
             shifts = [new[old.index(x)] - x for x in along]
             if max(shifts) - min(shifts) <= 1e-9 * old[-1]:
                 elements[name] = replace(elements[name], position=along[0] + shifts[0] - attachment.offsets[0])
-        full = {name: named(element, name) for name, element in elements.items()}
+        full = {name: one if one.name == name else replace(one, name=name) for name, one in elements.items()}
         points = [full[name] for name in self._attachments]
         return Assembly([full[name] for name in self._elements], points, motion=self.motion)
 
@@ -381,13 +381,13 @@ class Assembly:
         JointReduction
             A handle of the core for fits and sweeps of the joint.
         """
-        if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).slips:
+        if not isinstance(self._elements.get(joint), PointJoint) or self.flat().rows["slips"]:
             raise ValueError(f"{self!r} has no PointJoint {joint!r}, or has a joint in micro-slip")
         if self.motion != "bending":
             raise ValueError(f"{self!r} is in {self.motion} motion, expected bending")
         lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
-        flat = self._flatten((sides[0][0], sides[1][0]))
+        flat = self.flat((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = np.vstack([self._points(flat, side) for side in sides])
         count = _checks.thread_count(threads)
@@ -398,6 +398,67 @@ class Assembly:
                 joints[row, 2:] = at.columns()
                 model = flat.tables._replace(joints=joints).model()
             return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
+
+    def poles(
+        self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
+    ) -> tuple[NDArray[np.complex128], int]:
+        """Return complex natural frequencies in a sector; `damped_modes` chooses the arguments.
+
+        Parameters
+        ----------
+        starts : ndarray
+            Approximate complex frequencies in Hz.
+        radii, angles : pair of float
+            Limits of the sector: magnitudes in Hz and angles from the real axis in rad.
+
+        Returns
+        -------
+        frequency_hz : ndarray
+            Complex natural frequencies in Hz.
+        missed : int
+            Number of further ones that were counted by the argument principle and not found.
+        """
+        flat = self.flat()
+        with interfaces_by_name(flat):
+            model = flat.model(MOTIONS[self.motion])
+            found, missed = model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
+        return found / tau, missed
+
+    def flat(self, points: tuple[Coordinate, ...] = ()) -> Flat:
+        """Return the tables of the core, with a node at each coordinate; they are computed once."""
+        if points not in self._flats:
+            self._flats[points] = flatten(self._elements, self._attachments, points)
+        return self._flats[points]
+
+    def tied(
+        self, addresses: Sequence[str], points: tuple[Coordinate, ...] = (), *, others: Collection[str] = ()
+    ) -> Tied:
+        """Return the model of the core as a function of addresses.
+
+        Parameters
+        ----------
+        addresses : sequence of str
+            Addresses of parameters and of observations.
+        points : tuple of Coordinate, optional
+            Coordinates of responses and excitations.
+        others : collection of str, optional
+            The addresses of observations, which are in no table.
+        """
+        flat = self.flat(points)
+        rates = [
+            (*entry[:3], index, entry[3])
+            for index, address in enumerate(addresses)
+            if address not in others
+            for entry in self._entries(address, flat)
+        ]
+        present = [0.0 if address in others else self.get(address) for address in addresses]
+        return Tied(
+            flat=flat,
+            motion=MOTIONS[self.motion],
+            rates=np.array(rates, dtype=np.float64).reshape(-1, 5),
+            present=np.array(present, dtype=np.float64),
+            points=self._points(flat, points),
+        )
 
     def _evaluate(
         self,
@@ -410,7 +471,7 @@ class Assembly:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
-        flat = self._flatten(tuple(point for side in sides for point in side))
+        flat = self.flat(tuple(point for side in sides for point in side))
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
@@ -425,25 +486,10 @@ class Assembly:
     def _modes(
         self, upper: float | None, most: int, addresses: tuple[str, ...]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        flat = self._flatten(())
+        flat = self.flat()
         rows, matrix = self._weights(flat, addresses)
         angular, slope = modes(flat, upper, most, rows, MOTIONS[self.motion])
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
-
-    def _poles(
-        self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
-    ) -> tuple[NDArray[np.complex128], int]:
-        """Complex natural frequencies in Hz between radii in Hz and angles, and how many were not found."""
-        flat = self._flatten(())
-        with interfaces_by_name(flat):
-            model = flat.model(MOTIONS[self.motion])
-            found, missed = model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
-        return found / tau, missed
-
-    def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
-        if points not in self._flats:
-            self._flats[points] = flatten(self._elements, self._attachments, points)
-        return self._flats[points]
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
         if self.motion != "bending" and any(point.direction == "theta" for point in side):

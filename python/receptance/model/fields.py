@@ -11,14 +11,28 @@ import inspect
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
 
 import numpy as np
 
 from receptance import _checks
 from receptance.units import Quantity
 
-__all__ = ["Choice", "Column", "Count", "Element", "Field", "Member", "Number"]
+if TYPE_CHECKING:
+    from receptance.model.tables import Flat
+
+__all__ = [
+    "AttachedPart",
+    "AttachedPosition",
+    "Choice",
+    "Column",
+    "Count",
+    "Element",
+    "Field",
+    "Member",
+    "Name",
+    "Number",
+]
 
 
 @dataclass(frozen=True)
@@ -32,6 +46,13 @@ class Field:
     """
 
     doc: str
+
+
+Name = Annotated[str, Field("first word of the addresses of its parameters")]
+AttachedPart = Annotated[str, Field("name of the part to which it is attached; by default the first part")]
+AttachedPosition = Annotated[
+    float | Literal["end"], Field("distance in m from the tip-side end of the part, or its far end")
+]
 
 
 @dataclass(frozen=True)
@@ -168,6 +189,8 @@ class Element:
     """Names of the parameters that are direct fields of the class."""
     toleranced: ClassVar[bool] = True
     """Whether a campaign can state tolerances of its parameters."""
+    role: ClassVar[str] = ""
+    """Default name of an element of an assembly: "part", "joint", "spindle", "mass", "ground" or "resonator"."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -228,6 +251,10 @@ class Element:
             for index, column in enumerate(self.layout)
             if column.address and _is_present(self, column.path)
         }
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of an element of a chain, which begins at a node, to the tables; return the node at its end."""
+        raise NotImplementedError
 
     def value(self, address: str) -> float:
         """Return the value of a parameter by its address within the element."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from receptance.frf import FRF
+    from receptance.model.tables import Flat
 
 __all__ = ["ModalPart", "Mode"]
 
@@ -34,6 +35,7 @@ class Terminal(Element, ABC):
     """A substructure described by its receptances at one plane; the last element of an assembly."""
 
     toleranced = False
+    role = "spindle"
 
     residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
     residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
@@ -64,6 +66,12 @@ class Terminal(Element, ABC):
     @abstractmethod
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the row of the residuals."""
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(RESIDUALS)}
+        flat.add("terminals", (node,), [getattr(self, quantity) for quantity in RESIDUALS], columns)
+        return node
 
     def _residual(self) -> NDArray[np.complex128]:
         return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
@@ -162,6 +170,11 @@ class MeasuredPart(Terminal):
         usable = frf.to("receptance").masked()
         mean = 0.5 * (usable.values + usable.values.transpose(0, 2, 1))
         return cls(frequency_hz=usable.frequency_hz, matrix=mean, decay_rate=usable.decay_rate, name=name)
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the row of the residuals, and the table."""
+        flat.tabled.append((len(flat.rows["terminals"]), self))
+        return super().add_to(flat, name, node)
 
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
@@ -431,6 +444,16 @@ class ModalPart(Terminal):
         """Addresses of the parameters within the element."""
         own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
         return (*own, *RESIDUALS)
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of the modes and of the residuals."""
+        flat.banded.append(self)
+        rates = [tau if quantity == "frequency_hz" else 1.0 for quantity in Mode.columns_of]
+        for index, mode in enumerate(self.modes):
+            columns = {f"{name}.mode[{index}].{quantity}": i for i, quantity in enumerate(Mode.columns_of)}
+            values = [getattr(mode, quantity) for quantity in Mode.columns_of]
+            flat.add("modes", (len(flat.rows["terminals"]),), values, columns, rates)
+        return super().add_to(flat, name, node)
 
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
