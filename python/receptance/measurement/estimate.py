@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
-from receptance.measurement.hits import Hits, Settings, find
+from receptance.errors import warn_user
+from receptance.measurement.hits import Hits, find_hits
 from receptance.measurement.records import HammerRecords
 from receptance.measurement.spectra import NEGLIGIBLE, Channel, Estimator, Exclusions, Limits, Reason, Spectra
 from receptance.measurement.windows import ExponentialOn, Windows, make_windows
@@ -142,7 +141,7 @@ def estimate_frf(
         _checks.positive("estimate_frf", "largest_deviation", largest_deviation),
         _half_width(pooled_lines),
     )
-    found = hits if isinstance(hits, Hits) else find(hits, Settings(), stacklevel=3)
+    found = hits if isinstance(hits, Hits) else find_hits(hits)
     if not found.kept:
         raise ValueError(f"estimate_frf: all hits were dropped\n{found.table()}")
     windows = make_windows(found, decay_rate, force_window_s, exponential_on)
@@ -155,7 +154,7 @@ def estimate_frf(
     messages = _warnings(spectra, channels, excluded, usable, estimator, limits, decay_rate)
     if messages:
         label = f"{found.records[0].label}: " if found.records[0].label else ""
-        warnings.warn(label + "; ".join(messages), ReceptanceWarning, stacklevel=2)
+        warn_user(label + "; ".join(messages))
     done = _processing_notes(found, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
     return _frf(
         found,

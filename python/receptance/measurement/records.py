@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -199,7 +199,7 @@ class HammerRecords:
         """
         owner = f"HammerRecords from {series.source or series.label or 'a time series'}"
         wanted = [responses] if isinstance(responses, (str, int)) else list(responses)
-        rows = [_column(owner, series, name) for name in [force, *wanted]]
+        rows = [series.index(name) for name in [force, *wanted]]
         if series.quantities[rows[0]] not in ("force", "moment"):
             raise ValueError(
                 f"{owner}: channel {series.channels[rows[0]]!r} holds "
@@ -260,7 +260,7 @@ class HammerRecords:
         if not 0 <= index < self.n_channels:
             raise ValueError(f"{self!r}: there is no channel {index}, expected 0 to {self.n_channels - 1}")
         scale = None if self.full_scale_response is None else self.full_scale_response[[index]]
-        return _copy(
+        return replace(
             self, response=self.response[:, :, [index]], full_scale_response=scale, responses=(self.responses[index],)
         )
 
@@ -268,14 +268,6 @@ class HammerRecords:
         count = f"{self.n_records} record{'s' if self.n_records > 1 else ''} of {self.duration_s:g} s"
         channels = f"{self.n_channels} channel{'s' if self.n_channels > 1 else ''}"
         return f"HammerRecords({self.label!r}, {count} at {self.sample_rate_hz:g} Hz, {self.quantity}, {channels})"
-
-
-def _copy(records: HammerRecords, **fields: Any) -> HammerRecords:
-    """Return records with some attributes replaced, in SI units."""
-    other = object.__new__(HammerRecords)
-    kept = {name: getattr(records, name) for name in HammerRecords.__dataclass_fields__}
-    _checks.set_fields(other, kept | fields)
-    return other
 
 
 def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -334,13 +326,3 @@ def _full_scales(owner: str, value: ArrayLike, count: int) -> NDArray[np.float64
         raise ValueError(f"{owner}: full_scale_response has shape {given.shape}, expected one number or {(count,)}")
     name = "full_scale_response"
     return np.array([_checks.positive(owner, name, one) for one in np.broadcast_to(given, (count,)).tolist()])
-
-
-def _column(owner: str, series: TimeSeries, name: str | int) -> int:
-    if isinstance(name, str):
-        if name in series.channels:
-            return tuple(series.channels).index(name)
-    elif 0 <= name < len(series.channels):
-        return name
-    listed = ", ".join(repr(channel) for channel in series.channels)
-    raise ValueError(f"{owner}: there is no channel {name!r}; the channels are {listed}")
