@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
 
 import numpy as np
@@ -35,7 +35,6 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
 class Field:
     """A field that is not passed to the core.
 
@@ -46,6 +45,9 @@ class Field:
     """
 
     doc: str
+
+    def __init__(self, doc: str) -> None:
+        self.doc = doc
 
 
 Name = Annotated[str, Field("first word of the addresses of its parameters")]
@@ -70,18 +72,16 @@ class Number(Field):
     """
 
     quantity: Quantity
+    doc: str
+    _: KW_ONLY
     parameter: bool = True
-
-    def __init__(self, quantity: Quantity, doc: str, *, parameter: bool = True) -> None:
-        object.__setattr__(self, "doc", doc)
-        object.__setattr__(self, "quantity", quantity)
-        object.__setattr__(self, "parameter", parameter)
 
 
 @dataclass(frozen=True)
 class Count(Field):
     """An integer within bounds, or None if that is the default; passed to the core if `column`."""
 
+    doc: str
     least: int = 1
     most: int = 1000
     column: bool = False
@@ -91,7 +91,8 @@ class Count(Field):
 class Choice(Field):
     """One of several words, passed to the core as its index."""
 
-    words: tuple[str, ...] = ()
+    doc: str
+    words: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -107,12 +108,9 @@ class Member(Field):
     """
 
     kind: type[Element]
+    doc: str
+    _: KW_ONLY
     prefix: str
-
-    def __init__(self, kind: type[Element], doc: str, *, prefix: str) -> None:
-        object.__setattr__(self, "doc", doc)
-        object.__setattr__(self, "kind", kind)
-        object.__setattr__(self, "prefix", prefix)
 
 
 @dataclass(frozen=True)
@@ -217,8 +215,7 @@ class Element:
         for name, field in self.declared.items():
             value = getattr(self, name)
             if isinstance(field, Number):
-                checked = _checks.quantity(self.owner, name, value, field.quantity)
-                object.__setattr__(self, name, checked)
+                _checks.set_fields(self, {name: _checks.quantity(self.owner, name, value, field.quantity)})
             elif isinstance(field, Choice):
                 if value not in field.words:
                     raise ValueError(f"{self.owner}: {name} is {value!r}, expected one of {', '.join(field.words)}")

@@ -164,8 +164,7 @@ class GroundSpring(_Spring):
         weights = tuple(_checks.not_negative(self.owner, f"weights[{i}]", value) for i, value in numbered)
         if weights and sum(weights) == 0.0:
             raise ValueError(f"{self.owner}: weights are all zero, expected at least one above zero")
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "points", len(weights) or self.points)
+        _checks.set_fields(self, {"weights": weights, "points": len(weights) or self.points})
 
     @property
     def offsets(self) -> tuple[float, ...]:

@@ -129,7 +129,7 @@ class MeasuredPart(Terminal):
         lines = _checks.frequencies(self.frequency_hz)
         if lines.dtype.kind == "c":
             raise TypeError(f"{owner}: frequency_hz is complex, expected real lines and decay_rate")
-        matrix = _checks.unmasked(owner, "matrix", self.matrix, np.complex128).copy()
+        matrix = _checks.unmasked(owner, "matrix", self.matrix, np.complex128)
         if matrix.shape != (lines.size, 2, 2):
             raise ValueError(f"{owner}: matrix has shape {matrix.shape}, expected ({lines.size}, 2, 2)")
         _check_finite(owner, "matrix", matrix)
@@ -143,15 +143,12 @@ class MeasuredPart(Terminal):
             )
         arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines.astype(np.float64), "matrix": matrix}
         if self.covariance is not None:
-            arrays["covariance"] = _checks.unmasked(owner, "covariance", self.covariance, np.complex128).copy()
-            if arrays["covariance"].shape != (lines.size, 3, 3):
-                raise ValueError(
-                    f"{owner}: covariance has shape {arrays['covariance'].shape}, expected ({lines.size}, 3, 3)"
-                )
-            _check_finite(owner, "covariance", arrays["covariance"])
-        for quantity, array in arrays.items():
-            array.flags.writeable = False
-            object.__setattr__(self, quantity, array)
+            covariance = _checks.unmasked(owner, "covariance", self.covariance, np.complex128)
+            if covariance.shape != (lines.size, 3, 3):
+                raise ValueError(f"{owner}: covariance has shape {covariance.shape}, expected ({lines.size}, 3, 3)")
+            _check_finite(owner, "covariance", covariance)
+            arrays["covariance"] = covariance
+        _checks.set_fields(self, arrays)
         self.check()
 
     @classmethod
@@ -431,13 +428,13 @@ class ModalPart(Terminal):
                 raise TypeError(f"{self.owner}: modes[{index}] is {mode!r}, expected a Mode")
         if not modes:
             raise ValueError(f"{self.owner}: modes is empty, expected at least one")
-        object.__setattr__(self, "modes", modes)
+        _checks.set_fields(self, {"modes": modes})
         self.check()
         if self.band_hz is not None:
             low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
             if not low < high:
                 raise ValueError(f"{self.owner}: band_hz is {low:g} to {high:g} Hz, expected an ascending pair")
-            object.__setattr__(self, "band_hz", (low, high))
+            _checks.set_fields(self, {"band_hz": (low, high)})
 
     @property
     def addresses(self) -> tuple[str, ...]:
