@@ -18,7 +18,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.factors import FACTORS
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.model.joints import PointJoint
-from receptance.model.tables import Tied, by_line
+from receptance.model.tables import Tied
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -130,7 +130,7 @@ class CoreObservations:
         if key not in self._receptances:
             evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
             try:
-                given = by_line(model.flat, evaluated / math.tau, force)
+                given = model.flat.by_line(evaluated / math.tau, force)
             except ValueError as error:
                 raise InfeasibleError(str(error)) from None
             tied, assembly = model.model(addresses, factors), one.observation.assembly

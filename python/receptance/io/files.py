@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from receptance import _checks
 from receptance._files import open_file, read_whole, write_whole
 from receptance.errors import warn_user
 from receptance.frf import FRF
@@ -304,7 +305,7 @@ def _check_options_apply(found: Sequence[Measurement], kind: str, options: ReadO
 def _with_source(measurement: Measurement, source: str) -> Measurement:
     if not measurement.source:
         # The instance was created by the reader and is not shared yet.
-        object.__setattr__(measurement, "source", source)
+        _checks.set_fields(measurement, {"source": source})
     return measurement
 
 

@@ -15,7 +15,7 @@ from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_fields, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
-from receptance.units import Form, Unit, UnitError, form_name, parse_unit
+from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +46,7 @@ _PARTS = {
     "magnitude": ("magnitude", "mag", "amplitude", "abs"),
     "phase": ("phase", "angle", "arg"),
 }
-_FORMS = r"receptance|compliance|mobility|accelerance|inertance"
+_FORMS = "|".join(FORM_NAMES)
 _PART = "|".join(word for words in _PARTS.values() for word in words)
 _FRF = re.compile(
     rf"(?:(?P<form>{_FORMS}|frf|h)\s+)?(?P<part>{_PART})(?:\s+part)?(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",

@@ -10,9 +10,10 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.measurement.hits import Hits, find_hits
-from receptance.measurement.records import HammerRecords
+from receptance.measurement.records import HammerRecords, Quantity
 from receptance.measurement.spectra import NEGLIGIBLE, Channel, Estimator, Exclusions, Limits, Reason, Spectra
 from receptance.measurement.windows import ExponentialOn, Windows, make_windows
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["estimate_frf"]
 
-_FORMS: dict[str, Literal["receptance", "mobility", "accelerance"]] = {
-    "displacement": "receptance",
-    "velocity": "mobility",
-    "acceleration": "accelerance",
-}
 _WARNING_SHARE = 0.01
 """Share of excluded lines in the band of the force above which a warning is issued."""
 _DECAYED = 0.1
@@ -203,7 +199,7 @@ def _frf(
     return FRF(
         frequency_hz=spectra.frequency_hz,
         values=stacked([channel.values for channel in channels]),
-        form=_FORMS[records.quantity],
+        form=FORMS[get_args(Quantity).index(records.quantity)],
         responses=records.responses,
         excitations=(records.excitation,),
         decay_rate=decay_rate,

@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.model.coordinates import Coordinate, measured_coordinates
-from receptance.units import channel_factor
+from receptance.units import ROTATIONS, channel_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,6 @@ __all__ = ["HammerRecords", "Quantity"]
 
 Quantity = Literal["displacement", "velocity", "acceleration"]
 """Quantity of the response channels."""
-_ROTATIONS = {"displacement": "rotation", "velocity": "angular velocity", "acceleration": "angular acceleration"}
 _SMALLEST = 1e-30
 """Least and (inverse) largest magnitude of a channel, so that squares and quotients of two channels are finite."""
 _LEAST_SAMPLES = 16
@@ -205,7 +204,7 @@ class HammerRecords:
                 f"{owner}: channel {series.channels[rows[0]]!r} holds "
                 f"{series.quantities[rows[0]] or 'an unknown quantity'}, expected the force of the hammer"
             )
-        plain = {turned: name for name, turned in _ROTATIONS.items()} | {name: name for name in _ROTATIONS}
+        plain = {kind: name for name in get_args(Quantity) for kind in (name, ROTATIONS[name])}
         kinds = {plain.get(series.quantities[row], "unknown") for row in rows[1:]}
         if len(kinds) != 1 or "unknown" in kinds:
             found = ", ".join(f"{series.channels[row]!r}: {series.quantities[row] or 'unknown'}" for row in rows[1:])
@@ -213,7 +212,7 @@ class HammerRecords:
                 f"{owner}: the responses are {found}; expected displacement, velocity or acceleration, the same for "
                 "all (missing units are given to receptance.io.read)"
             )
-        turning = [series.quantities[row] in _ROTATIONS.values() for row in rows[1:]]
+        turning = [series.quantities[row] in ROTATIONS.values() for row in rows[1:]]
         where = measured_coordinates(
             owner, "at", ["theta" if turn else "y" for turn in turning] if at is None else at, len(turning)
         )
@@ -313,7 +312,7 @@ def _factors(
 ) -> tuple[float, NDArray[np.float64]]:
     load = "force" if excitation.direction == "y" else "moment"
     force = 1.0 if force_unit is None else channel_factor(owner, "force_unit", load, force_unit)
-    kinds = [quantity if place.direction == "y" else _ROTATIONS[quantity] for place in responses]
+    kinds = [quantity if place.direction == "y" else ROTATIONS[quantity] for place in responses]
     if response_unit is None:
         return force, np.ones(len(kinds))
     factors = [channel_factor(owner, "response_unit", kind, response_unit) for kind in kinds]

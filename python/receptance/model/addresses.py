@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from receptance import _checks
-from receptance.errors import GrossSlipError, SingularInterfaceError
 from receptance.model.beams import Part, Segment
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
@@ -18,7 +16,6 @@ from receptance.model.terminals import MeasuredPart, ModalPart
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
-    from receptance.model.tables import Flat
 
 Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
@@ -170,18 +167,3 @@ class MovingCoordinate:
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
     """Return addresses as a tuple; a single address becomes a tuple of one."""
     return (addresses,) if isinstance(addresses, str) else tuple(addresses)
-
-
-@contextmanager
-def interfaces_by_name(flat: Flat) -> Iterator[None]:
-    """Replace the row of a joint in errors of the core by its name."""
-    try:
-        yield
-    except (SingularInterfaceError, GrossSlipError) as error:
-        raise type(error)(interface_names(flat, str(error))) from None
-
-
-def interface_names(flat: Flat, text: str) -> str:
-    """Return an error of the core with the name of the joint instead of its row."""
-    titles = flat.titles
-    return re.sub(r"^(joint|overlap) (\d+)", lambda found: f"joint {titles[found[1], int(found[2])]!r}", text)

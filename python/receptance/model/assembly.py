@@ -15,7 +15,6 @@ from receptance.model.addresses import (
     Element,
     check_chain,
     edges_of,
-    interfaces_by_name,
     listed,
     names_of,
     points_of,
@@ -29,12 +28,9 @@ from receptance.model.tables import (
     Flat,
     Motion,
     Tied,
-    by_line,
-    complex_modes,
     distinct,
     flatten,
-    modes,
-    responses,
+    force_amplitudes,
     rows_of,
 )
 from receptance.model.terminals import MeasuredPart, Terminal
@@ -289,7 +285,8 @@ class Assembly:
         flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
         near = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
-        angular, slope = complex_modes(flat, tau * near, rows, MOTIONS[self.motion])
+        with flat.joints_by_name():
+            angular, slope = flat.model.complex_frequencies(tau * near, rows)
         return angular / tau, slope @ matrix / tau
 
     def get(self, address: str) -> float:
@@ -391,13 +388,13 @@ class Assembly:
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = np.vstack([self._points(flat, side) for side in sides])
         count = _checks.thread_count(threads)
-        with interfaces_by_name(flat):
-            model = flat.model()
+        with flat.joints_by_name():
+            model = flat.model
             if at is not None:
                 joints = flat.tables.joints.copy()
                 joints[row, 2:] = at.columns()
                 model = flat.tables._replace(joints=joints).model()
-            return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
+            return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, flat.by_line(lines), planes)
 
     def poles(
         self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
@@ -419,15 +416,14 @@ class Assembly:
             Number of further ones that were counted by the argument principle and not found.
         """
         flat = self.flat()
-        with interfaces_by_name(flat):
-            model = flat.model(MOTIONS[self.motion])
-            found, missed = model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
+        with flat.joints_by_name():
+            found, missed = flat.model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
         return found / tau, missed
 
     def flat(self, points: tuple[Coordinate, ...] = ()) -> Flat:
         """Return the tables of the core, with a node at each coordinate; they are computed once."""
         if points not in self._flats:
-            self._flats[points] = flatten(self._elements, self._attachments, points)
+            self._flats[points] = flatten(self._elements, self._attachments, points, self.motion)
         return self._flats[points]
 
     def tied(
@@ -454,7 +450,6 @@ class Assembly:
         present = [0.0 if address in others else self.get(address) for address in addresses]
         return Tied(
             flat=flat,
-            motion=MOTIONS[self.motion],
             rates=np.array(rates, dtype=np.float64).reshape(-1, 5),
             present=np.array(present, dtype=np.float64),
             points=self._points(flat, points),
@@ -475,7 +470,10 @@ class Assembly:
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
-        h, dh = responses(flat, lines, points, rows, count, force, MOTIONS[self.motion])
+        amplitudes = None if force is None else force_amplitudes(force, lines, len(points[1]))
+        properties = flat.by_line(lines, amplitudes)
+        with flat.joints_by_name():
+            h, dh = flat.model.receptance(_core.Lines(lines, tau), points[1], points[0], rows, count, properties)
         # The product costs as much as the derivatives, so it is skipped for an identity matrix.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -488,7 +486,13 @@ class Assembly:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         flat = self.flat()
         rows, matrix = self._weights(flat, addresses)
-        angular, slope = modes(flat, upper, most, rows, MOTIONS[self.motion])
+        if not self.countable:
+            raise ValueError(
+                "natural frequencies are not available for an assembly with a MeasuredPart or a ModalPart; use the "
+                "peaks of a receptance"
+            )
+        with flat.joints_by_name():
+            angular, slope = flat.model.natural_frequencies(upper, most, rows)
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:

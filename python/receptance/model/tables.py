@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import tau
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
-from receptance.model.addresses import Element, interfaces_by_name, place_on, points_of
+from receptance.errors import GrossSlipError, SingularInterfaceError
+from receptance.model.addresses import Element, place_on, points_of
 from receptance.model.beams import Segment
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import WIDTHS, GroundSpring, MicroslipJoint, PointMass, Resonator
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["by_line", "complex_modes", "modes", "responses"]
+__all__ = ["MOTIONS", "Flat", "Motion", "Tables", "Tied", "flatten", "force_amplitudes"]
 
 
 Motion = Literal["bending", "axial"]
@@ -69,6 +71,8 @@ class Flat:
 
     Attributes
     ----------
+    motion : int
+        The core's number of the motion.
     rows : dict
         Rows of each table of `Tables`.
     positions : dict
@@ -85,6 +89,7 @@ class Flat:
         Nodes and directions of coordinates that were requested before.
     """
 
+    motion: int
     rows: dict[str, list[list[float]]] = field(default_factory=lambda: {name: [] for name in Tables._fields})
     positions: dict[str, list[float]] = field(default_factory=dict)
     tabled: list[tuple[int, MeasuredPart]] = field(default_factory=list)
@@ -94,17 +99,15 @@ class Flat:
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
     points: dict[tuple[Coordinate, ...], NDArray[np.float64]] = field(default_factory=dict)
     count: int = 1
-    _models: dict[int, _core.Model] = field(default_factory=dict, repr=False, compare=False)
 
-    def model(self, motion: int = 0) -> _core.Model:
-        """Return the model of the core for a motion; it is built and validated once."""
-        if motion not in self._models:
-            self._models[motion] = self.tables.model(motion)
-        return self._models[motion]
+    @cached_property
+    def model(self) -> _core.Model:
+        """Model of the core; it is built and validated once."""
+        return self.tables.model(self.motion)
 
     def __getstate__(self) -> dict[str, Any]:
         # Handles of the core cannot be pickled.
-        return {**self.__dict__, "_models": {}}
+        return {name: value for name, value in self.__dict__.items() if name != "model"}
 
     @cached_property
     def tables(self) -> Tables:
@@ -149,6 +152,53 @@ class Flat:
         self.count += 1
         return self.count - 1
 
+    def by_line(self, lines: NDArray[Any], force: NDArray[np.float64] | None = None) -> _core.ByLine | None:
+        """Return the properties of the model that depend on the line, or None.
+
+        These are the tables of measured parts and the amplitudes of the force, on checked lines in Hz.
+
+        Raises
+        ------
+        ValueError
+            A line outside the table of a measured part or the band of a modal part; a force on a joint in micro-slip
+            without reference amplitudes.
+        """
+        for modal in self.banded:
+            modal.check_band(lines)
+        if not self.rows["slips"]:
+            force = None
+        elif force is not None:
+            self._check_references()
+        if not self.tabled:
+            return None if force is None else _core.ByLine(force=force)
+        beyond = np.zeros((lines.size, len(self.rows["terminals"]), len(ENTRIES)), dtype=np.complex128)
+        for row, measured in self.tabled:
+            beyond[:, row] = measured.table_entries(lines)
+        return _core.ByLine(beyond.reshape(-1), force)
+
+    def _check_references(self) -> None:
+        for joint, slip_y, slip_theta, _, _, reference_y, reference_theta in self.rows["slips"]:
+            for direction, slip, reference in (("y", slip_y, reference_y), ("theta", slip_theta, reference_theta)):
+                if slip > 0.0 and reference == 0.0:
+                    name = self.titles["joint", int(joint)]
+                    raise ValueError(
+                        f"{name}.reference_{direction} is zero, expected the amplitude at level 1, which a force "
+                        "requires"
+                    )
+
+    @contextmanager
+    def joints_by_name(self) -> Iterator[None]:
+        """Replace the row of a joint in errors of the core by its name."""
+        try:
+            yield
+        except (SingularInterfaceError, GrossSlipError) as error:
+            raise type(error)(self.with_joint_name(str(error))) from None
+
+    def with_joint_name(self, text: str) -> str:
+        """Return an error of the core with the name of the joint instead of its row."""
+        pattern = r"^(joint|overlap) (\d+)"
+        return re.sub(pattern, lambda found: f"joint {self.titles[found[1], int(found[2])]!r}", text)
+
 
 def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the array, made read only."""
@@ -160,6 +210,7 @@ def flatten(
     elements: Mapping[str, Element],
     attachments: Mapping[str, PointMass | GroundSpring | Resonator],
     coordinates: tuple[Coordinate, ...],
+    motion: Motion,
 ) -> Flat:
     """Return the tables of an assembly, with a node at each coordinate and at each point of an attachment."""
     positions: dict[str, set[float]] = {}
@@ -171,7 +222,7 @@ def flatten(
         part, along = points_of(elements, name, attachment)
         positions.setdefault(part, set()).update(along)
         attached.append((name, attachment, part, along))
-    flat = Flat(positions={part: sorted(along) for part, along in positions.items()})
+    flat = Flat(MOTIONS[motion], positions={part: sorted(along) for part, along in positions.items()})
     node = 0
     for name, element in elements.items():
         node = element.add_to(flat, name, node)
@@ -211,8 +262,6 @@ class Tied(NamedTuple):
     ----------
     flat : Flat
         The tables of the assembly.
-    motion : int
-        The core's number of the motion.
     rates : ndarray
         `(k, 5)` table, row, column, number of the address, and derivative of the entry.
     present : ndarray
@@ -222,69 +271,31 @@ class Tied(NamedTuple):
     """
 
     flat: Flat
-    motion: int
     rates: NDArray[np.float64]
     present: NDArray[np.float64]
     points: NDArray[np.float64]
 
     def model(self, addresses: NDArray[np.float64], factors: NDArray[np.float64]) -> _core.TiedModel:
         """Return the model as a function of unknowns; `addresses` and `factors` are those of `_core.Model.tied`."""
-        with interfaces_by_name(self.flat):
-            return self.flat.model(self.motion).tied(self.rates, self.present, addresses, factors)
+        with self.flat.joints_by_name():
+            return self.flat.model.tied(self.rates, self.present, addresses, factors)
 
     @property
     def key(self) -> tuple[bytes, ...]:
         """Key that equal models share."""
         tables = [array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix)]
         arrays = (*self.flat.tables, self.rates, self.present, self.points, *tables)
-        return (bytes([self.motion]), *(array.tobytes() for array in arrays))
+        return (bytes([self.flat.motion]), *(array.tobytes() for array in arrays))
 
 
-def by_line(flat: Flat, lines: NDArray[Any], force: NDArray[np.float64] | None = None) -> _core.ByLine | None:
-    """Return the properties of a model that depend on the line, or None.
-
-    These are the tables of measured parts and the amplitudes of the force, on checked lines in Hz.
-
-    Raises
-    ------
-    ValueError
-        A line outside the table of a measured part or the band of a modal part; a force on a joint in micro-slip
-        without reference amplitudes.
-    """
-    for modal in flat.banded:
-        modal.check_band(lines)
-    if force is None or not flat.rows["slips"]:
-        force = None
-    else:
-        _check_references(flat)
-    if not flat.tabled:
-        return None if force is None else _core.ByLine(force=force)
-    beyond = np.zeros((lines.size, len(flat.rows["terminals"]), len(ENTRIES)), dtype=np.complex128)
-    for row, measured in flat.tabled:
-        beyond[:, row] = measured.table_entries(lines)
-    return _core.ByLine(beyond.reshape(-1), force)
-
-
-def _check_references(flat: Flat) -> None:
-    for joint, slip_y, slip_theta, _, _, reference_y, reference_theta in flat.rows["slips"]:
-        for direction, slip, reference in (("y", slip_y, reference_y), ("theta", slip_theta, reference_theta)):
-            if slip > 0.0 and reference == 0.0:
-                name = flat.titles["joint", int(joint)]
-                raise ValueError(
-                    f"{name}.reference_{direction} is zero, expected the amplitude at level 1, which a force requires"
-                )
-
-
-def _force_amplitudes(force: ArrayLike | None, lines: NDArray[Any], excitations: int) -> NDArray[np.float64] | None:
-    """Return the amplitudes of the force in N on each line, or None.
+def force_amplitudes(force: ArrayLike, lines: NDArray[Any], excitations: int) -> NDArray[np.float64]:
+    """Return the amplitudes of the force in N on each line.
 
     Raises
     ------
     ValueError
         Forces that are not positive numbers, a wrong number of forces, several excitations, or complex lines.
     """
-    if force is None:
-        return None
     array = _checks.unmasked("", "force", force)
     if array.dtype.kind not in "iuf":
         raise TypeError(f"force has dtype {array.dtype}, expected real numbers in N")
@@ -297,48 +308,3 @@ def _force_amplitudes(force: ArrayLike | None, lines: NDArray[Any], excitations:
     for value in array.reshape(-1)[~(array.reshape(-1) > 0.0) | ~np.isfinite(array.reshape(-1))]:
         _checks.positive("receptance", "force", value, unit="N")
     return np.ascontiguousarray(np.broadcast_to(array.astype(np.float64), lines.shape))
-
-
-def responses(
-    flat: Flat,
-    lines: NDArray[Any],
-    points: list[NDArray[np.float64]],
-    rows: NDArray[np.float64],
-    threads: int,
-    force: ArrayLike | None,
-    motion: int = 0,
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return receptances `(n, r, e)` and their derivatives `(n, r, e, m)` with respect to table entries.
-
-    `lines` are checked lines in Hz, real or complex; the core scales them without a copy.
-    """
-    properties = by_line(flat, lines, _force_amplitudes(force, lines, len(points[1])))
-    with interfaces_by_name(flat):
-        return flat.model(motion).receptance(_core.Lines(lines, tau), points[1], points[0], rows, threads, properties)
-
-
-def modes(
-    flat: Flat, upper: float | None, most: int, rows: NDArray[np.float64], motion: int = 0
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lowest natural angular frequencies, at most `most` and up to `upper`, and derivatives `(n, m)`.
-
-    Joints in micro-slip have their stated levels.
-    """
-    if flat.rows["terminals"]:
-        raise ValueError(
-            "natural frequencies are not available for an assembly with a MeasuredPart or a ModalPart; use the peaks "
-            "of a receptance"
-        )
-    with interfaces_by_name(flat):
-        return flat.model(motion).natural_frequencies(upper, most, rows)
-
-
-def complex_modes(
-    flat: Flat, undamped: NDArray[np.float64], rows: NDArray[np.float64], motion: int = 0
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the complex natural angular frequencies that undamped ones become, and derivatives `(n, m)`.
-
-    Joints in micro-slip are at their stated levels.
-    """
-    with interfaces_by_name(flat):
-        return flat.model(motion).complex_frequencies(undamped, rows)

@@ -16,7 +16,6 @@ import numpy as np
 from receptance import _checks, _core
 from receptance.model.coordinates import as_coordinates
 from receptance.model.joints import PointJoint
-from receptance.model.tables import by_line
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -230,7 +229,7 @@ def candidate_model(
         return _Joint(assembly, owner, names, lines, points, count)
     tied = assembly.tied(names, tuple(points))
     model = tied.model(_identity_map(len(names)), np.empty((0, 2)))
-    properties = by_line(tied.flat, lines)
+    properties = tied.flat.by_line(lines)
     return _Models(model.sweep(_core.Lines(lines, tau), tied.points, properties), names, count)
 
 

@@ -21,7 +21,18 @@ from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
 from receptance.io.uff.datasets import Function
 from receptance.model.coordinates import Coordinate
-from receptance.units import CHANNEL_UNITS, FORMS, Form, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
+from receptance.units import (
+    CHANNEL_UNITS,
+    FORM_NAMES,
+    ROTATIONS,
+    Form,
+    FRFKind,
+    Unit,
+    UnitError,
+    channel_kind,
+    frf_unit,
+    parse_unit,
+)
 
 __all__ = [
     "LOADS",
@@ -114,12 +125,6 @@ LOADS = (9, 13)
 """Specific data types of loads: reaction force and excitation force."""
 QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
 _ABSCISSAE = {17: ("time", "s"), 18: ("frequency", "Hz")}
-_WITH_ROTATION = {
-    "force": "moment",
-    "displacement": "rotation",
-    "velocity": "angular velocity",
-    "acceleration": "angular acceleration",
-}
 _UNIT_TOLERANCE = 1e-4
 """Largest relative difference of two statements of the same unit; labels are rounded."""
 
@@ -155,8 +160,7 @@ def declared_form(function: Function) -> Form | None:
     if numerator.kind in MOTIONS:
         return MOTIONS[numerator.kind]
     label = numerator.label.lower()
-    names: dict[str, Form] = {"compliance": FORMS[0], "inertance": FORMS[2]} | {form: form for form in FORMS}
-    return next((form for word, form in names.items() if word in label), None)
+    return next((form for word, form in FORM_NAMES.items() if word in label), None)
 
 
 def directions(function: Function) -> tuple[str, str] | None:
@@ -222,7 +226,7 @@ def channel_unit(function: Function, name: str, given: str | None) -> tuple[str,
     axis = function.axes[1]
     quantity = QUANTITIES.get(axis.kind, "")
     if abs(function.response.direction) > 3:
-        quantity = _WITH_ROTATION.get(quantity, quantity)
+        quantity = ROTATIONS.get(quantity, quantity)
     system = _system_factor(function, quantity)
     if given is not None:
         if given == SI and not quantity:
@@ -279,6 +283,6 @@ def _system_factor(function: Function, quantity: str) -> float | None:
 def code_of(quantity: str, *, rotation: bool) -> int:
     """Return the specific data type of a quantity at a point of translation or rotation, 0 if there is none."""
     for code, name in QUANTITIES.items():
-        if code != LOADS[0] and quantity == (_WITH_ROTATION[name] if rotation else name):
+        if code != LOADS[0] and quantity == (ROTATIONS[name] if rotation else name):
             return code
     return 0
