@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from receptance import _checks
 from receptance.model.beams import Part, Segment
@@ -17,38 +17,38 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
-_JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
-_TERMINALS = (MeasuredPart, ModalPart)
+ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
+Attachment = PointMass | GroundSpring | Resonator
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
 def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
     """Raise if the elements are not a chain from the tip to the far end, or a point is not a point element."""
     for index, element in enumerate(elements):
-        if not isinstance(element, (Part, *_JOINTS, *_TERMINALS)):
-            *kinds, last = (kind.__name__ for kind in (*_JOINTS, *_TERMINALS))
+        if not isinstance(element, ChainElement):
+            *kinds, last = (kind.__name__ for kind in get_args(ChainElement)[1:])
             raise TypeError(
                 f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {', '.join(kinds)} and {last}"
             )
-        if isinstance(element, _TERMINALS) and index != len(elements) - 1:
+        if element.role == "spindle" and index != len(elements) - 1:
             raise ValueError(
                 f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only; it must "
                 "be the last element"
             )
-        if motion != "bending" and isinstance(element, (*_JOINTS, *_TERMINALS)) and type(element) is not PointJoint:
+        if motion != "bending" and not isinstance(element, (Part, PointJoint)):
             raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which supports bending only")
     for index, point in enumerate(points):
-        if not isinstance(point, (PointMass, GroundSpring, Resonator)):
+        if not isinstance(point, Attachment):
             raise TypeError(
                 f"Assembly: attachments[{index}] is {point!r}, expected a PointMass, a GroundSpring or a Resonator"
             )
-    if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], (Part, *_TERMINALS)):
+    roles = [element.role for element in elements]
+    if not roles or roles[0] != "part" or roles[-1] == "joint":
         raise ValueError(
             "Assembly: the chain must begin and end with a Part, or end with a MeasuredPart or a ModalPart"
         )
     for index in range(1, len(elements)):
-        if isinstance(elements[index - 1], _JOINTS) and isinstance(elements[index], _JOINTS):
+        if roles[index - 1] == roles[index] == "joint":
             raise ValueError(
                 f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, expected a part between them; "
                 "combine springs in series into one PointJoint or a ColletJoint"
@@ -128,9 +128,7 @@ def place_on(elements: Mapping[str, Any], what: str, part: str, position: float 
     return name, x
 
 
-def points_of(
-    elements: Mapping[str, Any], name: str, attachment: PointMass | GroundSpring | Resonator
-) -> tuple[str, list[float]]:
+def points_of(elements: Mapping[str, Any], name: str, attachment: Attachment) -> tuple[str, list[float]]:
     """Return the name of the part and the positions in m at which an attachment acts."""
     owner = f"attachment {name!r}"
     part, x = place_on(elements, owner, attachment.part, attachment.position)

@@ -12,7 +12,8 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
-    Element,
+    Attachment,
+    ChainElement,
     check_chain,
     edges_of,
     listed,
@@ -22,7 +23,7 @@ from receptance.model.addresses import (
 )
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate, as_coordinates
-from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.joints import PointJoint
 from receptance.model.tables import (
     MOTIONS,
     Flat,
@@ -33,14 +34,12 @@ from receptance.model.tables import (
     force_amplitudes,
     rows_of,
 )
-from receptance.model.terminals import MeasuredPart, Terminal
+from receptance.model.terminals import MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Assembly"]
-
-Attachment = PointMass | GroundSpring | Resonator
 
 
 class Assembly:
@@ -81,12 +80,12 @@ class Assembly:
     """
 
     def __init__(
-        self, chain: Iterable[Element], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
+        self, chain: Iterable[ChainElement], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
     ) -> None:
         if motion not in MOTIONS:
             raise ValueError(f"Assembly: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
         self.motion = motion
-        elements = tuple(chain) if not isinstance(chain, Element) else (chain,)
+        elements = tuple(chain) if not isinstance(chain, ChainElement) else (chain,)
         points = tuple(attachments)
         check_chain(elements, points, motion)
         # An assembly is immutable, so it is flattened once per set of coordinates.
@@ -100,7 +99,7 @@ class Assembly:
             points_of(self._elements, name, attachment)
 
     @property
-    def elements(self) -> dict[str, Element]:
+    def elements(self) -> dict[str, ChainElement]:
         """Parts and joints by name, from the tip on."""
         return dict(self._elements)
 
@@ -117,7 +116,7 @@ class Assembly:
     @property
     def countable(self) -> bool:
         """Whether natural frequencies are available: not for an assembly with a `MeasuredPart` or a `ModalPart`."""
-        return not any(isinstance(element, Terminal) for element in self._elements.values())
+        return all(element.role != "spindle" for element in self._elements.values())
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance.errors import GrossSlipError, SingularInterfaceError
-from receptance.model.addresses import Element, place_on, points_of
+from receptance.model.addresses import Attachment, ChainElement, place_on, points_of
 from receptance.model.beams import Segment
 from receptance.model.distributed import SpreadJoint
-from receptance.model.joints import WIDTHS, GroundSpring, MicroslipJoint, PointMass, Resonator
+from receptance.model.joints import WIDTHS, MicroslipJoint
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
@@ -207,8 +207,8 @@ def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def flatten(
-    elements: Mapping[str, Element],
-    attachments: Mapping[str, PointMass | GroundSpring | Resonator],
+    elements: Mapping[str, ChainElement],
+    attachments: Mapping[str, Attachment],
     coordinates: tuple[Coordinate, ...],
     motion: Motion,
 ) -> Flat:
@@ -231,7 +231,7 @@ def flatten(
     return flat
 
 
-def rows_of(elements: Mapping[str, Element], flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
+def rows_of(elements: Mapping[str, ChainElement], flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
     """Return node and direction of coordinates, `(n, 2)`; the result is kept in `flat.points`."""
     if side not in flat.points:
         nodes = [flat.nodes[place_on(elements, "coordinate", point.part, point.position)] for point in side]
