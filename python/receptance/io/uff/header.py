@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,7 +37,6 @@ __all__ = [
     "LOADS",
     "MOTION_CODES",
     "QUANTITIES",
-    "IdLines",
     "channel_unit",
     "code_of",
     "coordinates_line",
@@ -46,20 +44,13 @@ __all__ = [
     "declared_unit",
     "directions",
     "expect_abscissa",
-    "parse_id_lines",
+    "stored_coordinates",
+    "stored_values",
     "values_line",
 ]
 
 _MARK = "receptance "
 WIDTH = 80
-
-
-@dataclass(frozen=True)
-class IdLines:
-    """Fields of this library in the ID lines of a data set."""
-
-    coordinates: tuple[Coordinate, Coordinate] | None = None
-    values: Mapping[str, Any] = field(default_factory=dict)
 
 
 def coordinates_line(response: Coordinate, excitation: Coordinate) -> str | None:
@@ -74,24 +65,28 @@ def values_line(values: Mapping[str, Any]) -> str:
     return line if len(line) <= WIDTH else values_line({k: v for k, v in values.items() if k != "lines"})
 
 
-def parse_id_lines(texts: Sequence[str]) -> IdLines:
-    """Return the contents of the five ID lines; lines of other programs, and damaged ones, are ignored.
+def stored_coordinates(texts: Sequence[str]) -> tuple[Coordinate, Coordinate] | None:
+    """Return response and excitation from the ID lines; None for lines of other programs and damaged ones."""
+    places = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
+    if not isinstance(places, list) or len(places) != 2:
+        return None
+    try:
+        return coordinate_from_list(places[0]), coordinate_from_list(places[1])
+    except ValueError:
+        return None
+
+
+def stored_values(texts: Sequence[str]) -> dict[str, Any]:
+    """Return the values in the ID lines by name; lines of other programs, and damaged values, are ignored.
 
     Examples
     --------
-    >>> from receptance.io.uff.header import parse_id_lines
-    >>> parse_id_lines(["hit 3", "", "", "", 'receptance {"averages":10}']).values
+    >>> from receptance.io.uff.header import stored_values
+    >>> stored_values(["hit 3", "", "", "", 'receptance {"averages":10}'])
     {'averages': 10}
     """
-    positions = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
     values = _parse_json(texts[4], "{}") if texts[4].startswith(_MARK) else None
-    coordinates = None
-    if isinstance(positions, list) and len(positions) == 2:
-        try:
-            coordinates = (coordinate_from_list(positions[0]), coordinate_from_list(positions[1]))
-        except ValueError:
-            coordinates = None
-    return IdLines(coordinates, _valid_values(values) if isinstance(values, dict) else {})
+    return _valid_values(values) if isinstance(values, dict) else {}
 
 
 def _parse_json(line: str, form: str) -> Any:

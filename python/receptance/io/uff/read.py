@@ -21,7 +21,8 @@ from receptance.io.uff.header import (
     declared_unit,
     directions,
     expect_abscissa,
-    parse_id_lines,
+    stored_coordinates,
+    stored_values,
 )
 
 if TYPE_CHECKING:
@@ -184,12 +185,12 @@ def _frf(
     coherence = _taken_coherence(matrix, coherences)
     rows, columns = [row[0] for row in matrix], matrix[0]
     labels = tuple(e.function.response.label for e in rows), tuple(e.function.reference.label for e in columns)
-    known: dict[str, Any] = dict(parse_id_lines(first.texts).values)
+    known = stored_values(first.texts)
     known.pop("sample_rate_hz", None)
     lines = _lines(first, known.pop("lines", None))
     labelled = known.pop("labels", 1) and (any(labels[0]) or any(labels[1]))
     for name, side, entries in (("responses", 0, rows), ("excitations", 1, columns)):
-        places = [parse_id_lines(entry.function.texts).coordinates for entry in entries]
+        places = [stored_coordinates(entry.function.texts) for entry in entries]
         if all(
             place is not None and place[side].direction == e.directions[side]
             for place, e in zip(places, entries, strict=True)
@@ -286,7 +287,7 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
         remarks.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
         if np.iscomplexobj(function.ordinate):
             raise function.line.error(f"the time series {name!r} is complex, expected real numbers")
-    exact: float | None = parse_id_lines(first.texts).values.get("sample_rate_hz")
+    exact: float | None = stored_values(first.texts).get("sample_rate_hz")
     with first.line.placed():
         # A single sample has no time step.
         step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
