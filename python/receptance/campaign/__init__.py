@@ -4,7 +4,7 @@ from receptance.campaign.campaign import Campaign
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.loading import load
 from receptance.campaign.measurements import Measurement
-from receptance.campaign.prediction import PredictedFrequencies, Prediction, forecast_of
+from receptance.campaign.prediction import Prediction, forecast_of
 from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.quantities import Condition, Deviation
 from receptance.campaign.schema import field_tables, json_schema
@@ -19,7 +19,6 @@ __all__ = [
     "Deviation",
     "Effects",
     "Measurement",
-    "PredictedFrequencies",
     "Prediction",
     "Problem",
     "Tip",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-    from receptance.campaign import PredictedFrequencies, Prediction
+    from receptance.campaign import Prediction
     from receptance.identification import Identification, PredictedFRF
 
 __all__ = ["draw_identification", "draw_prediction"]
@@ -102,8 +102,15 @@ def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
         _predicted_frf(cell, frf, found)
     if compared:
         rows = [
-            (p.name, p.modes, p.measured_hz, p.predicted_hz, found.reach * p.scatter.total, p.measured_deviation_hz)
-            for p in compared
+            (
+                one.name,
+                [mode.mode for mode in one.modes],
+                one.measured_hz,
+                one.predicted_hz,
+                found.reach * one.scatter.total,
+                np.array([mode.measured_deviation_hz for mode in one.modes]),
+            )
+            for one in compared
         ]
         title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
         _frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
@@ -186,18 +193,18 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> Non
     top.plot(lines, size, color=COLOURS[0], linewidth=1.3, label="predicted")
     top.set_ylim(*limits)
     if not measured:
-        _name_modes(top, next((one for one in found.frequencies if one.name == frf.name), None), found.reach)
+        for one in found.frequencies:
+            if one.name == frf.name:
+                _name_modes(top, one.predicted_hz, found.reach * one.scatter.total)
     _legend(top, frf.measured_deviation)
     label = "measured over\npredicted (dB)" if measured else "band (dB)"
     log_ratio = frf.log_ratio.real if measured else None
     _ratio(below, label, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
 
 
-def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) -> None:
+def _name_modes(axes: Axes, frequency_hz: NDArray[np.float64], half_hz: NDArray[np.float64]) -> None:
     """Annotate natural frequencies with their intervals."""
-    if modes is None:
-        return
-    for frequency, half in zip(modes.predicted_hz, reach * modes.scatter.total, strict=True):
+    for frequency, half in zip(frequency_hz, half_hz, strict=True):
         text = f"{frequency:.0f} ± {half:.0f} Hz" if np.isfinite(half) else f"{frequency:.0f} Hz, open"
         axes.axvline(frequency, color=PALE, linewidth=0.7, linestyle=":")
         axes.annotate(
@@ -214,7 +221,7 @@ def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, 
     for name, modes, measured, calculated, half, spread in rows:
         x = place + np.arange(len(modes))
         error = 100.0 * (calculated / measured - 1.0)
-        if spread is not None:
+        if spread is not None and spread.any():
             label = None if place else "reading, two standard deviations"
             half_reading = 200.0 * spread / measured
             axes.errorbar(x, np.zeros(len(x)), half_reading, fmt="none", ecolor=PALE, capsize=5, label=label)

@@ -94,23 +94,25 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
         text = f"{mode.measured_hz:.0f} Hz" + ("" if mode.mode is None else f"  mode {mode.mode}")
         labels.append(f"{mode.configuration}   {text}" if mode.configuration != before and several else text)
         before = mode.configuration
-        if mode.error_percent is None or mode.interval_hz is None:
+        interval = mode.interval_hz(found.level, mode.measured_deviation_hz)
+        if mode.measured_hz is None or mode.error_percent is None or interval is None:
             axes.plot(0.0, row, "x", color=BAD, markersize=7)
             axes.annotate(
                 "no prediction", (0.0, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=BAD
             )
             continue
-        if mode.uninformative:
+        if mode.uninformative(found.level):
             axes.plot(mode.error_percent, row, "o", color=PALE, markerfacecolor="white", markersize=5)
             place, offset = (mode.error_percent, row), (6, -3)
             text = f"interval {UNINFORMATIVE}"
             axes.annotate(text, place, xytext=offset, textcoords="offset points", fontsize=8, color=PALE)
             continue
-        low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in mode.interval_hz)
-        colour = COLOURS[0] if mode.inside else BAD
+        low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in interval)
+        inside = mode.within(found.level)
+        colour = COLOURS[0] if inside else BAD
         if np.isfinite(high):
             axes.plot([low, high], [row, row], color=colour, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
-        axes.plot(mode.error_percent, row, "o" if mode.inside else "D", color=colour, markersize=5)
+        axes.plot(mode.error_percent, row, "o" if inside else "D", color=colour, markersize=5)
     axes.set_yticks(range(len(labels)), list(map(printable, labels)), fontsize=8)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.plot([], [], "o", color=COLOURS[0], markersize=5, label="measured is inside the interval")
