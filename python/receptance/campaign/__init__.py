@@ -1,6 +1,7 @@
 """Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
 from receptance.campaign.campaign import Campaign
+from receptance.campaign.comparison import Comparison
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.loading import load
 from receptance.campaign.measurements import Measurement
@@ -15,6 +16,7 @@ __all__ = [
     "Campaign",
     "CampaignCut",
     "CampaignError",
+    "Comparison",
     "Condition",
     "Deviation",
     "Effects",
