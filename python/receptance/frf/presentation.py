@@ -141,7 +141,7 @@ def _title(figure: Figure | SubFigure, axes: Axes, frf: FRF) -> None:
 
 
 def summary_table(frf: FRF) -> Table:
-    """Return lines, form, coordinates, averages, quality and notes of an FRF."""
+    """Return lines, form, coordinates, averages and quality of an FRF."""
     rows = [
         ("lines", f"{frf.frequency_hz.size}, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz{_spacing(frf)}"),
         ("form", f"{frf.form} in {', '.join(sorted({unit for row in frf.units for unit in row}))}"),
@@ -165,8 +165,7 @@ def summary_table(frf: FRF) -> Table:
         rows.append(("usable", f"{np.count_nonzero(frf.usable)} lines{_band(frf)}"))
     if frf.source:
         rows.append(("source", frf.source))
-    rows += [("note", note) for note in frf.notes]
-    return Table(f"FRF {frf.label}".rstrip(), ("property", "value"), rows)
+    return Table("", ("property", "value"), rows)
 
 
 def _spacing(frf: FRF) -> str:
