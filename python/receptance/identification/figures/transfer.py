@@ -8,7 +8,19 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification.covariance import UNINFORMATIVE
-from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import (
+    BAD,
+    BAND,
+    COLOURS,
+    INK,
+    PALE,
+    add_legend,
+    finished,
+    label_point,
+    set_up,
+    surface,
+    title_left,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +32,6 @@ __all__ = ["draw_transfer"]
 
 _MOST = 8
 """Most receptances that are drawn."""
-_BAND = "#BBD9EC"
 _ROW = 0.24
 """Height of a line of the table of modes in inches."""
 _OPEN = 1e3
@@ -85,9 +96,7 @@ def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
 
 
 def _draw_modes(axes: Axes, found: Transfer) -> None:
-    set_up(axes, "Held out", "predicted against measured (%)")
-    axes.grid(visible=False, axis="y")
-    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
+    set_up(axes, "Held out", "predicted against measured (%)", grid="x")
     axes.axvline(0.0, color=INK, linewidth=1.0)
     labels, before, several = [], "", len({mode.configuration for mode in found.modes}) > 1
     for row, mode in enumerate(found.modes):
@@ -97,15 +106,12 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
         interval = mode.interval_hz(found.level, mode.measured_deviation_hz)
         if mode.measured_hz is None or mode.error_percent is None or interval is None:
             axes.plot(0.0, row, "x", color=BAD, markersize=7)
-            axes.annotate(
-                "no prediction", (0.0, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=BAD
-            )
+            label_point(axes, "no prediction", (0.0, row), offset=(6.0, -3.0), colour=BAD)
             continue
         if mode.uninformative(found.level):
             axes.plot(mode.error_percent, row, "o", color=PALE, markerfacecolor="white", markersize=5)
-            place, offset = (mode.error_percent, row), (6, -3)
-            text = f"interval {UNINFORMATIVE}"
-            axes.annotate(text, place, xytext=offset, textcoords="offset points", fontsize=8, color=PALE)
+            point = mode.error_percent, row
+            label_point(axes, f"interval {UNINFORMATIVE}", point, offset=(6.0, -3.0), colour=PALE)
             continue
         low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in interval)
         inside = mode.within(found.level)
@@ -117,7 +123,7 @@ def _draw_modes(axes: Axes, found: Transfer) -> None:
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.plot([], [], "o", color=COLOURS[0], markersize=5, label="measured is inside the interval")
     axes.plot([], [], "D", color=BAD, markersize=5, label="measured is outside the interval")
-    axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    add_legend(axes, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
 
 
 def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
@@ -134,9 +140,9 @@ def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
     size = np.abs(frf.receptance)
     low, high = frf.band(level)
     axes.fill_between(
-        lines, np.maximum(low, size / _OPEN), np.minimum(high, size * _OPEN), color=_BAND, linewidth=0.0, label="band"
+        lines, np.maximum(low, size / _OPEN), np.minimum(high, size * _OPEN), color=BAND, linewidth=0.0, label="band"
     )
     axes.plot(lines, np.abs(np.asarray(frf.measured)), ".", color=PALE, markersize=2.5, label="measured")
     axes.plot(lines, size, color=COLOURS[0], linewidth=1.2, label="predicted")
     axes.set_yscale("log")
-    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    add_legend(axes, fontsize=8, loc="upper right")
