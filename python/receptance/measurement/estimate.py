@@ -139,7 +139,7 @@ def estimate_frf(
     )
     found = hits if isinstance(hits, Hits) else find_hits(hits)
     if not found.kept:
-        raise ValueError(f"estimate_frf: all hits were dropped\n{found.table()}")
+        raise ValueError(f"estimate_frf: all hits were dropped\n{found.summary()}")
     windows = make_windows(found, decay_rate, force_window_s, exponential_on)
     spectra = Spectra(found, windows, low_hz, high_hz)
     channels = [spectra.channel(index, estimator, limits) for index in range(found.records[0].n_channels)]

@@ -12,6 +12,7 @@ from receptance import _checks
 from receptance.errors import warn_user
 from receptance.measurement.contacts import CLEAR, Contact, clipped_samples, find_contacts, noise_level, second_contact
 from receptance.measurement.records import HammerRecords
+from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class Hit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Hits:
+class Hits(Renderable):
     """Hits found in records, each kept or dropped for a reason.
 
     Attributes
@@ -113,21 +114,32 @@ class Hits:
         added = tuple(f"hit {number} dropped: {reason}" for number in numbers)
         return replace(self, hits=tuple(changed), notes=(*self.notes, *added))
 
-    def table(self) -> str:
-        """Return one line of text for each hit."""
-        unit = "N" if self.records[0].excitation.direction == "y" else "N m"
-        lines = [f"{'hit':>4} {'record':>6} {'time [s]':>9} {'peak [' + unit + ']':>10} {'contact [ms]':>12}  use"]
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"{len(self.kept)} of {len(self.hits)} hits are kept"
+
+    def tables(self) -> list[Table]:
+        """Return the table of `summary`, with a row for each hit."""
+        columns = (
+            Column("hit", form="d"),
+            Column("record", form="d"),
+            Column("time", "s", ".4f"),
+            Column("peak", "N" if self.records[0].excitation.direction == "y" else "N m"),
+            Column("contact", "ms", ".3g"),
+            "use",
+        )
+        rows = []
         for hit in self.hits:
-            found = f"{hit.time_s:9.4f} {hit.peak:10.4g} {1e3 * hit.contact_s:12.3g}"
             use = f"dropped: {hit.reason}" if hit.reason else "kept" + (f" ({hit.remark})" if hit.remark else "")
-            lines.append(f"{hit.number:4d} {hit.record + 1:6d} {found}  {use}")
-        return "\n".join(lines)
+            rows.append((hit.number, hit.record + 1, hit.time_s, hit.peak, 1e3 * hit.contact_s, use))
+        return [Table("", columns, rows)]
 
     def __len__(self) -> int:
         return len(self.kept)
 
     def __str__(self) -> str:
-        return self.table()
+        return self.summary()
 
     def __repr__(self) -> str:
         dropped = "".join(f"; hit {hit.number} dropped: {hit.reason}" for hit in self.dropped)
@@ -220,10 +232,8 @@ def find_hits(
     >>> time = np.arange(3 * 8192) / 8192.0
     >>> force = sum(np.where(abs(time - t) < 1e-3, 80.0 * np.cos(500 * np.pi * (time - t)), 0.0) for t in (0.4, 1.5))
     >>> records = HammerRecords(force=force, response=np.sin(2e3 * time), sample_rate_hz=8192.0, quantity="velocity")
-    >>> print(find_hits(records, pre_trigger_s=0.1))
-     hit record  time [s]   peak [N] contact [ms]  use
-       1      1    0.3990      79.94         1.95  kept
-       2      1    1.4990         80         2.08  kept
+    >>> find_hits(records, pre_trigger_s=0.1)
+    Hits(2 of 2 kept, blocks of 1.09998 s)
     """
     settings = _Settings(trigger, duration_s, pre_trigger_s, one_per_record, double_hits, double_share, separation_s)
     together = _checked_records(records)

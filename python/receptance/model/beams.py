@@ -13,6 +13,7 @@ from receptance import _checks, _core, units
 from receptance.errors import warn_user
 from receptance.model.fields import Choice, Element, Field, Member, Number
 from receptance.model.joints import WIDTHS
+from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -178,7 +179,7 @@ class Segment(_Round, _Long):
 
 
 @dataclass(frozen=True)
-class Part:
+class Part(Renderable):
     """A part: rigidly connected segments along x, from the tip-side end to the far end.
 
     Parameters
@@ -252,8 +253,8 @@ class Part:
                 flat.entries[f"{name}.segment[{i}].{address}"] = entries
         return node
 
-    def table(self) -> NDArray[np.float64]:
-        """Return the table of segments `(n_segments, 14)` of the part alone, with nodes numbered along x."""
+    def segment_rows(self) -> NDArray[np.float64]:
+        """Return the segments in the form of the core, `(n_segments, 14)`, with nodes numbered along x."""
         rows = [(float(i), float(i + 1), *segment.columns()) for i, segment in enumerate(self.segments)]
         return np.array(rows)
 
@@ -299,7 +300,7 @@ class Part:
         return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
 
     def _model(self, motion: int = 0) -> _core.Model:
-        return _core.Model(motion, self.table(), *(np.zeros((0, width)) for width in WIDTHS))
+        return _core.Model(motion, self.segment_rows(), *(np.zeros((0, width)) for width in WIDTHS))
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Return the undamped bending frequencies of the free part up to `upper_hz` in Hz, without rigid-body modes.
@@ -315,10 +316,18 @@ class Part:
         angular, _ = self._model().natural_frequencies(upper, 2**31, np.zeros((0, 3)))
         return angular / (2.0 * np.pi)
 
-    def _repr_html_(self) -> str:
-        from receptance.report import Column, Table
-        from receptance.report.html import table_html
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"Part {self.name}".rstrip()
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes for the user: none."""
+        return ()
+
+    def tables(self) -> list[Table]:
+        """Return the table of `summary`: dimensions and material of the segments."""
         columns = (
             Column("segment", form="d"),
             Column("length", "mm"),
@@ -338,4 +347,4 @@ class Part:
             )
             for index, one in enumerate(self.segments)
         ]
-        return table_html(Table(f"Part {self.name}".rstrip(), columns, rows))
+        return [Table("", columns, rows)]
